@@ -1,0 +1,178 @@
+"""What an analysis hands back: frozen dataclasses with shapes and units, ready to store or draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+__all__ = [
+    "BeamResult",
+    "EnergyHistory",
+    "EventLog",
+    "ModeTable",
+    "ProbeHistory",
+    "RunResult",
+    "SnubberHistory",
+    "SpectralLine",
+    "Spectrum",
+    "Work",
+]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ProbeHistory:
+    """Motion of one probe at the output times."""
+
+    name: str
+    position: float  # m along the beam; the mass number for a chain
+    displacement: Floats  # (nt,) m, relative to the base
+    absolute_displacement: Floats  # (nt,) m
+    velocity: Floats  # (nt,) m/s, relative to the base
+    absolute_acceleration: Floats  # (nt,) m/s^2
+
+
+@dataclass(frozen=True)
+class SnubberHistory:
+    """One snubber at the output times, with the numbers that describe it."""
+
+    name: str
+    position: float  # m along the beam; the mass number for a chain
+    side: str  # "below" or "above"
+    stiffness: float  # N/m
+    dashpot: float  # N s/m
+    gap: float  # m, clearance positive; resolved where a preload was given
+    preload: float  # N, contact force at static equilibrium (nan where there is none)
+    blocked_force: float  # N, stiffness * max(-gap, 0): the force if the structure could not move
+    stiffness_ratio: float  # k L^3 / (E I); k over the largest chain spring for a chain
+    force: Floats  # (nt,) N, positive when it pushes
+    penetration: Floats  # (nt,) m
+    closed: NDArray[np.bool_]  # (nt,)
+    displacement: Floats  # (nt,) m, of the structure at the snubber, relative to the base
+    velocity: Floats  # (nt,) m/s
+
+
+@dataclass(frozen=True)
+class EventLog:
+    """Contact events in order of time."""
+
+    time: Floats  # (ne,) s
+    snubber: NDArray[np.int64]  # (ne,) index into the scenario's snubbers
+    closing: NDArray[np.bool_]  # (ne,)
+
+
+@dataclass(frozen=True)
+class SpectralLine:
+    """One line of the harmonics table."""
+
+    order: float  # frequency over excitation frequency (nan without excitation frequency)
+    frequency_hz: float
+    amplitude: float  # zero to peak, in the unit of the spectrum's quantity
+    amplitude_db: float  # 20 log10(amplitude / max |x|)
+    phase_deg: float
+    kind: str  # "fundamental", "superharmonic", "subharmonic", "mean" or "other"
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Single-sided spectrum of one quantity of one probe."""
+
+    probe: str
+    quantity: str  # "absolute_acceleration" or "displacement"
+    unit: str  # "m/s^2" or "m"
+    frequency_hz: Floats  # (nf,)
+    amplitude: Floats  # (nf,) single-sided peak amplitude
+    amplitude_db: Floats  # (nf,) 20 log10(amplitude / max |x|)
+    excitation_hz: float  # nan where there is no single excitation frequency
+    window: str
+    start_s: float  # beginning of the analysed part
+    duration_s: float
+    lines: tuple[SpectralLine, ...] = ()
+
+
+@dataclass(frozen=True)
+class BeamResult:
+    """What is known along the beam."""
+
+    position: Floats  # (nx,) m
+    peak_bending_stress: Floats  # (nx,) Pa, largest absolute value at any time
+    extreme_shapes: Floats  # (2, nx) m, deflection at the lowest and highest point of the first probe
+    extreme_times: Floats  # (2,) s
+    static_shape: Floats  # (nx,) m, at static equilibrium (nan where there is none)
+
+
+@dataclass(frozen=True)
+class EnergyHistory:
+    """Energies at the output times, relative frame; work_in = dissipated + stored - stored[0]."""
+
+    work_in: Floats  # (nt,) J
+    dissipated: Floats  # (nt,) J
+    stored: Floats  # (nt,) J
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """Natural frequencies and shapes behind the run."""
+
+    open_frequencies_hz: Floats  # (r,) reduced model, every contact open
+    closed_frequencies_hz: Floats  # (r,) every contact closed
+    shapes: Floats  # (r, nx) open mode shapes, unit modal mass (1/sqrt(kg)) at `position`
+    position: Floats  # (nx,) m, or mass numbers
+    damping_ratios: Floats  # (r,) of the open structure (nan for rigid-body modes)
+    kept_modes: int
+    static_vectors: int
+    highest_frequency_hz: float  # the highest frequency the reduction was made for
+    reduction_error: float  # estimated relative error of the reduction; see docs/theory.md
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the solver did."""
+
+    events: int
+    evaluations: int  # of the watched functions
+    segments: int
+    states: int  # contact states that were diagonalised
+    processor_time_s: float  # of the solver alone
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Everything `beamsim run` computes."""
+
+    scenario: Scenario  # resolved
+    method: str  # "exact" or "reference (BDF)" ...
+    status: str  # "complete" or a sentence that says why the run stopped early
+    time: Floats  # (nt,) s
+    probes: dict[str, ProbeHistory]
+    snubbers: dict[str, SnubberHistory]
+    base_acceleration: Floats  # (nt,) m/s^2 (zeros without base motion)
+    base_displacement: Floats  # (nt,) m
+    events: EventLog
+    spectra: dict[tuple[str, str], Spectrum]  # keyed by (probe name, quantity)
+    beam: BeamResult | None  # None for a chain
+    energy: EnergyHistory
+    modes: ModeTable
+    work: Work
+    summary: dict[str, Any]  # plain Python values; names as fixed in RESULTS.md
+    warnings: tuple[str, ...] = ()
+    wall_time_s: float = 0.0
+    created: str = ""  # ISO 8601, UTC
+    provenance: dict[str, str] = field(default_factory=dict)  # package versions
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end with results that can be trusted."""
+        return self.status == "complete"
+
+    @property
+    def title(self) -> str:
+        """The scenario's title."""
+        return self.scenario.title

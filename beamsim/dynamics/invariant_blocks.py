@@ -1,0 +1,176 @@
+"""Block-diagonal form of a state matrix: one form for distinct, coincident and defective eigenvalues.
+
+.. math:: A = \\sum_b X_b T_b \\Xi_b, \\qquad e^{A\\tau} = \\sum_b X_b\\, e^{\\mu_b\\tau}
+          \\Big(\\sum_k N_b^k \\tau^k / k!\\Big)\\, \\Xi_b, \\qquad N_b = T_b - \\mu_b I .
+
+A well-separated eigenvalue is a block of size one (N = 0). Eigenvalues so close that their
+eigenvectors are ill-conditioned (near-critical damping, coincident frequencies, the double zero of a
+rigid-body mode) share a block; the power series of its small or nilpotent N is then exact to round-off
+over a bounded time. Method after Bavely and Stewart, SIAM J. Numer. Anal. 16 (1979).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Block", "block_diagonalise", "second_order_blocks"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+LARGEST_PROJECTOR = 1e5  # norm of a block's spectral projector above which blocks are merged
+SMALLEST_GAP = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
+
+
+@dataclass(frozen=True)
+class Block:
+    """One invariant subspace of dimension m of a real (N, N) matrix."""
+
+    right: Complexes  # X_b, (N, m)
+    left: Complexes  # Xi_b, (m, N)
+    matrix: Complexes  # T_b, (m, m)
+    centre: complex  # mu_b
+    weight: float  # 2 for one of a conjugate pair (the other is left out), 1 for a self-conjugate block
+
+    @property
+    def radius(self) -> float:
+        """Largest distance of an eigenvalue from the centre."""
+        if self.matrix.shape[0] == 1:
+            return 0.0
+        return float(np.max(np.abs(np.linalg.eigvals(self.matrix) - self.centre)))
+
+
+def second_order_blocks(
+    shapes: Floats, omega_squared: Floats, damping: Floats
+) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+    """Blocks of uncoupled modes ``eta'' + d eta' + omega^2 eta = 0`` in the state (q, q').
+
+    Parameters
+    ----------
+    shapes : (n, r) orthonormal modes, one a column.
+    omega_squared, damping : (r,) of each mode.
+
+    Returns
+    -------
+    simple : (X (2n, r), Xi (r, 2n), lambda (r,)), eigenvalues with a block of their own; of a conjugate pair both.
+    blocks : blocks of size two (rigid-body modes, near-critical damping).
+    """
+    n = shapes.shape[0]
+    half = 0.5 * damping
+    discriminant = half**2 - omega_squared
+    root = np.sqrt(discriminant.astype(complex))
+    scale = np.sqrt(np.abs(omega_squared)) + np.abs(half)
+    separate = (scale > 0) & (np.abs(root) > SMALLEST_GAP * scale)
+    s = np.flatnonzero(separate)
+    lam = np.concatenate([-half[s] + root[s], -half[s] - root[s]])
+    # the smaller of two real roots by their product, without cancellation; exactly zero for a rigid-body mode
+    real = np.flatnonzero(discriminant[s] > 0)
+    lam[real] = -omega_squared[s[real]] / (half[s[real]] + root[s[real]])
+    other = np.concatenate([lam[s.size :], lam[: s.size]])
+    mode = np.concatenate([s, s])
+    difference = lam - other
+    X = np.empty((2 * n, lam.size), dtype=complex)
+    X[:n] = shapes[:, mode] / difference
+    X[n:] = shapes[:, mode] * (lam / difference)
+    Xi = np.empty((lam.size, 2 * n), dtype=complex)
+    Xi[:, :n] = -other[:, None] * shapes[:, mode].T
+    Xi[:, n:] = shapes[:, mode].T
+    blocks = []
+    for i in np.flatnonzero(~separate):
+        unit = float(scale[i]) if scale[i] > 0 else 1.0
+        right = np.zeros((2 * n, 2), dtype=complex)
+        right[:n, 0] = shapes[:, i] / unit
+        right[n:, 1] = shapes[:, i]
+        left = np.zeros((2, 2 * n), dtype=complex)
+        left[0, :n] = shapes[:, i] * unit
+        left[1, n:] = shapes[:, i]
+        matrix = np.array([[0.0, unit], [-omega_squared[i] / unit, -damping[i]]], dtype=complex)
+        blocks.append(Block(right, left, matrix, complex(-half[i]), 1.0))
+    return (X, Xi, lam), blocks
+
+
+def block_diagonalise(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+    """Blocks of a general real matrix; as :func:`second_order_blocks`, with clusters as small as conditioning allows."""
+    lam, X = np.linalg.eig(A)
+    lam = lam.astype(complex)
+    X = X.astype(complex)
+    try:
+        Xi = np.linalg.inv(X)
+    except np.linalg.LinAlgError:
+        return _clusters(A)
+    norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
+    if not np.all(np.isfinite(norms)) or norms.max() > LARGEST_PROJECTOR:
+        return _clusters(A)
+    return (X, Xi, lam), []
+
+
+def _clusters(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+    """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
+    size = A.shape[0]
+    lam = np.linalg.eigvals(A).astype(complex)
+    blocks = [Block(np.eye(size, dtype=complex), np.eye(size, dtype=complex), A.astype(complex), _mean(lam, True), 1.0)]
+    for tolerance in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
+        groups = _groups(lam, tolerance)
+        if len(groups) == 1:
+            break
+        trial = [_invariant(A, lam, group) for group in groups]
+        if all(b is not None for b in trial):
+            found = [b for b in trial if b is not None]
+            worst = max(float(np.linalg.norm(b.right, 2) * np.linalg.norm(b.left, 2)) for b in found)
+            identity = sum((b.weight * (b.right @ b.left).real for b in found), np.zeros((size, size)))
+            if worst <= LARGEST_PROJECTOR and np.abs(identity - np.eye(size)).max() < 1e-9:
+                blocks = found
+                break
+    nothing = (np.zeros((size, 0), dtype=complex), np.zeros((0, size), dtype=complex), np.zeros(0, dtype=complex))
+    return nothing, blocks
+
+
+def _groups(lam: Complexes, tolerance: float) -> list[NDArray[np.int64]]:
+    """Single-linkage clusters; of two conjugate clusters only the upper one."""
+    largest = float(np.max(np.abs(lam), initial=0.0))
+    near = np.abs(lam[:, None] - lam[None, :]) <= (
+        tolerance * np.maximum(np.abs(lam)[:, None], np.abs(lam)[None, :]) + 1e-9 * largest
+    )
+    label = np.arange(lam.size)
+    for _ in range(lam.size):
+        spread = np.min(np.where(near, label[None, :], lam.size), axis=1)
+        if np.array_equal(spread, label):
+            break
+        label = spread
+    groups = [np.flatnonzero(label == k) for k in np.unique(label)]
+    return [g for g in groups if _self_conjugate(lam[g]) or lam[g].imag.sum() > 0]
+
+
+def _self_conjugate(group: Complexes) -> bool:
+    return bool(abs(group.imag.sum()) <= 1e-9 * np.abs(group).sum()) or not np.any(group)
+
+
+def _mean(group: Complexes, real: bool) -> complex:
+    mean = complex(group.mean())
+    return complex(mean.real) if real else mean
+
+
+def _invariant(A: Floats, lam: Complexes, group: NDArray[np.int64]) -> Block | None:
+    """The block of a cluster from two ordered Schur forms, or None where the ordering is ambiguous."""
+    from scipy.linalg import schur
+
+    chosen, rest = lam[group], np.delete(lam, group)
+
+    def inside(value: complex) -> bool:
+        return bool(np.min(np.abs(chosen - value)) < np.min(np.abs(rest - value)))
+
+    def inside_conjugate(value: complex) -> bool:
+        return inside(value.conjugate())
+
+    _, Z, count = schur(A.astype(complex), output="complex", sort=inside)
+    _, W, count_left = schur(A.T.astype(complex), output="complex", sort=inside_conjugate)
+    m = group.size
+    if count != m or count_left != m:
+        return None
+    right = Z[:, :m]
+    left = np.linalg.solve(W[:, :m].conj().T @ right, W[:, :m].conj().T)
+    real = _self_conjugate(chosen)
+    return Block(right, left, left @ A @ right, _mean(chosen, real), 1.0 if real else 2.0)

@@ -1,0 +1,303 @@
+"""The exact transient: contact states built as they are visited, the compiled march between them."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.dynamics.contact_state import ContactState, LinearOutput, build_state
+from beamsim.dynamics.sources import Sources, compile_sources
+from beamsim.dynamics.trajectory import Trajectory
+from beamsim.model.signal import Signal
+from beamsim.model.system import Forcing, PiecewiseLinearSystem
+
+__all__ = ["ExactFlow", "simulate"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LOG_LENGTH = 2048  # segments between two reports of progress
+LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
+HIGHEST_DERIVATIVE = 6  # looked at to tell on which side a motion that starts at zero gap goes
+
+
+@dataclass
+class ExactFlow:
+    """A system under its forcing, with the contact states diagonalised so far.
+
+    Parameters
+    ----------
+    system, forcing : the structure and its loads.
+    duration : longest time the flow will be asked for, s.
+    observers : further signals (the base's motion) that outputs may contain; they load nothing.
+    """
+
+    system: PiecewiseLinearSystem
+    forcing: Forcing
+    duration: float
+    observers: tuple[Signal, ...] = ()
+    sources: Sources = field(init=False)
+    base_channel: int = field(init=False)
+    states: list[ContactState] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        channels = list(self.forcing.signal)
+        self.base_channel = -1
+        if self.forcing.base_displacement is not None and bool(self.system.contacts.on_ground.any()):
+            self.base_channel = len(channels)
+            channels.append(self.forcing.base_displacement)
+        self.first_observer = len(channels)
+        channels.extend(self.observers)
+        self.sources = compile_sources(tuple(channels))
+        slowest = self.system.stiffness[self.system.stiffness > 0]
+        period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
+        self.longest_window = min(period, max(self.duration, 1e-300))
+        self._index: dict[bytes, int] = {}
+        self._watch: list[NDArray[np.complex128]] = []
+        self._follower = np.full((0, self.system.contacts.count), -1, dtype=np.int64)
+        self._tables: object | None = None
+        self._inputs: object | None = None
+
+    @property
+    def has_face(self) -> Bools:
+        """Snubbers that keep a compression of their own after release (m,)."""
+        contacts = self.system.contacts
+        return np.asarray(contacts.no_tension & (contacts.dashpot > 0))
+
+    def state_index(self, closed: Bools) -> int:
+        """Number of the contact state, built when it is first asked for."""
+        key = closed.tobytes()
+        if key not in self._index:
+            state = build_state(
+                self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window
+            )
+            self._index[key] = len(self.states)
+            self.states.append(state)
+            self._watch.append(state.coefficients(self._watched(closed), self.sources))
+            self._follower = np.vstack([self._follower, np.full((1, closed.size), -1, dtype=np.int64)])
+            self._tables = None
+        return self._index[key]
+
+    def follow(self, state: int, contact: int) -> int:
+        """The state after one contact toggles."""
+        closed = self.states[state].closed.copy()
+        closed[contact] = ~closed[contact]
+        following = self.state_index(closed)
+        self._follower[state, contact] = following
+        self._follower[following, contact] = state
+        self._tables = None
+        return following
+
+    def tables(self) -> object:
+        """The states' tables, padded to one size, for the kernels."""
+        if self._tables is None:
+            from beamsim.dynamics.kernels import Tables
+
+            states = self.states
+            self._tables = Tables(
+                n_basis=np.array([s.exponent.size for s in states]),
+                exponent=_pad([s.exponent for s in states]),
+                power=_pad([s.power for s in states]),
+                n_free=np.array([s.projector.shape[0] for s in states]),
+                projector=_pad([s.projector for s in states]),
+                n_terms=np.array([s.term_basis.size for s in states]),
+                term_basis=_pad([s.term_basis for s in states]),
+                term_source=_pad([s.term_source for s in states]),
+                term_vector=_pad([s.term_vector for s in states]),
+                watch=_pad(self._watch),
+                horizon=np.array([s.horizon for s in states]),
+                closed=np.array([s.closed for s in states]).reshape(len(states), -1),
+                follower=self._follower.copy(),
+            )
+        return self._tables
+
+    def inputs(self) -> object:
+        """The sources as the kernels want them."""
+        if self._inputs is None:
+            from beamsim.dynamics.kernels import Inputs
+
+            contacts, sources = self.system.contacts, self.sources
+            with np.errstate(divide="ignore"):
+                rate = np.where(contacts.dashpot > 0, contacts.stiffness / contacts.dashpot, 0.0)
+            self._inputs = Inputs(
+                sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last(),
+                self.has_face, rate,
+            )  # fmt: skip
+        return self._inputs
+
+    def output_table(self, output_of: Callable[[Bools], LinearOutput]) -> NDArray[np.complex128]:
+        """(S, T, k) coefficients of outputs that may depend on the contact state."""
+        return _pad([s.coefficients(output_of(s.closed), self.sources) for s in self.states])
+
+    def empty_output(self, count: int) -> LinearOutput:
+        """An all-zero output to fill in."""
+        n, F, m = self.system.size, self.sources.count, self.system.contacts.count
+        return LinearOutput(
+            np.zeros((count, 2 * n)), np.zeros((count, F)), np.zeros((count, F)), np.zeros((count, m))
+        )
+
+    def penetrations(self) -> tuple[LinearOutput, LinearOutput]:
+        """Penetration and penetration rate of every contact."""
+        n, contacts = self.system.size, self.system.contacts
+        delta, rate = self.empty_output(contacts.count), self.empty_output(contacts.count)
+        delta.row[:, :n] = -contacts.sign[:, None] * contacts.shape
+        delta.direct[:, 0] = -contacts.gap
+        rate.row[:, n:] = delta.row[:, :n]
+        if self.base_channel >= 0:
+            base = np.flatnonzero(self.sources.channel == self.base_channel)
+            sign = np.where(contacts.on_ground, -contacts.sign, 0.0)[:, None]
+            delta.direct[:, base] = sign
+            rate.direct_slope[:, base] = sign
+        return delta, rate
+
+    def contact_forces(self, closed: Bools) -> LinearOutput:
+        """Force of every contact, zero where open."""
+        delta, rate = self.penetrations()
+        k = (self.system.contacts.stiffness * closed)[:, None]
+        c = (self.system.contacts.dashpot * closed)[:, None]
+        return LinearOutput(
+            k * delta.row + c * rate.row,
+            k * delta.direct + c * rate.direct,
+            k * delta.direct_slope + c * rate.direct_slope,
+            np.zeros_like(delta.face),
+        )
+
+    def _watched(self, closed: Bools) -> LinearOutput:
+        """Functions that are positive while the state lasts, then the penetrations (2 m)."""
+        delta, _ = self.penetrations()
+        force = self.contact_forces(closed)
+        side = np.where(closed, 1.0, -1.0)[:, None]
+        by_force = (self.has_face & closed)[:, None]
+        face = np.diag((self.has_face & ~closed).astype(float))
+        return LinearOutput(
+            np.vstack([np.where(by_force, force.row, side * delta.row), delta.row]),
+            np.vstack([np.where(by_force, force.direct, side * delta.direct), delta.direct]),
+            np.vstack([np.where(by_force, force.direct_slope, side * delta.direct_slope), delta.direct_slope]),
+            np.vstack([face, np.zeros_like(face)]),
+        )
+
+    def starting_state(self, state: Floats, face: Floats, time: float = 0.0) -> Bools:
+        """Which contacts are closed at a given motion; at zero gap the first derivative that is not zero decides.
+
+        A derivative counts as zero when it is below the round-off of the terms that make it up.
+        """
+        from beamsim.dynamics.kernels import segment_coefficients
+
+        m = self.system.contacts.count
+        closed = np.zeros(m, dtype=bool)
+        if m == 0:
+            return closed
+        piece = max(int(np.searchsorted(self.sources.start, time, side="right")) - 1, 0)
+        undecided = np.ones(m, dtype=bool)
+        for _ in range(m + 1):
+            index = self.state_index(closed)
+            tables, table = self.tables(), _pad(self._watch)
+            gamma = segment_coefficients(tables, self.inputs(), table, index, piece, time, state, face)[:m]
+            s = self.states[index]
+            B = s.exponent.size
+            changed = False
+            for j in np.flatnonzero(undecided):
+                sign = _first_sign(gamma[j, :B], s.exponent, s.power)
+                undecided[j] = False
+                if sign < 0:
+                    closed[j] = True
+                    changed = True
+                    break
+            if not changed:
+                break
+        return closed
+
+
+def simulate(
+    flow: ExactFlow,
+    initial_state: Floats,
+    *,
+    duration: float | None = None,
+    max_events: int = 1_000_000,
+    max_evaluations: int = 2_000_000_000,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """The motion from a state (q, q') at t = 0, without time-stepping error.
+
+    Contacts are found by the certified march of :mod:`beamsim.dynamics.kernels`. The work is bounded: a motion
+    with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
+    with a status that says so.
+
+    Returns
+    -------
+    Trajectory : segments, events and counters; sample it for outputs.
+    """
+    from beamsim.dynamics import kernels
+
+    begin = clock.process_time()
+    duration = flow.duration if duration is None else duration
+    system = flow.system
+    y = np.array(initial_state, dtype=float)
+    face = np.zeros(system.contacts.count)
+    closed = flow.starting_state(y, face)
+    state = flow.state_index(closed)
+    N, m = y.size, face.size
+    logs: list[tuple[NDArray[np.generic], ...]] = []
+    events: list[tuple[NDArray[np.generic], ...]] = []
+    t, n_events, evaluations, status = 0.0, 0, 0, "complete"
+    length, contact = 64, -1
+    while t < duration:
+        seg = (
+            np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
+            np.empty((length, N)), np.empty((length, m)),
+        )  # fmt: skip
+        ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
+        code, t, state, n_seg, n_ev, n_eval, contact = kernels.advance(
+            flow.tables(), flow.inputs(), t, duration, state, contact, y, face, *seg, *ev, max_evaluations - evaluations
+        )
+        evaluations += n_eval
+        if code == kernels.NEED_STATE:
+            following = flow.follow(state, contact)
+            ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = t, contact, flow.states[following].closed[contact]
+            n_ev += 1
+            state = following
+        n_events += n_ev
+        logs.append(tuple(a[:n_seg] for a in seg))
+        events.append(tuple(a[:n_ev] for a in ev))
+        if code == kernels.BUDGET:
+            status = f"stopped at {t:.6g} s after {evaluations} evaluations of the contact gaps without reaching the end"
+            break
+        if n_events > max_events:
+            status = f"stopped at {t:.6g} s after {n_events} contact events (the limit is run.max_events = {max_events})"
+            break
+        if progress is not None:
+            progress(t / duration)
+        length = min(2 * length, LOG_LENGTH) if code == kernels.FULL else length
+    processor = clock.process_time() - begin
+    merged = [np.concatenate(column) for column in zip(*logs, strict=True)]
+    happened = [np.concatenate(column) for column in zip(*events, strict=True)]
+    return Trajectory(flow, t, *merged, *happened, y, face, evaluations, status, processor)  # type: ignore[arg-type]
+
+
+def _first_sign(gamma: NDArray[np.complex128], exponent: NDArray[np.complex128], power: NDArray[np.int64]) -> int:
+    """Sign of the first derivative at 0 of ``Re sum gamma tau^p e^{lambda tau}`` that exceeds its round-off."""
+    from math import factorial
+
+    for k in range(HIGHEST_DERIVATIVE + 1):
+        value = noise = 0.0
+        for g, lam, p in zip(gamma, exponent, power, strict=True):
+            if p <= k:
+                factor = lam ** (k - int(p)) * (factorial(k) / factorial(k - int(p)))
+                value += (g * factor).real
+                noise += abs(g * factor)
+        if abs(value) > 1e-13 * noise:
+            return 1 if value > 0 else -1
+    return 0
+
+
+def _pad(arrays: list[NDArray[np.complex128]] | list[NDArray[np.int64]]) -> NDArray[np.complex128]:
+    """Stack arrays of different sizes, filled up with zeros."""
+    shape = np.max([a.shape for a in arrays], axis=0)
+    out = np.zeros((len(arrays), *shape), dtype=arrays[0].dtype)
+    for i, a in enumerate(arrays):
+        out[(i, *(slice(0, d) for d in a.shape))] = a
+    return out

@@ -1,0 +1,65 @@
+"""The exception family: what went wrong, where, and what to do about it.
+
+Every exception carries the exit code with which the command line ends, so that the
+mapping from failure to code exists once (0 success, 1 bug, 2 bad usage or scenario,
+3 not converged or not to be trusted, 4 an allowable exceeded under ``--check``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a scenario.
+
+    ``path`` is written as the user would (``snubbers[0].position``); ``file`` and ``line`` are
+    ``None`` where the value did not come from a file (a default, an override, the Python API).
+    """
+
+    path: str
+    message: str
+    remedy: str = ""
+    file: str | None = None
+    line: int | None = None
+
+    def __str__(self) -> str:
+        where = "" if self.file is None else f"{self.file}:"
+        if self.line is not None:
+            where += f"{self.line}:"
+        text = f"{where} {self.path} {self.message}".strip() if self.path else f"{where} {self.message}".strip()
+        return f"{text}; {self.remedy}" if self.remedy else text
+
+
+class BeamsimError(Exception):
+    """Root of the family; ends the command line with ``exit_code``."""
+
+    exit_code = 1
+
+
+class ScenarioError(BeamsimError):
+    """The scenario (or the command's usage) is wrong; holds every problem found, located."""
+
+    exit_code = 2
+
+    def __init__(self, problems: Problem | str | Sequence[Problem]) -> None:
+        if isinstance(problems, str):
+            problems = Problem("", problems)
+        self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class ResultFileError(BeamsimError):
+    """A result file is missing, damaged, or not one of beamsim's."""
+
+    exit_code = 2
+
+
+class NotTrustedError(BeamsimError):
+    """A computation ended without a result that can be trusted; the partial result was kept."""
+
+    exit_code = 3
