@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.model.structure import ModeTable
+
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
@@ -115,21 +117,6 @@ class EnergyHistory:
     work_in: Floats  # (nt,) J
     dissipated: Floats  # (nt,) J
     stored: Floats  # (nt,) J
-
-
-@dataclass(frozen=True)
-class ModeTable:
-    """Natural frequencies and shapes behind the run."""
-
-    open_frequencies_hz: Floats  # (r,) reduced model, every contact open
-    closed_frequencies_hz: Floats  # (r,) every contact closed
-    shapes: Floats  # (r, nx) open mode shapes, unit modal mass (1/sqrt(kg)) at `position`
-    position: Floats  # (nx,) m, or mass numbers
-    damping_ratios: Floats  # (r,) of the open structure (nan for rigid-body modes)
-    kept_modes: int
-    static_vectors: int
-    highest_frequency_hz: float  # the highest frequency the reduction was made for
-    reduction_error: float  # estimated relative error of the reduction; see docs/theory.md
 
 
 @dataclass(frozen=True)

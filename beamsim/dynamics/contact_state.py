@@ -20,7 +20,7 @@ from beamsim.dynamics.invariant_blocks import Block, block_diagonalise, second_o
 from beamsim.dynamics.sources import Sources
 from beamsim.model.system import Forcing, PiecewiseLinearSystem
 
-__all__ = ["ContactState", "LinearOutput", "build_state"]
+__all__ = ["ContactState", "LinearOutput", "build_state", "state_loads"]
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -41,6 +41,9 @@ class LinearOutput:
     direct: Floats  # (k, F)
     direct_slope: Floats  # (k, F)
     face: Floats  # (k, m) multiplies the faces' compression
+
+    def __neg__(self) -> LinearOutput:
+        return LinearOutput(-self.row, -self.direct, -self.direct_slope, -self.face)
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,8 @@ class ContactState:
         F, m = sources.count, self.closed.size
         lookup = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
         for f in np.flatnonzero(np.any(output.direct != 0, axis=0) | np.any(output.direct_slope != 0, axis=0)):
-            t = lookup[int(self.basis_of_source[f]), int(f)]
-            table[t] += output.direct[:, f] + sources.exponent[f] * output.direct_slope[:, f]
+            own = lookup[int(self.basis_of_source[f]), int(f)]
+            table[own] += output.direct[:, f] + sources.exponent[f] * output.direct_slope[:, f]
             if sources.power[f] > 0:
                 below = lookup[int(self.basis_below_source[f]), int(f)]
                 table[below] += sources.power[f] * output.direct_slope[:, f]
@@ -122,7 +125,7 @@ def build_state(
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
     window = min(horizon, sources.longest_piece)
 
-    load, load_slope = _loads(system, forcing, sources, base_channel, closed)
+    load, load_slope = state_loads(system, forcing, sources, base_channel, closed)
     terms = _Terms(2 * n)
     basis_of_source = np.empty(F, dtype=np.int64)
     basis_below = np.full(F, -1, dtype=np.int64)
@@ -147,8 +150,8 @@ def build_state(
     keep = np.flatnonzero(lam.imag >= 0)
     projector = [Xi[keep]]
     source = F + m
-    for i in keep:
-        terms.add(lam[i], 0, source, X[:, i] * (2.0 if lam[i].imag > 0 else 1.0))
+    for value, vector in zip(lam[keep], X[:, keep].T, strict=True):
+        terms.add(value, 0, source, vector * (2.0 if value.imag > 0 else 1.0))
         source += 1
     for block in blocks:
         projector.append(block.left)
@@ -214,7 +217,7 @@ def _diagonalise(
     return (X, Xi, lam), blocks
 
 
-def _loads(
+def state_loads(
     system: PiecewiseLinearSystem,
     forcing: Forcing,
     sources: Sources,
@@ -254,13 +257,11 @@ def _forced_simple(
             w = (beta[far, p] - (p + 1) * w) / (nu - lam[far])
             terms.add(nu, p, source, X[:, far] @ w)
     for i in np.flatnonzero(near):
-        block = Block(X[:, i : i + 1], np.zeros((1, 0)), lam[i].reshape(1, 1), complex(lam[i]), 1.0)
+        block = Block(X[:, i : i + 1], np.zeros((1, 0), dtype=complex), lam[i].reshape(1, 1), complex(lam[i]), 1.0)
         _resonant_series(terms, block, beta[i : i + 1], nu, source, window)
 
 
-def _forced_block(
-    terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float
-) -> None:
+def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
     """As :func:`_forced_simple` for one block, from the generalised force ``polynomial`` (degree + 1, n)."""
     n = polynomial.shape[1]
     blocks = [block]
@@ -280,9 +281,7 @@ def _forced_block(
             terms.add(nu, p, source, b.right @ w)
 
 
-def _resonant_series(
-    terms: _Terms, block: Block, beta: Complexes, nu: complex, source: int, window: float
-) -> None:
+def _resonant_series(terms: _Terms, block: Block, beta: Complexes, nu: complex, source: int, window: float) -> None:
     """z' = T z + sum_p beta_p tau^p e^{nu tau}, z(0) = 0, as ``e^{mu tau}`` times a power series in tau."""
     m, degree = beta.shape[0], beta.shape[1] - 1
     N = block.matrix - block.centre * np.eye(m)

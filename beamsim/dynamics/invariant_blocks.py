@@ -93,7 +93,7 @@ def second_order_blocks(
 
 
 def block_diagonalise(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
-    """Blocks of a general real matrix; as :func:`second_order_blocks`, with clusters as small as conditioning allows."""
+    """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`."""
     lam, X = np.linalg.eig(A)
     lam = lam.astype(complex)
     X = X.astype(complex)
@@ -165,8 +165,10 @@ def _invariant(A: Floats, lam: Complexes, group: NDArray[np.int64]) -> Block | N
     def inside_conjugate(value: complex) -> bool:
         return inside(value.conjugate())
 
-    _, Z, count = schur(A.astype(complex), output="complex", sort=inside)
-    _, W, count_left = schur(A.T.astype(complex), output="complex", sort=inside_conjugate)
+    _, Z, count = schur(A.astype(complex), output="complex", sort=inside)  # type: ignore[call-overload]
+    _, W, count_left = schur(  # type: ignore[call-overload]
+        A.T.astype(complex), output="complex", sort=inside_conjugate
+    )
     m = group.size
     if count != m or count_left != m:
         return None

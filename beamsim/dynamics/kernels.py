@@ -203,16 +203,32 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
-    tables, inputs, t, t_end, state, toggled, y, face, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face,
-    ev_time, ev_contact, ev_closing, most_evaluations
+    tables,
+    inputs,
+    t,
+    t_end,
+    state,
+    toggled,
+    y,
+    face,
+    seg_time,
+    seg_length,
+    seg_state,
+    seg_piece,
+    seg_y,
+    seg_face,
+    ev_time,
+    ev_contact,
+    ev_closing,
+    most_evaluations,
 ):
     """Carry the state (y, face), updated in place, from t to t_end, logging segments and events.
 
     ``toggled`` is the contact whose event lies at t (-1 where there is none).
 
-    Returns (status, t, state, segments, events, evaluations, contact of the last event): DONE at t_end; NEED_STATE when the state that
-    follows ``contact``'s event is not built (the event is not logged yet, the segment is); FULL when a log is full;
-    BUDGET when ``most_evaluations`` were used.
+    Returns (status, t, state, segments, events, evaluations, contact of the last event): DONE at t_end; NEED_STATE when
+    the state that follows ``contact``'s event is not built (the event is not logged yet, the segment is); FULL when a
+    log is full; BUDGET when ``most_evaluations`` were used.
     """
     m = face.size
     N = y.size
@@ -239,7 +255,7 @@ def advance(  # type: ignore[no-untyped-def]
         if piece + 1 < pieces and inputs.start[piece + 1] < stop:
             stop = inputs.start[piece + 1]
         H = stop - t
-        whole = H <= tables.horizon[state]
+        whole = tables.horizon[state] >= H
         if not whole:
             H = tables.horizon[state]
         _fill_sources(tables, state, inputs, piece, t, y, face, zeta)
@@ -485,7 +501,7 @@ def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
 def pair_integrals(  # type: ignore[no-untyped-def]
     tables, inputs, left, right, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, time, out
 ):
-    """Cumulative integrals of sums of products, exactly: out[i, q] = int sum_k weight[k, q] left_k right_k dt up to time[i].
+    """Exact cumulative integrals of sums of products: out[i, q] = int_0^time[i] sum_k weight[k, q] left_k right_k dt.
 
     For segments whose basis functions are pure exponentials. ``left`` and ``right`` are (S, T, K) tables, ``weight`` is
     (K, Q), ``time`` increases.

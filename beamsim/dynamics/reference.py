@@ -15,27 +15,12 @@ from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import LinearOutput
 from beamsim.dynamics.transient import ExactFlow
+from beamsim.model.structure import CubicSprings
 
-__all__ = ["CubicSprings", "ReferenceTrajectory", "integrate"]
+__all__ = ["ReferenceTrajectory", "integrate"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class CubicSprings:
-    """Forces ``-stiffness (shape @ q)^3`` along ``shape``."""
-
-    shape: Floats  # (nc, n)
-    stiffness: Floats  # (nc,) N/m^3
-
-    def acceleration(self, q: Floats) -> Floats:
-        """Generalised force (n,) at displacements q."""
-        return np.asarray(-(self.stiffness * (self.shape @ q) ** 3) @ self.shape)
-
-    def energy(self, q: Floats) -> Floats:
-        """Stored energy at displacements q (..., n), J."""
-        return np.asarray(0.25 * (q @ self.shape.T) ** 4 @ self.stiffness)
 
 
 @dataclass(frozen=True)
@@ -47,6 +32,9 @@ class ReferenceTrajectory:
     y: Floats  # (nt, 2n)
     face: Floats  # (nt, m)
     closed: Bools  # (nt, m)
+    work_in: Floats  # (nt,) J, integrated along
+    dissipated: Floats  # (nt,) J, integrated along
+    power_in: Floats  # (nt,) W
     event_time: Floats  # (E,)
     event_contact: NDArray[np.int64]  # (E,)
     event_closing: Bools  # (E,)
@@ -103,10 +91,10 @@ def integrate(
     n, m = flow.system.size, flow.system.contacts.count
     right_hand_side = _RightHandSide(flow, cubic)
     duration = float(times[-1])
-    y = np.concatenate([initial_state, np.zeros(m)])
+    y = np.concatenate([initial_state, np.zeros(m + 2)])
     closed = flow.starting_state(np.asarray(initial_state, dtype=float), np.zeros(m))
     breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
-    Y = np.empty((times.size, 2 * n + m))
+    Y = np.empty((times.size, 2 * n + m + 2))
     C = np.zeros((times.size, m), dtype=bool)
     done, t, restarts, status = 0, 0.0, 0, "complete"
     ev_time: list[float] = []
@@ -115,7 +103,7 @@ def integrate(
     while True:
         stop = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
         right_hand_side.begin(t, closed)
-        solution = solve_ivp(
+        solution = solve_ivp(  # type: ignore[call-overload]
             right_hand_side, (t, stop), y, method=integrator, rtol=rtol, atol=atol, max_step=max_step,
             events=right_hand_side.events(), dense_output=True,
         )  # fmt: skip
@@ -149,8 +137,11 @@ def integrate(
         flow,
         times[:done],
         Y[:done, : 2 * n],
-        Y[:done, 2 * n :],
+        Y[:done, 2 * n : 2 * n + m],
         C[:done],
+        Y[:done, -2],
+        Y[:done, -1],
+        np.array([right_hand_side.power_in(*row) for row in zip(times[:done], Y[:done], C[:done], strict=True)]),
         np.array(ev_time),
         np.array(ev_contact, dtype=np.int64),
         np.array(ev_closing, dtype=bool),
@@ -175,6 +166,7 @@ class _RightHandSide:
         for f in range(1, sources.count):
             if sources.channel[f] < len(flow.forcing.signal):
                 self.load[f] = flow.forcing.load[sources.channel[f]]
+        self.base_displacement = flow.forcing.base_displacement
         self.base = (sources.channel == flow.base_channel) & (flow.base_channel >= 0)
         self.piece = 0
         self.closed = np.zeros(system.contacts.count, dtype=bool)
@@ -205,19 +197,29 @@ class _RightHandSide:
 
     def __call__(self, t: float, y: Floats) -> Floats:
         self.count += 1
-        system, c, n = self.flow.system, self.flow.system.contacts, self.n
+        system, c, n, m = self.flow.system, self.flow.system.contacts, self.n, self.closed.size
         q, v = y[:n], y[n : 2 * n]
-        value, _ = self._sources(t)
+        value, slope = self._sources(t)
         delta, rate = self._contact(t, y)
         force = np.where(self.closed, c.stiffness * delta + c.dashpot * rate, 0.0)
-        acceleration = -system.stiffness * q - system.damping @ v + system.constant_load + value @ self.load
-        acceleration = acceleration + (force * c.sign) @ c.shape
-        if self.cubic is not None:
-            acceleration = acceleration + self.cubic.acceleration(q)
-        face = y[2 * n :]
+        outside = system.constant_load + value @ self.load
+        inside = -system.stiffness * q
+        if self.cubic is not None and self.cubic.count:
+            base = 0.0 if self.base_displacement is None else float(self.base_displacement(t))
+            inside = inside - (self.cubic.stiffness * (self.cubic.shape @ q + base) ** 3) @ self.cubic.shape
+        friction = system.damping @ v
+        acceleration = inside + outside - friction + (force * c.sign) @ c.shape
+        face = y[2 * n : 2 * n + m]
         with np.errstate(divide="ignore", invalid="ignore"):
             relax = np.where(self.flow.has_face & ~self.closed, -c.stiffness / c.dashpot * face, 0.0)
-        return np.concatenate([v, acceleration, relax])
+        moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
+        power = outside @ v - (force * c.sign) @ moved
+        loss = v @ friction + c.dashpot @ np.where(self.closed, rate, relax) ** 2
+        return np.concatenate([v, acceleration, relax, [power, loss]])
+
+    def power_in(self, t: float, y: Floats, closed: Bools) -> float:
+        self.begin(t, closed)
+        return float(self(t, y)[-2])
 
     def events(self) -> list[Callable[[float, Floats], float]]:
         return [self._event(j) for j in range(self.closed.size)]

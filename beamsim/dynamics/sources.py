@@ -34,6 +34,7 @@ class Sources:
 
     @property
     def count(self) -> int:
+        """F."""
         return int(self.exponent.size)
 
     def group_last(self) -> Ints:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.dynamics.contact_state import ContactState, LinearOutput, build_state
+from beamsim.dynamics.contact_state import ContactState, LinearOutput, build_state, state_loads
 from beamsim.dynamics.sources import Sources, compile_sources
 from beamsim.dynamics.trajectory import Trajectory
 from beamsim.model.signal import Signal
@@ -72,9 +72,7 @@ class ExactFlow:
         """Number of the contact state, built when it is first asked for."""
         key = closed.tobytes()
         if key not in self._index:
-            state = build_state(
-                self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window
-            )
+            state = build_state(self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window)
             self._index[key] = len(self.states)
             self.states.append(state)
             self._watch.append(state.coefficients(self._watched(closed), self.sources))
@@ -136,9 +134,15 @@ class ExactFlow:
     def empty_output(self, count: int) -> LinearOutput:
         """An all-zero output to fill in."""
         n, F, m = self.system.size, self.sources.count, self.system.contacts.count
-        return LinearOutput(
-            np.zeros((count, 2 * n)), np.zeros((count, F)), np.zeros((count, F)), np.zeros((count, m))
-        )
+        return LinearOutput(np.zeros((count, 2 * n)), np.zeros((count, F)), np.zeros((count, F)), np.zeros((count, m)))
+
+    def equation_of_motion(self, closed: Bools) -> tuple[Floats, Floats, Floats, Floats]:
+        """K (n, n), C (n, n), and (F, n) loads per unit of each source and of its time derivative."""
+        shape = self.system.contacts.shape[closed]
+        k, c = self.system.contacts.stiffness[closed], self.system.contacts.dashpot[closed]
+        load, slope = state_loads(self.system, self.forcing, self.sources, self.base_channel, closed)
+        stiffness = np.diag(self.system.stiffness) + (shape.T * k) @ shape
+        return stiffness, self.system.damping + (shape.T * c) @ shape, load, slope
 
     def penetrations(self) -> tuple[LinearOutput, LinearOutput]:
         """Penetration and penetration rate of every contact."""
@@ -264,10 +268,14 @@ def simulate(
         logs.append(tuple(a[:n_seg] for a in seg))
         events.append(tuple(a[:n_ev] for a in ev))
         if code == kernels.BUDGET:
-            status = f"stopped at {t:.6g} s after {evaluations} evaluations of the contact gaps without reaching the end"
+            status = (
+                f"stopped at {t:.6g} s after {evaluations} evaluations of the contact gaps without reaching the end"
+            )
             break
         if n_events > max_events:
-            status = f"stopped at {t:.6g} s after {n_events} contact events (the limit is run.max_events = {max_events})"
+            status = (
+                f"stopped at {t:.6g} s after {n_events} contact events (the limit is run.max_events = {max_events})"
+            )
             break
         if progress is not None:
             progress(t / duration)
@@ -275,7 +283,7 @@ def simulate(
     processor = clock.process_time() - begin
     merged = [np.concatenate(column) for column in zip(*logs, strict=True)]
     happened = [np.concatenate(column) for column in zip(*events, strict=True)]
-    return Trajectory(flow, t, *merged, *happened, y, face, evaluations, status, processor)  # type: ignore[arg-type]
+    return Trajectory(flow, t, *merged, *happened, y, face, evaluations, status, processor)  # type: ignore[call-arg, arg-type]
 
 
 def _first_sign(gamma: NDArray[np.complex128], exponent: NDArray[np.complex128], power: NDArray[np.int64]) -> int:
@@ -299,5 +307,5 @@ def _pad(arrays: list[NDArray[np.complex128]] | list[NDArray[np.int64]]) -> NDAr
     shape = np.max([a.shape for a in arrays], axis=0)
     out = np.zeros((len(arrays), *shape), dtype=arrays[0].dtype)
     for i, a in enumerate(arrays):
-        out[(i, *(slice(0, d) for d in a.shape))] = a
+        out[i][tuple(slice(0, d) for d in a.shape)] = a
     return out

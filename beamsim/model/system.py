@@ -40,6 +40,7 @@ class Contacts:
 
     @property
     def count(self) -> int:
+        """m."""
         return int(self.stiffness.size)
 
 
@@ -54,6 +55,7 @@ class PiecewiseLinearSystem:
 
     @property
     def size(self) -> int:
+        """n."""
         return int(self.stiffness.size)
 
 

@@ -1,0 +1,60 @@
+"""Factories shared by the tests of the dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from beamsim.model.signal import Signal
+from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+
+
+@pytest.fixture(scope="session")
+def make_contacts() -> Callable[..., Contacts]:
+    def make(shape, stiffness, dashpot=0.0, gap=0.0, sign=1.0, on_ground=False, no_tension=False):
+        shape = np.atleast_2d(np.asarray(shape, dtype=float))
+
+        def spread(value, kind=float):
+            return np.array(np.broadcast_to(np.asarray(value, dtype=kind), shape.shape[0]))
+
+        return Contacts(
+            shape,
+            spread(sign),
+            spread(stiffness),
+            spread(dashpot),
+            spread(gap),
+            spread(on_ground, bool),
+            spread(no_tension, bool),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_system(make_contacts) -> Callable[..., PiecewiseLinearSystem]:
+    def make(omega, damping, constant_load=None, **contacts):
+        omega = np.asarray(omega, dtype=float)
+        damping = np.asarray(damping, dtype=float)
+        if damping.ndim == 1:
+            damping = np.diag(damping)
+        load = np.zeros(omega.size) if constant_load is None else np.asarray(constant_load, dtype=float)
+        return PiecewiseLinearSystem(omega**2, damping, make_contacts(**contacts), load)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def no_forcing() -> Callable[[int], Forcing]:
+    def make(n: int) -> Forcing:
+        return Forcing(np.zeros((0, n)), ())
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def two_tones() -> tuple[Signal, Signal]:
+    """An acceleration with two tones and the displacement without drift that belongs to it."""
+    amplitude, omega, phase = np.array([1.0, 0.5]), np.array([1.3, 4.1]), np.array([0.3, 0.2])
+    return Signal.harmonic(amplitude, omega, phase), Signal.harmonic(-amplitude / omega**2, omega, phase)

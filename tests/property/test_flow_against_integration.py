@@ -1,0 +1,212 @@
+"""The exact flow against independent time stepping (DOP853, restarted at every event), and its own laws."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from beamsim.dynamics.reference import integrate
+from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.model.signal import Signal
+from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+
+
+def agreement(flow, start, duration, max_step=0.02):
+    trajectory = simulate(flow, start)
+    times = np.linspace(0.0, duration, 501)
+    reference = integrate(flow, start, times, integrator="DOP853", rtol=1e-12, atol=1e-13, max_step=max_step)
+    peak = np.abs(reference.y).max()
+    return trajectory, reference, np.abs(trajectory.states_at(times) - reference.y).max() / peak
+
+
+CASES = {
+    "no dashpot": dict(stiffness=[20.0], gap=[0.1]),
+    "dashpot": dict(stiffness=[20.0], dashpot=[0.5], gap=[0.1]),
+    "strong dashpot, prestress": dict(stiffness=[20.0], dashpot=[2.5], gap=[-0.1], sign=[-1.0]),
+    "two snubbers": dict(stiffness=[20.0, 50.0], dashpot=[0.5, 0.1], gap=[0.1, -0.1], sign=[1.0, -1.0]),
+    "on the ground": dict(
+        stiffness=[20.0, 50.0], dashpot=[0.5, 0.1], gap=[0.1, -0.1], sign=[1.0, -1.0], on_ground=[True, False]
+    ),
+    "no tension": dict(stiffness=[20.0], dashpot=[0.8], gap=[0.1], no_tension=[True]),
+    "no tension, on the ground": dict(
+        stiffness=[20.0, 50.0, 9.0], dashpot=[0.5, 0.8, 0.3], gap=[0.1, -0.1, 0.0], sign=[1.0, -1.0, 1.0],
+        on_ground=True, no_tension=[True, False, True],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rigid", [0, 1])
+@pytest.mark.parametrize("case", CASES)
+def test_random_structure(make_system, two_tones, case, rigid):
+    rng = np.random.default_rng(len(case) + rigid)
+    n, duration = 4, 8.0
+    omega = np.sort(rng.uniform(0.5, 6.0, n))
+    omega[:rigid] = 0.0
+    m = len(CASES[case]["stiffness"])
+    system = make_system(omega, 0.02 * omega, 0.2 * rng.normal(size=n), shape=rng.normal(size=(m, n)), **CASES[case])
+    acceleration, displacement = two_tones
+    flow = ExactFlow(system, Forcing(rng.normal(size=(1, n)), (acceleration,), displacement), duration)
+    trajectory, reference, error = agreement(flow, 0.5 * rng.normal(size=2 * n), duration)
+    assert reference.event_time.size > 0
+    np.testing.assert_array_equal(trajectory.event_contact, reference.event_contact)
+    np.testing.assert_allclose(trajectory.event_time, reference.event_time, atol=1e-9)
+    assert error < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["coupled damping", "near-critical", "overdamped", "coincident"])
+def test_awkward_damping(make_system, two_tones, kind):
+    rng = np.random.default_rng(5)
+    omega = np.array([1.0, 1.7, 2.9, 5.0])
+    damping = {
+        "coupled damping": (lambda B: B @ B.T)(0.3 * rng.normal(size=(4, 4))),
+        "near-critical": np.diag(2 * omega * np.array([1.0, 1 - 1e-9, 1 + 1e-6, 0.99])),
+        "overdamped": np.diag(2 * omega * np.array([1.5, 3.0, 0.1, 8.0])),
+        "coincident": np.diag(0.02 * omega),
+    }[kind]
+    if kind == "coincident":
+        omega[:] = 2.0
+    system = make_system(omega, damping, shape=rng.normal(size=(1, 4)), stiffness=[15.0], dashpot=[0.4], gap=[0.02])
+    flow = ExactFlow(system, Forcing(rng.normal(size=(1, 4)), (two_tones[0],)), 10.0)
+    assert agreement(flow, rng.normal(size=8), 10.0)[2] < 1e-9
+
+
+def test_pieces_of_polynomials(make_system):
+    """A pulse made of straight and curved pieces, felt by a ground-mounted snubber too."""
+    pulse = Signal.polynomial_pieces([0.0, 0.5, 1.2], [[0.0, 1.0, 0.0], [2.0, -1.0, 0.3], [0.0, 0.0, 0.0]])
+    displacement = pulse.antiderivative().antiderivative()
+    system = make_system(
+        [0.7, 2.0, 5.0], [0.01, 0.02, 0.05], shape=[[1.0, -0.5, 0.3], [0.2, 1.0, 0.4]], stiffness=[30.0, 20.0],
+        dashpot=0.2, gap=[0.05, 0.1], sign=[1.0, -1.0], on_ground=[True, False],
+    )  # fmt: skip
+    flow = ExactFlow(system, Forcing(np.array([[-1.0, 0.4, 0.2]]), (pulse,), displacement), 6.0)
+    trajectory, reference, error = agreement(flow, np.zeros(6), 6.0)
+    assert trajectory.event_time.size == reference.event_time.size > 1
+    assert error < 1e-9
+
+
+def test_the_comparison_can_fail(make_system, two_tones):
+    """Twin of the tests above: one part in a million of the stiffness is far above the tolerance."""
+
+    def flow(stiffness):
+        system = make_system([1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[stiffness], gap=[0.1])
+        return ExactFlow(system, Forcing(np.array([[1.0, 0.5]]), (two_tones[0],)), 8.0)
+
+    start, times = np.array([0.3, -0.2, 0.1, 0.4]), np.linspace(0, 8, 200)
+    a = simulate(flow(20.0), start).states_at(times)
+    b = simulate(flow(20.0 * (1 + 1e-6)), start).states_at(times)
+    assert np.abs(a - b).max() / np.abs(a).max() > 1e-8
+
+
+def test_grazing_contact_is_found(make_system, no_forcing):
+    """A cosine that overshoots the gap by one part in 1e10 touches; one that falls short does not."""
+    for excess, touches in ((1e-10, True), (-1e-10, False)):
+        system = make_system([1.0], [0.0], shape=[[1.0]], stiffness=[5.0], gap=[1.0])
+        flow = ExactFlow(system, no_forcing(1), 4.0)
+        trajectory = simulate(flow, np.array([1.0 + excess, 0.0]))
+        assert bool(trajectory.event_time.size) is touches
+        assert trajectory.evaluations < 200
+        if touches:
+            half = np.arccos(1.0 / (1.0 + excess))
+            np.testing.assert_allclose(trajectory.event_time[0], np.pi - half, atol=1e-8)
+
+
+def test_fast_ripple_on_a_slow_motion_is_not_missed(make_system, no_forcing):
+    """A contact that lasts a hundredth of the fastest period, seen by no coarse sampling."""
+    system = make_system([1.0, 400.0], [0.0, 0.0], shape=[[1.0, 1.0]], stiffness=[3.0], gap=[1.0])
+    start = np.array([0.0, 0.0, -0.9995, 0.0])
+    start[1] = 0.0005 + 1e-9
+    flow = ExactFlow(system, no_forcing(2), 3.0)
+    trajectory = simulate(flow, start)
+    t = np.linspace(0, 3.0, 3_000_001)
+    gap = 1.0 - 0.9995 * np.sin(t) + start[1] * np.cos(400 * t)
+    assert bool((gap < 0).any()) is bool(trajectory.event_time.size)
+
+
+def test_at_rest_with_zero_gap_nothing_flutters(make_system):
+    """g = g' = g'' = 0 at the start: one contact at once or none, not thousands at round-off size."""
+    for phase, closes in ((0.0, False), (np.pi, True)):
+        system = make_system([1.0, 50.0], [0.02, 1.0], shape=[[1.0, 1.0]], stiffness=[30.0])
+        forcing = Forcing(np.array([[1.0, 1.0]]), (Signal.harmonic(1.0, 0.8, phase),))
+        flow = ExactFlow(system, forcing, 3.0)
+        assert flow.starting_state(np.zeros(4), np.zeros(1)).tolist() == [closes]
+        trajectory = simulate(flow, np.zeros(4))
+        assert trajectory.event_time.size <= 3
+        assert trajectory.event_time.size == 0 or trajectory.event_time[0] > 0.5
+
+
+def test_a_structure_at_rest_stays_at_rest(make_system, no_forcing):
+    system = make_system([1.0, 2.0], [0.0, 0.0], shape=[[1.0, 1.0]], stiffness=[3.0])
+    trajectory = simulate(ExactFlow(system, no_forcing(2), 100.0), np.zeros(4))
+    assert trajectory.event_time.size == 0
+    assert not np.any(trajectory.final_y)
+
+
+def test_long_grazing_ends(make_system):
+    """Pressed against the stop by a load that balances to round-off: bounded work, no flutter."""
+    system = make_system([1.0], [0.5], constant_load=[-1.0], shape=[[1.0]], stiffness=[10.0], gap=[1.0])
+    flow = ExactFlow(system, Forcing(np.ones((1, 1)), (Signal.harmonic(1e-14, 3.0),)), 100.0)
+    trajectory = simulate(flow, np.array([-1.0, 0.0]))
+    assert trajectory.status == "complete"
+    assert trajectory.event_time.size < 200
+    assert trajectory.evaluations < 20_000
+
+
+def test_work_is_bounded_and_reported(make_system, no_forcing):
+    system = make_system([0.0], [0.0], constant_load=[-9.81], shape=[[1.0]], stiffness=[1e9], dashpot=[1e3])
+    flow = ExactFlow(system, no_forcing(1), 1000.0)
+    trajectory = simulate(flow, np.array([0.1, 0.0]), max_events=50)
+    assert "max_events" in trajectory.status
+    assert 0 < trajectory.end < 1000.0
+    assert trajectory.event_time.size >= 50
+    limited = simulate(flow, np.array([0.1, 0.0]), max_evaluations=100)
+    assert "evaluations" in limited.status
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    factor=st.sampled_from([3.0, np.pi, 1e-6, 1e5]),
+)
+def test_zero_gap_is_homogeneous_of_degree_one(seed, factor):
+    """Level and initial state times a factor: the whole motion times the factor."""
+    rng = np.random.default_rng(seed)
+    n, m = 3, 2
+    omega = np.sort(rng.uniform(0.5, 8.0, n))
+    contacts = Contacts(
+        rng.normal(size=(m, n)), np.array([1.0, -1.0]), rng.uniform(5, 60, m), rng.uniform(0, 1, m), np.zeros(m),
+        np.zeros(m, dtype=bool), np.array([False, bool(seed % 2)]),
+    )  # fmt: skip
+    system = PiecewiseLinearSystem(omega**2, np.diag(0.02 * omega), contacts, np.zeros(n))
+    load, start = rng.normal(size=(1, n)), rng.normal(size=2 * n)
+    times = np.linspace(0, 6, 300)
+
+    def motion(level):
+        forcing = Forcing(load, (Signal.harmonic(level, 1.7, 0.4),))
+        return simulate(ExactFlow(system, forcing, 6.0), level * start).states_at(times)
+
+    one = motion(1.0)
+    assert np.abs(motion(factor) / factor - one).max() < 1e-10 * np.abs(one).max()
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_maxima_are_never_below_dense_samples(seed):
+    """The certified extremes against a hundred thousand samples, and reached by the motion."""
+    rng = np.random.default_rng(seed)
+    omega = np.sort(rng.uniform(0.5, 20.0, 3))
+    contacts = Contacts(
+        rng.normal(size=(1, 3)), np.ones(1), np.array([80.0]), np.array([0.3]), np.array([0.05]),
+        np.zeros(1, dtype=bool), np.zeros(1, dtype=bool),
+    )  # fmt: skip
+    system = PiecewiseLinearSystem(omega**2, np.diag(0.02 * omega), contacts, np.zeros(3))
+    forcing = Forcing(rng.normal(size=(1, 3)), (Signal.harmonic(1.0, 2.3),))
+    flow = ExactFlow(system, forcing, 10.0)
+    trajectory = simulate(flow, rng.normal(size=6))
+    output = flow.empty_output(2)
+    output.row[:] = rng.normal(size=(2, 6))
+    highest, when, _ = trajectory.maxima(lambda closed: output, np.full(2, -1e300), np.zeros(2))
+    dense = trajectory.sample(np.linspace(0, 10, 100_001), lambda closed: output)
+    assert np.all(highest >= dense.max(axis=0) - 1e-9 * np.abs(dense).max())
+    order = np.argsort(when)
+    reached = np.diag(trajectory.sample(when[order], lambda closed: output)[np.argsort(order)])
+    np.testing.assert_allclose(reached, highest, rtol=1e-8, atol=1e-10)
