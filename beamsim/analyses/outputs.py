@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import LinearOutput
 from beamsim.dynamics.transient import ExactFlow
+from beamsim.model.structure import BeamRecovery
 
-__all__ = ["OutputSet", "accelerations", "displacements", "stack", "velocities"]
+__all__ = ["OutputSet", "accelerations", "bending_stress", "displacements", "stack", "velocities"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -43,6 +44,15 @@ def accelerations(flow: ExactFlow, shape: Floats, closed: Bools, *, absolute: bo
     output.direct_slope[:] = shape @ load_slope.T
     if absolute and flow.observers:
         output.direct[:, flow.sources.channel == flow.first_observer] += 1.0
+    return output
+
+
+def bending_stress(flow: ExactFlow, beam: BeamRecovery) -> LinearOutput:
+    """Stress at the extreme fibre at every station of the beam, Pa, from the base's acceleration (observer 0) too."""
+    output = displacements(flow, beam.stress_per_moment * beam.bending_moment)
+    if flow.observers:
+        base = flow.sources.channel == flow.first_observer
+        output.direct[:, base] += (beam.stress_per_moment * beam.base_moment)[:, None]
     return output
 
 

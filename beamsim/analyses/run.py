@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.energy import balance_error, energy_history, stored_energy
-from beamsim.analyses.outputs import OutputSet, accelerations, displacements, velocities
+from beamsim.analyses.outputs import OutputSet, accelerations, bending_stress, displacements, velocities
 from beamsim.analyses.results import (
     BeamResult,
     EnergyHistory,
@@ -122,17 +122,18 @@ def _steps_in_time(system: StructuralSystem, settings: Run) -> bool:
 
 
 def _output_times(settings: Run) -> Floats:
-    count = int(np.floor(settings.duration * settings.sample_rate * (1 + 1e-12))) + 1
+    rate = settings.output_rate
+    count = int(np.floor(settings.duration * rate * (1 + 1e-12))) + 1
     if count > MOST_SAMPLES:
         raise ScenarioError(
             Problem(
                 "run.sample_rate",
-                f"= {settings.sample_rate:g} Hz over run.duration = {settings.duration:g} s gives {count:.3g} samples "
+                f"= {rate:g} Hz over run.duration = {settings.duration:g} s gives {count:.3g} samples "
                 f"(at most {MOST_SAMPLES:.3g} are kept)",
                 "lower one of the two; contacts and peaks are exact whatever the sample rate",
             )
         )
-    return np.arange(count) / settings.sample_rate
+    return np.arange(count) / rate
 
 
 def _groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
@@ -147,12 +148,14 @@ def _groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
         "snubber_displacement": displacements(flow, snubber_shapes),
         "snubber_velocity": velocities(flow, snubber_shapes),
     }
-    groups: dict[str, Callable[[Bools], LinearOutput]] = {
-        name: (lambda closed, output=output: output) for name, output in fixed.items()
-    }
+    groups = {name: _same_in_every_state(output) for name, output in fixed.items()}
     groups["acceleration"] = lambda closed: accelerations(flow, probe_shapes, closed, absolute=True)
     groups["force"] = flow.contact_forces
     return OutputSet(groups)
+
+
+def _same_in_every_state(output: LinearOutput) -> Callable[[Bools], LinearOutput]:
+    return lambda closed: output
 
 
 def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None) -> _Motion:
@@ -168,8 +171,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
     searched = {name: groups.groups[name] for name in ("displacement", "acceleration", "force")}
     seeds = {name: (times, values[name]) for name in searched}
     if system.beam is not None:
-        stress = displacements(flow, system.beam.stress_per_moment * system.beam.bending_moment)
-        searched["stress"] = lambda closed: stress
+        searched["stress"] = _same_in_every_state(bending_stress(flow, system.beam))
         few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
         seeds["stress"] = (few, trajectory.sample(few, searched["stress"]))
     extremes = {}
@@ -212,7 +214,8 @@ def _reference(
     from beamsim.dynamics.reference import integrate
 
     flow = exact_flow(system, settings.duration)
-    integrator, rtol, warnings = settings.integrator, settings.rtol, ()
+    integrator, rtol = settings.integrator, settings.rtol
+    warnings: tuple[str, ...] = ()
     if settings.method != "reference":
         integrator, rtol = "DOP853", min(rtol, 1e-10)
         warnings = (
@@ -238,7 +241,7 @@ def _reference(
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
     searched = {name: values[name] for name in ("displacement", "acceleration", "force")}
     if system.beam is not None:
-        searched["stress"] = trajectory.y[:, :n] @ (system.beam.stress_per_moment * system.beam.bending_moment).T
+        searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.beam)))
     at = trajectory.time
     extremes = {
         name: (x.min(axis=0), at[x.argmin(axis=0)], x.max(axis=0), at[x.argmax(axis=0)]) for name, x in searched.items()

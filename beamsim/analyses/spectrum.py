@@ -33,6 +33,7 @@ _COSINE_SUMS = {
 # The rule for a line, see `spectrum`.
 _WORTH_LISTING = 1e-3  # of the largest line: 60 dB
 _OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
+_OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
 _ROUND_OFF = 1e-12  # of max |x|
 _DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
 _LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
@@ -41,11 +42,7 @@ _ORDERS_OF_A_SHORT_RECORD = 10
 
 
 def cosine_window(name: str, length: int) -> Floats:
-    """Periodic window of ``length`` samples, by its name in `scipy.signal.windows` (or ``rectangular``)."""
-    if name not in _COSINE_SUMS:
-        from scipy.signal import get_window
-
-        return np.asarray(get_window(name, length, fftbins=True), dtype=float)
+    """Periodic window of ``length`` samples; the names are those of a scenario's ``run.spectrum.window``."""
     angle = 2.0 * np.pi * np.arange(length) / length
     window = np.zeros(length)
     for j, a in enumerate(_COSINE_SUMS[name]):
@@ -69,16 +66,19 @@ def line_kind(order: Fraction) -> str:
     return "fundamental" if order == 1 else "superharmonic"
 
 
-def project(time: Floats, x: Floats, frequency_hz: Floats) -> tuple[float, NDArray[np.complex128]]:
+def project(
+    time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None
+) -> tuple[float, NDArray[np.complex128]]:
     r"""Least-squares projection on a mean and sinusoids of known frequencies, without leakage.
 
-    Minimises :math:`\sum (x - m - \sum_k \mathrm{Im}\, c_k e^{2 \pi i f_k t})^2`, so that
+    Minimises :math:`\sum w (x - m - \sum_k \mathrm{Im}\, c_k e^{2 \pi i f_k t})^2`, so that
     :math:`c_k = A_k e^{i \varphi_k}` stands for :math:`A_k \sin(2 \pi f_k t + \varphi_k)`.
 
     Parameters
     ----------
     time, x : (n,) s, any unit.
     frequency_hz : (k,) distinct, above zero, below half the sample rate.
+    weight : (n,) 1 by default.
 
     Returns
     -------
@@ -92,8 +92,9 @@ def project(time: Floats, x: Floats, frequency_hz: Floats) -> tuple[float, NDArr
     for first in range(0, x.size, block):
         angle = 2.0 * np.pi * (time[first : first + block, None] - time[0]) * frequency
         basis = np.concatenate([np.ones((angle.shape[0], 1)), np.sin(angle), np.cos(angle)], axis=1)
-        gram += basis.T @ basis
-        right += basis.T @ x[first : first + block]
+        weighted = basis if weight is None else basis * weight[first : first + block, None]
+        gram += weighted.T @ basis
+        right += weighted.T @ x[first : first + block]
     fit = np.linalg.lstsq(gram, right, rcond=None)[0]
     c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
     return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])
@@ -125,16 +126,20 @@ def spectrum(
 
     *Lines*. The record is examined once more with a Blackman–Harris window (side lobes at -92 dB),
     whatever window was asked for. A local maximum is a line when it lies less than 60 dB below the
-    largest one and at least 20 dB above the noise floor around it (the lower quartile of the spectrum
-    within one excitation frequency, at least 32 bins, on either side). It belongs to the order m/n
-    (n up to 4, as long as the excitation frequency over n is at least 4 bins) when its
-    interpolated frequency is within half a bin of it and it is locked to the excitation: its complex
-    amplitudes in the two halves of the record differ by less than half; the fundamental need not be
-    locked. What belongs to no order (a decaying transient, or everything when there is no excitation
-    frequency) is of the kind "other". Amplitude and phase come from the least-squares projection on
-    the exact frequencies of all lines together, so no line leaks into another. A record of 1 to
-    8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise floor;
-    below one period only the mean is known. The mean is always listed.
+    largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
+    floor around it: the lower quartile of the spectrum within one excitation frequency, at least
+    32 bins, on either side. It belongs to the order m/n (n up to 4, as long as the excitation frequency
+    over n is at least 4 bins) when its interpolated frequency is within half a bin of it and it is
+    locked to the excitation: its complex amplitudes in the two halves of the record differ by less than
+    half. The fundamental need not be locked. What belongs to no order (a decaying transient, or
+    everything when there is no excitation frequency) is of the kind "other". Amplitude and phase come
+    from the least-squares projection on the exact frequencies of all lines together, so no line leaks
+    into another, weighted by the Blackman–Harris window, so that nothing else leaks into them. A record
+    of 1 to 8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise
+    floor; below one period only the mean is known. The mean is always listed, at most 50 lines beside it.
+
+    Samples are taken of the motion as it is, without a low-pass filter: what a jump of the acceleration
+    holds beyond half the sample rate folds back, and shows up as lines of the kind "other".
 
     Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
     0 or 180 degrees, its sign.
@@ -216,14 +221,16 @@ class _Candidate:
 def _lines(time: Floats, x: Floats, rate: float, excitation_hz: float, peak: float) -> tuple[SpectralLine, ...]:
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
     bins = excitation_hz * x.size / rate if forced else np.nan  # excitation frequency in bins
+    weight = None
     if forced and bins < 2 * _LOBE:
         candidates = _orders_of_short_record(time, x, rate, excitation_hz, peak) if bins >= 1 - _ROUND_OFF else []
     else:
         candidates = _peaks(x, rate, excitation_hz, peak)
+        weight = cosine_window("blackmanharris", x.size) if candidates else None
         if forced and candidates:
             candidates = _only_locked(time, x, candidates)
     candidates = sorted(candidates, key=lambda c: c.frequency_hz)
-    mean, c = project(time, x, np.array([k.frequency_hz for k in candidates]))
+    mean, c = project(time, x, np.array([k.frequency_hz for k in candidates]), weight)
 
     def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
         return SpectralLine(
@@ -249,7 +256,9 @@ def _peaks(x: Floats, rate: float, excitation_hz: float, peak: float) -> list[_C
     top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
     if top.size == 0:
         return []
-    top = top[amplitude[top] >= max(_WORTH_LISTING * float(np.max(amplitude[top])), _ROUND_OFF * peak)]
+    deviation = float(np.max(np.abs(x - np.mean(x))))
+    least = max(_WORTH_LISTING * float(np.max(amplitude[top])), _OVER_SIDE_LOBES * deviation, _ROUND_OFF * peak)
+    top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
     reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
     found: dict[Fraction | float, _Candidate] = {}

@@ -20,7 +20,7 @@ from beamsim.dynamics.invariant_blocks import Block, block_diagonalise, second_o
 from beamsim.dynamics.sources import Sources
 from beamsim.model.system import Forcing, PiecewiseLinearSystem
 
-__all__ = ["ContactState", "LinearOutput", "build_state", "state_loads"]
+__all__ = ["ContactState", "LinearOutput", "build_state", "diagonalise", "state_loads"]
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -120,7 +120,7 @@ def build_state(
     stiffness = np.diag(system.stiffness) + (phi.T * k) @ phi
     damping = system.damping + (phi.T * c) @ phi
 
-    (X, Xi, lam), blocks = _diagonalise(system, stiffness, damping, bool(closed.any()))
+    (X, Xi, lam), blocks = diagonalise(system, stiffness, damping, bool(closed.any()))
     radius = max((b.radius for b in blocks), default=0.0)
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
     window = min(horizon, sources.longest_piece)
@@ -156,10 +156,10 @@ def build_state(
     for block in blocks:
         projector.append(block.left)
         series = _series(block, window)
-        for j in range(block.matrix.shape[0]):
+        for column in range(block.matrix.shape[0]):
             for power, matrix in enumerate(series):
-                if np.any(matrix[:, j]):
-                    terms.add(block.centre, power, source, block.weight * (block.right @ matrix[:, j]))
+                if np.any(matrix[:, column]):
+                    terms.add(block.centre, power, source, block.weight * (block.right @ matrix[:, column]))
             source += 1
 
     basis = list(terms.basis)
@@ -179,7 +179,7 @@ def build_state(
     )
 
 
-def _diagonalise(
+def diagonalise(
     system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, any_closed: bool
 ) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
     """Undamped modes first; those that the damping couples go through the general form, the others stay exact."""

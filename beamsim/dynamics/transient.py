@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ class ExactFlow:
             state = build_state(self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window)
             self._index[key] = len(self.states)
             self.states.append(state)
-            self._watch.append(state.coefficients(self._watched(closed), self.sources))
+            self._watch.append(state.coefficients(self.watched(closed), self.sources))
             self._follower = np.vstack([self._follower, np.full((1, closed.size), -1, dtype=np.int64)])
             self._tables = None
         return self._index[key]
@@ -170,7 +171,7 @@ class ExactFlow:
             np.zeros_like(delta.face),
         )
 
-    def _watched(self, closed: Bools) -> LinearOutput:
+    def watched(self, closed: Bools) -> LinearOutput:
         """Functions that are positive while the state lasts, then the penetrations (2 m)."""
         delta, _ = self.penetrations()
         force = self.contact_forces(closed)
@@ -237,6 +238,7 @@ def simulate(
     """
     from beamsim.dynamics import kernels
 
+    _load_kernels()
     begin = clock.process_time()
     duration = flow.duration if duration is None else duration
     system = flow.system
@@ -244,29 +246,19 @@ def simulate(
     face = np.zeros(system.contacts.count)
     closed = flow.starting_state(y, face)
     state = flow.state_index(closed)
-    N, m = y.size, face.size
     logs: list[tuple[NDArray[np.generic], ...]] = []
     events: list[tuple[NDArray[np.generic], ...]] = []
     t, n_events, evaluations, status = 0.0, 0, 0, "complete"
     length, contact = 64, -1
     while t < duration:
-        seg = (
-            np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
-            np.empty((length, N)), np.empty((length, m)),
-        )  # fmt: skip
-        ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
-        code, t, state, n_seg, n_ev, n_eval, contact = kernels.advance(
-            flow.tables(), flow.inputs(), t, duration, state, contact, y, face, *seg, *ev, max_evaluations - evaluations
+        length = min(length, max_events + 1 - n_events)
+        code, t, state, contact, n_eval, seg, ev = _advance(
+            flow, t, duration, state, contact, y, face, length, max_evaluations - evaluations
         )
         evaluations += n_eval
-        if code == kernels.NEED_STATE:
-            following = flow.follow(state, contact)
-            ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = t, contact, flow.states[following].closed[contact]
-            n_ev += 1
-            state = following
-        n_events += n_ev
-        logs.append(tuple(a[:n_seg] for a in seg))
-        events.append(tuple(a[:n_ev] for a in ev))
+        logs.append(seg)
+        events.append(ev)
+        n_events += ev[0].size
         if code == kernels.BUDGET:
             status = (
                 f"stopped at {t:.6g} s after {evaluations} evaluations of the contact gaps without reaching the end"
@@ -279,11 +271,54 @@ def simulate(
             break
         if progress is not None:
             progress(t / duration)
-        length = min(2 * length, LOG_LENGTH) if code == kernels.FULL else length
+        length = min(max(64, 2 * length), LOG_LENGTH)
     processor = clock.process_time() - begin
     merged = [np.concatenate(column) for column in zip(*logs, strict=True)]
     happened = [np.concatenate(column) for column in zip(*events, strict=True)]
     return Trajectory(flow, t, *merged, *happened, y, face, evaluations, status, processor)  # type: ignore[call-arg, arg-type]
+
+
+def _advance(
+    flow: ExactFlow,
+    t: float,
+    t_end: float,
+    state: int,
+    contact: int,
+    y: Floats,
+    face: Floats,
+    length: int,
+    most_evaluations: int,
+) -> tuple[int, float, int, int, int, tuple[NDArray[np.generic], ...], tuple[NDArray[np.generic], ...]]:
+    """One call of the kernel with logs of ``length`` segments; builds the next contact state where it is missing."""
+    from beamsim.dynamics import kernels
+
+    N, m = y.size, face.size
+    seg = (
+        np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
+        np.empty((length, N)), np.empty((length, m)),
+    )  # fmt: skip
+    ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
+    code, t, state, n_seg, n_ev, n_eval, contact = kernels.advance(
+        flow.tables(), flow.inputs(), t, t_end, state, contact, y, face, *seg, *ev, most_evaluations
+    )
+    if code == kernels.NEED_STATE:
+        state = flow.follow(state, contact)
+        ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = t, contact, flow.states[state].closed[contact]
+        n_ev += 1
+    return code, t, state, contact, n_eval, tuple(a[:n_seg] for a in seg), tuple(a[:n_ev] for a in ev)
+
+
+@cache
+def _load_kernels() -> None:
+    """Compile the kernels, or load them from the cache, once per process and outside every measured time."""
+    from beamsim.model.system import Contacts
+
+    one, no = np.ones(1), np.zeros(1, dtype=bool)
+    contacts = Contacts(np.ones((1, 1)), one, one, np.zeros(1), one, no, no)
+    system = PiecewiseLinearSystem(one, np.zeros((1, 1)), contacts, np.zeros(1))
+    flow = ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 1.0)
+    y, face = np.zeros(2), np.zeros(1)
+    _advance(flow, 0.0, 0.0, flow.state_index(flow.starting_state(y, face)), -1, y, face, 1, 1)
 
 
 def _first_sign(gamma: NDArray[np.complex128], exponent: NDArray[np.complex128], power: NDArray[np.int64]) -> int:

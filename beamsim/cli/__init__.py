@@ -1,0 +1,22 @@
+"""The command line: load, call, save, print."""
+
+from __future__ import annotations
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Entry point of ``beamsim``; ends the process with the exit code of `beamsim.cli.failures`."""
+    import signal
+    import sys
+
+    def stop(number: int, _frame: object) -> None:
+        sys.exit(128 + number)  # an exception, so that temporary files are removed
+
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        from beamsim.cli.app import app
+
+        app(prog_name="beamsim")
+    except KeyboardInterrupt:
+        sys.exit(130)

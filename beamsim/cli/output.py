@@ -1,0 +1,45 @@
+"""Where results go, and saving them there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from beamsim.analyses.results import RunResult
+from beamsim.files import check_writable
+
+__all__ = ["output_file", "output_folder", "save_run"]
+
+
+def output_file(output: Path | None, stem: str, *suffixes: str) -> Path:
+    """File named by ``-o``: the file itself when it ends in one of the suffixes, else ``stem`` in that folder.
+
+    Raises
+    ------
+    ResultFileError
+        When the file could not be written.
+    """
+    if output is not None and output.suffix.lower() in suffixes and not output.is_dir():
+        path = output
+    else:
+        path = (output or Path()) / f"{stem}{suffixes[0]}"
+    check_writable(path)
+    return path
+
+
+def output_folder(output: Path | None, stem: str) -> Path:
+    """Folder named by ``-o``, checked; the current one by default."""
+    folder = output or Path()
+    check_writable(folder / f"{stem}_")
+    return folder
+
+
+def save_run(result: RunResult, target: Path, *, plots: bool) -> list[Path]:
+    """Write the result file and, beside it, the plots; returns the files."""
+    from beamsim.store.write import write_run
+
+    files = [write_run(result, target)]
+    if plots:
+        from beamsim.plots.run import save_run_plots
+
+        files += save_run_plots(result, target.parent, target.stem)
+    return files

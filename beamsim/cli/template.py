@@ -1,0 +1,29 @@
+"""Writing the scenario to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from beamsim.errors import ScenarioError
+from beamsim.files import replacing
+
+__all__ = ["write_template"]
+
+
+def write_template(path: Path, kind: Literal["beam", "chain"], *, force: bool) -> None:
+    """Write a template; an existing file is kept unless ``force``.
+
+    Raises
+    ------
+    ScenarioError
+        When the file exists.
+    ResultFileError
+        When it cannot be written.
+    """
+    from beamsim.scenario import template
+
+    if path.exists() and not force:
+        raise ScenarioError(f"{path} exists already; choose another name or --force to replace it")
+    with replacing(path) as temporary:
+        temporary.write_text(template(kind), encoding="utf-8")

@@ -1,0 +1,34 @@
+"""What ``beamsim validate`` and ``beamsim schema`` ask of the scenario layer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+__all__ = ["schema_text", "validated"]
+
+
+def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+    """Load the case and, when it is one to run, build its model; returns its title and the warnings.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem found.
+    """
+    from beamsim.scenario import load_scenario
+
+    scenario = load_scenario(case, overrides)
+    if scenario.run is None:
+        return scenario.title, scenario.warnings
+    from beamsim.model.build import build_system
+
+    return scenario.title, (*scenario.warnings, *build_system(scenario).warnings)
+
+
+def schema_text() -> str:
+    """JSON Schema of scenario files."""
+    from beamsim.scenario import json_schema
+
+    return json.dumps(json_schema(), indent=2, ensure_ascii=False)

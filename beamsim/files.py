@@ -1,0 +1,70 @@
+"""Files that are either old or new, never half-written."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from beamsim.errors import ResultFileError
+
+__all__ = ["check_writable", "replacing"]
+
+
+@contextmanager
+def replacing(path: Path | str) -> Iterator[Path]:
+    """Yield a temporary path in the folder of ``path``, which takes its place when the block succeeds.
+
+    On any failure, an interrupt included, the temporary file goes and an existing file stays as it
+    was. The folder is made if it is missing. A symbolic link is followed.
+
+    Raises
+    ------
+    ResultFileError
+        When the place cannot be written.
+    """
+    target = Path(path).resolve()
+    check_writable(target)
+    temporary = target.with_name(f".beamsim-{secrets.token_hex(6)}.tmp")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        with open(temporary, "rb+") as written:
+            os.fsync(written.fileno())
+        os.replace(temporary, target)
+    except OSError as error:
+        raise ResultFileError(
+            f"cannot write {path}: {error.strerror or error}; choose another place with -o"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: Path | str) -> None:
+    """Make sure, before a long computation, that the file could be written afterwards.
+
+    Raises
+    ------
+    ResultFileError
+        When it could not: a folder of that name, a folder without permission, a file where a folder should be.
+    """
+    target = Path(path).resolve()
+    if target.exists() and not target.is_file():
+        kind = "a folder" if target.is_dir() else "no ordinary file"
+        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another place with -o")
+    folder = target.parent
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir():
+        raise ResultFileError(f"cannot write {path}: {folder} is not a folder; choose another place with -o")
+    probe = folder / f".beamsim-{secrets.token_hex(6)}.tmp"
+    try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
+        probe.touch()
+    except OSError as error:
+        raise ResultFileError(
+            f"cannot write {path}: {error.strerror or error}; choose another place with -o"
+        ) from error
+    finally:
+        probe.unlink(missing_ok=True)

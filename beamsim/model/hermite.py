@@ -1,0 +1,82 @@
+r"""Cubic Hermite Euler–Bernoulli element in adimensional form.
+
+Lengths are over the beam's length, so an element of adimensional length *h* has the degrees of freedom
+(w1, L w1', w2, L w2'): all four are deflections in metres, which keeps the matrices well scaled
+(thesis, section 1.2.2). Forces are in E I / L^3, masses in rho S L.
+
+The stiffness is kept as a factor B with K = B^T B. Along an element the curvature is linear,
+kappa = kappa_0 + kappa_1 (2 xi - 1), and its energy h (kappa_0^2 + kappa_1^2 / 3) / 2, which gives two
+rows an element. Frequencies taken from singular values of B keep their digits where the eigenvalues
+of K lose them as the fourth power of the number of elements.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["curvature_factor", "double_integral", "mass_matrix", "shape_functions"]
+
+Floats = NDArray[np.float64]
+
+# Coefficients of xi^0 .. xi^3; columns 2 and 4 still to be multiplied by h.
+_CUBIC = np.array(
+    [
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [-3.0, -2.0, 3.0, -1.0],
+        [2.0, 1.0, -2.0, 1.0],
+    ]
+)
+
+
+def _per_dof(h: ArrayLike) -> Floats:
+    """(..., 4) factors 1, h, 1, h of the four degrees of freedom."""
+    h = np.asarray(h, dtype=float)
+    one = np.ones_like(h)
+    return np.stack([one, h, one, h], axis=-1)
+
+
+def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
+    """Values of the four shape functions, or of their derivative with respect to x / L.
+
+    Parameters
+    ----------
+    xi : (...,) place within the element, 0 to 1.
+    h : (...,) adimensional element length, broadcast against xi.
+    derivative : 0 to 3; zero is returned beyond.
+
+    Returns
+    -------
+    (..., 4) array.
+    """
+    xi, h = np.broadcast_arrays(np.asarray(xi, dtype=float), np.asarray(h, dtype=float))
+    powers = np.zeros((*xi.shape, 4))
+    for p in range(derivative, 4):
+        factor = float(np.prod(np.arange(p - derivative + 1, p + 1)))
+        powers[..., p] = factor * xi ** (p - derivative)
+    return np.asarray(powers @ _CUBIC * _per_dof(h) / h[..., None] ** derivative)
+
+
+def double_integral(xi: ArrayLike, h: ArrayLike) -> Floats:
+    """(..., 4) values of h^2 * int_0^xi (xi - s) N_i(s) ds: moments at xi of the loads N_i to its left."""
+    xi, h = np.broadcast_arrays(np.asarray(xi, dtype=float), np.asarray(h, dtype=float))
+    powers = np.stack([xi ** (p + 2) / ((p + 1) * (p + 2)) for p in range(4)], axis=-1)
+    return np.asarray(powers @ _CUBIC * _per_dof(h) * h[..., None] ** 2)
+
+
+def mass_matrix(h: ArrayLike) -> Floats:
+    """(..., 4, 4) consistent mass matrices, in rho S L."""
+    h = np.asarray(h, dtype=float)
+    unit = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420
+    d = _per_dof(h)
+    return np.asarray(unit * d[..., :, None] * d[..., None, :] * h[..., None, None])
+
+
+def curvature_factor(h: ArrayLike) -> Floats:
+    """(..., 2, 4) factors B with element stiffness B^T B, in E I / L^3."""
+    h = np.asarray(h, dtype=float)
+    mean = np.array([0.0, -1.0, 0.0, 1.0])
+    slope = np.array([6.0, 3.0, -6.0, 3.0]) / np.sqrt(3.0)
+    d = _per_dof(h) / h[..., None] ** 1.5
+    return np.stack([mean * d, slope * d], axis=-2)

@@ -1,0 +1,68 @@
+"""Where the nodes of a beam are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Mesh", "build_mesh"]
+
+Floats = NDArray[np.float64]
+
+# Hard points closer together than this part of an element share a node.
+_SLIVER = 1e-3
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Nodes of a beam on the adimensional axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1."""
+
+    nodes: Floats  # (elements + 1,) increasing
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return int(self.nodes.size) - 1
+
+    @property
+    def lengths(self) -> Floats:
+        """(elements,) adimensional element lengths."""
+        return np.diff(self.nodes)
+
+    @property
+    def dofs(self) -> NDArray[np.int64]:
+        """(elements, 4) degrees of freedom of each element."""
+        return 2 * np.arange(self.elements)[:, None] + np.arange(4)
+
+    def locate(self, x: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
+        """Element that holds x / L and the place within it, 0 to 1 (a node belongs to its right-hand element)."""
+        x = np.asarray(x, dtype=float)
+        element = np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, self.elements - 1)
+        return element.astype(np.int64), (x - self.nodes[element]) / self.lengths[element]
+
+
+def build_mesh(elements: int, hard_points: Iterable[float] = ()) -> Mesh:
+    """Uniform pieces between hard points, no element longer than 1 / elements.
+
+    Parameters
+    ----------
+    elements : number of elements of the beam without hard points.
+    hard_points : adimensional positions that want a node (point masses). One that lies within a
+        thousandth of an element of another node gets none, because a sliver would spoil the conditioning.
+    """
+    size = 1.0 / elements
+    ends = [0.0, 1.0]
+    for x in sorted(hard_points):
+        if all(abs(x - end) > _SLIVER * size for end in ends):
+            ends.append(x)
+    ends.sort()
+    pieces = [
+        # The margin keeps round-off in 0.5 / 0.05 from adding an element.
+        np.linspace(a, b, int(np.ceil((b - a) / size * (1 - 1e-9))) + 1)[:-1]
+        for a, b in pairwise(ends)
+    ]
+    return Mesh(np.concatenate([*pieces, [1.0]]))

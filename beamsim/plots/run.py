@@ -1,0 +1,283 @@
+"""Pictures of one run. Every function draws what the result holds on the Axes it is given and returns them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.results import ProbeHistory, RunResult, SnubberHistory, Spectrum
+from beamsim.files import replacing
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "plot_absolute_acceleration",
+    "plot_contact_force",
+    "plot_deflected_shapes",
+    "plot_displacement",
+    "plot_phase_portrait",
+    "plot_spectrum",
+    "run_figures",
+    "save_run_plots",
+]
+
+Floats = NDArray[np.float64]
+History = TypeVar("History", ProbeHistory, SnubberHistory)
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+PERIODS_SHOWN = 6  # in a close-up
+SHARE_SHOWN = 0.125  # of a run without excitation frequency
+DEEPEST_DB = 100.0  # below the highest line of a spectrum
+_LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x"}
+_FREE, _CLOSED = "0.45", "#d1495b"
+
+
+def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
+    """Displacement of the probes, relative to the base, against time."""
+    return _histories(
+        result, ax, result.probes.values(), lambda p: p.displacement, "Relative displacement", "m", last_part
+    )
+
+
+def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
+    """Absolute acceleration of the probes, in g, against time."""
+    return _histories(
+        result,
+        ax,
+        result.probes.values(),
+        lambda p: p.absolute_acceleration / STANDARD_GRAVITY,
+        "Absolute acceleration",
+        "g",
+        last_part,
+    )
+
+
+def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
+    """Contact forces against time; of many snubbers those with the largest peaks."""
+    strongest = sorted(result.snubbers.values(), key=lambda s: -float(np.max(s.force, initial=0.0)))
+    kept = {s.name for s in strongest[:MOST_CURVES]}
+    snubbers = [s for s in result.snubbers.values() if s.name in kept]
+    _histories(result, ax, snubbers, lambda s: s.force, "Contact force", "N", last_part, known=len(result.snubbers))
+    if ax.lines and not any(np.any(line.get_ydata()) for line in ax.lines):
+        ax.set_ylim(-0.05, 1.0)
+        ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", color="0.5")
+    return ax
+
+
+def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:
+    """Level in dB against frequency over excitation frequency (Hz when there is none), with the lines marked."""
+    spectra = [s for s in result.spectra.values() if s.quantity == quantity]
+    forced = bool(spectra) and bool(np.isfinite(spectra[0].excitation_hz))
+    for k, s in enumerate(spectra[:MOST_CURVES]):
+        unit = s.excitation_hz if forced else 1.0
+        style = curve_style(k)
+        ax.plot(*thinned(s.frequency_hz / unit, s.amplitude_db), label=s.probe, **style)
+        for kind, mark in _LINE_MARKS.items():
+            marked = [line for line in s.lines if line.kind == kind] if k == 0 else []
+            ax.plot(
+                [line.frequency_hz / unit for line in marked],
+                [line.amplitude_db for line in marked],
+                linestyle="none",
+                marker=mark,
+                markersize=4,
+                markerfacecolor="white",
+                color=style["color"],
+                label="_nolegend_",
+            )
+    if spectra:
+        ax.set_xlim(0.0, _highest_shown(spectra, forced))
+        top = max(float(np.max(s.amplitude_db)) for s in spectra)
+        bottom = min(float(np.percentile(s.amplitude_db, 5)) for s in spectra)
+        ax.set_ylim(min(max(top - DEEPEST_DB, bottom), top - 40.0), top + 6.0)
+    named = quantity.replace("_", " ").capitalize()
+    axis = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
+    finish(ax, axis, f"{named} (dB re max)")
+    legend(ax, min(len(spectra), MOST_CURVES), len(spectra), "probes")
+    return ax
+
+
+def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:
+    """Velocity against displacement at a snubber (the first probe when there is none), contact emphasised.
+
+    The part before the one whose spectrum was taken is drawn faintly.
+    """
+    place = _place(result, at)
+    closed = place.closed if isinstance(place, SnubberHistory) else np.zeros(result.time.size, dtype=bool)
+    length, speed = scale_for("m", place.displacement), scale_for("m/s", place.velocity)
+    w, v = place.displacement * length.factor, place.velocity * speed.factor
+    begin = min((s.start_s for s in result.spectra.values()), default=0.0)
+    early = result.time < begin
+    if np.any(early):
+        ax.plot(w[early], v[early], color="0.85", linewidth=0.5, zorder=1)
+    free = np.where(early | closed, np.nan, v)
+    # One sample more on either side, so that the two curves meet.
+    touching = closed | np.roll(closed, 1) | np.roll(closed, -1)
+    ax.plot(w, free, color=_FREE, linewidth=0.9, zorder=2, label="free")
+    if np.any(closed & ~early):
+        ax.plot(w, np.where(touching & ~early, v, np.nan), color=_CLOSED, linewidth=1.5, zorder=3, label="in contact")
+        if at is None or at == next(iter(result.snubbers)):
+            legend(ax, 2, 2, "")
+    finish(ax, f"Displacement at {place.name} ({length.unit})", f"Velocity ({speed.unit})")
+    return ax
+
+
+def plot_deflected_shapes(result: RunResult, ax: Axes) -> Axes:
+    """Beam when the first probe is lowest and highest, its static shape, and the snubbers' faces."""
+    beam = result.beam
+    if beam is None:
+        raise ValueError("a chain has no deflected shape")
+    faces = [(-1.0 if s.side == "below" else 1.0) * s.gap for s in result.snubbers.values()]
+    length = scale_for("m", beam.extreme_shapes, np.array(faces))
+    along = scale_for("m", beam.position)
+    x = beam.position * along.factor
+    ax.axhline(0.0, color="0.6", linewidth=0.7, zorder=1)
+    first = next(iter(result.probes), "")
+    curves = [
+        (beam.extreme_shapes[1], "-", f"{first} highest, t = {beam.extreme_times[1]:.4g} s"),
+        (beam.extreme_shapes[0], (0, (5, 1.5)), f"{first} lowest, t = {beam.extreme_times[0]:.4g} s"),
+        (beam.static_shape, (0, (1.2, 1.2)), "static equilibrium"),
+    ]
+    for shape, dashes, label in curves:
+        if np.all(np.isfinite(shape)):
+            ax.plot(x, shape * length.factor, color="#0b3c5d", linestyle=dashes, linewidth=1.5, label=label)
+    for k, (s, face) in enumerate(zip(result.snubbers.values(), faces, strict=True)):
+        ax.plot(
+            [s.position * along.factor],
+            [face * length.factor],
+            marker=6 if s.side == "below" else 7,  # a triangle whose tip is the face
+            markersize=11,
+            color=_CLOSED,
+            linestyle="none",
+            clip_on=False,
+            label="snubber" if k == 0 else "_nolegend_",
+        )
+    finish(ax, f"Position along the beam ({along.unit})", f"Relative deflection ({length.unit})")
+    ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
+    return ax
+
+
+def run_figures(result: RunResult) -> dict[str, Figure]:
+    """All pictures that this result allows, by the name that ends their file's."""
+    from matplotlib.figure import Figure
+
+    def panels(rows: int, columns: int = 1, height: float = 5.6) -> tuple[Figure, list[Axes]]:
+        figure = Figure(figsize=(8.0, height), layout="constrained")
+        if result.title:
+            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
+
+    def whole_and_last_part(draw: Callable[..., Axes]) -> Figure:
+        figure, (above, below) = panels(2)
+        draw(result, above)
+        draw(result, below, last_part=True)
+        above.set_xlabel("")
+        if (drawn := below.get_legend()) is not None:
+            drawn.remove()
+        return figure
+
+    figures = {
+        "displacement": whole_and_last_part(plot_displacement),
+        "acceleration": whole_and_last_part(plot_absolute_acceleration),
+    }
+    if result.snubbers:
+        figures["contact_force"] = whole_and_last_part(plot_contact_force)
+    figure, (above, below) = panels(2)
+    plot_spectrum(result, above)
+    plot_spectrum(result, below, "displacement")
+    above.set_xlabel("")
+    if (drawn := below.get_legend()) is not None:
+        drawn.remove()
+    figures["spectrum"] = figure
+    places: list[str | None] = [*list(result.snubbers)[:MOST_CURVES]] or [None]
+    columns = min(len(places), 3)
+    rows = -(-len(places) // columns)
+    figure, axes = panels(rows, columns, 5.0 if rows == 1 else 6.4)
+    for ax, name in zip(axes, places, strict=False):
+        plot_phase_portrait(result, ax, name)
+    for ax in axes[len(places) :]:
+        ax.set_visible(False)
+    figures["phase_portrait"] = figure
+    if result.beam is not None:
+        figure, (ax,) = panels(1, height=4.4)
+        plot_deflected_shapes(result, ax)
+        figures["deflected_shapes"] = figure
+    return figures
+
+
+def save_run_plots(
+    result: RunResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """Save every picture as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    written = []
+    for name, figure in run_figures(result).items():
+        path = Path(folder) / f"{stem}_{name}.{form}"
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=form, dpi=dots_per_inch)
+        written.append(path)
+    return written
+
+
+def _histories(
+    result: RunResult,
+    ax: Axes,
+    items: Iterable[History],
+    values: Callable[[History], Floats],
+    label: str,
+    unit: str,
+    last_part: bool,
+    known: int | None = None,
+) -> Axes:
+    items = list(items)
+    known = len(items) if known is None else known
+    items = items[:MOST_CURVES]
+    begin = _last_part(result) if last_part else float(result.time[0])
+    part = result.time >= begin
+    time = result.time[part]
+    curves = [values(item)[part] for item in items]
+    scale = scale_for(unit, *curves) if unit != "g" else scale_for("")
+    for k, (item, curve) in enumerate(zip(items, curves, strict=True)):
+        ax.plot(*thinned(time, curve * scale.factor), label=item.name, **curve_style(k))
+    ax.set_xlim(begin, float(result.time[-1]) if result.time[-1] > begin else begin + 1.0)
+    finish(ax, "Time (s)", f"{label} ({scale.unit or unit})")
+    legend(ax, len(items), known, "probes" if items and isinstance(items[0], ProbeHistory) else "snubbers")
+    return ax
+
+
+def _last_part(result: RunResult) -> float:
+    """Beginning of a close-up: a few excitation periods before the end."""
+    begin, end = float(result.time[0]), float(result.time[-1])
+    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
+    length = PERIODS_SHOWN / excitation if np.isfinite(excitation) else SHARE_SHOWN * (end - begin)
+    return max(begin, end - length)
+
+
+def _highest_shown(spectra: Sequence[Spectrum], forced: bool) -> float:
+    unit = spectra[0].excitation_hz if forced else 1.0
+    nyquist = float(spectra[0].frequency_hz[-1]) / unit
+    strong = [
+        line.frequency_hz / unit
+        for s in spectra
+        for line in s.lines
+        if line.amplitude_db > -60.0 and line.kind != "mean"
+    ]
+    wanted = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=nyquist)
+    return min(wanted, nyquist) or 1.0
+
+
+def _place(result: RunResult, at: str | None) -> SnubberHistory | ProbeHistory:
+    if at is not None:
+        return result.snubbers[at]
+    return next(iter(result.snubbers.values()), None) or next(iter(result.probes.values()))

@@ -1,0 +1,87 @@
+"""How every picture looks: lines that differ in grey print too, units with a fitting prefix."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["MOST_CURVES", "Scale", "curve_style", "finish", "legend", "scale_for", "thinned"]
+
+Floats = NDArray[np.float64]
+
+MOST_CURVES = 6  # in one picture; more cannot be told apart
+
+# Colours of falling darkness, told apart by colour-blind readers, each with its own dashes for grey print.
+_COLOURS = ("#0b3c5d", "#d1495b", "#3a7d44", "#e6a117", "#7b5ea7", "#6c757d")
+_DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1.2, 1.2)),
+    (0, (6, 1.5, 1.2, 1.5)),
+    (0, (9, 2)),
+    (0, (3, 1, 1.2, 1, 1.2, 1)),
+)
+
+_PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12))
+
+
+class Scale(NamedTuple):
+    """Multiply SI values by ``factor`` to show them in ``unit``."""
+
+    factor: float
+    unit: str
+
+
+def scale_for(unit: str, *values: Floats) -> Scale:
+    """SI prefix that leaves 1 to 1000 for the largest of the values (for lengths 0.1 to 100, never above metres)."""
+    largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
+    if not np.isfinite(largest) or largest == 0.0:
+        return Scale(1.0, unit)
+    metres = unit.startswith("m")
+    for prefix, size in _PREFIXES:
+        if largest >= (0.1 if metres else 1.0) * size and not (metres and size > 1.0):
+            return Scale(1.0 / size, prefix + unit)
+    return Scale(1e12, f"p{unit}")
+
+
+def curve_style(index: int) -> dict[str, Any]:
+    """Colour, dashes and width of the index-th curve of a picture."""
+    k = index % len(_COLOURS)
+    return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
+
+
+def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
+    """Labels, grid and frame."""
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    ax.grid(visible=True, color="0.88", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def legend(ax: Axes, shown: int, known: int, what: str) -> None:
+    """A legend when there is more than one curve, saying so when not all are shown."""
+    if shown > 1 or known > shown:
+        title = f"{shown} of {known} {what}" if known > shown else None
+        ax.legend(
+            title=title, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(shown, 6), frameon=False,
+            fontsize="small", title_fontsize="small", borderaxespad=0.1, handlelength=2.6,
+        )  # fmt: skip
+
+
+def thinned(time: Floats, x: Floats, most: int = 40_000) -> tuple[Floats, Floats]:
+    """The same curve with at most about ``most`` points: the lowest and highest of every stretch."""
+    stretch = -(-2 * time.size // most)
+    if time.size <= most or stretch < 3:
+        return time, x
+    whole = time.size // stretch * stretch
+    blocks = x[:whole].reshape(-1, stretch)
+    first = np.arange(blocks.shape[0]) * stretch
+    pick = np.sort(np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
+    pick = np.append(pick, np.arange(whole, time.size))
+    return time[pick], x[pick]

@@ -1,0 +1,96 @@
+"""Scenarios: the YAML a user writes, checked, in SI units, with located errors.
+
+>>> from beamsim.scenario import load_scenario
+>>> scenario = load_scenario('''
+... chain: {masses: [1, 1], springs: [1, 1, 1]}
+... excitation: {kind: harmonic, applied_to: {mass: 2}, level: 0.1 N, frequency: 0.8 rad/s}
+... ''')
+>>> round(scenario.excitation.frequency, 6)
+0.127324
+"""
+
+from beamsim.scenario.beam import Beam, GeneralSection, PointMass, RectangleSection, Supports, TubeSection
+from beamsim.scenario.chain import Chain, CubicGroundSpring, GroundSpring, LinearGroundSpring
+from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
+from beamsim.scenario.excitation import (
+    AppliedTo,
+    Excitation,
+    HalfSine,
+    Harmonic,
+    MultiTone,
+    NoExcitation,
+    Step,
+    Tone,
+)
+from beamsim.scenario.identification import IdentifyStiffness, Pad
+from beamsim.scenario.jsonschema import json_schema
+from beamsim.scenario.loading import load_scenario
+from beamsim.scenario.nnm import (
+    ContinueIn,
+    EnergyContinuation,
+    FrequencyContinuation,
+    NonlinearMode,
+    StiffnessFactorContinuation,
+)
+from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, PlacedForce, Probe
+from beamsim.scenario.quantities import Rate
+from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
+from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.snubber import ChainSnubber, Snubber, SnubberRatioDamping, SnubberViscousDamping
+from beamsim.scenario.sweep import Continuation, SteppedSine, Sweep, SweptSine
+from beamsim.scenario.template import template
+
+__all__ = [
+    "AppliedTo",
+    "AtMass",
+    "AtPosition",
+    "Beam",
+    "Chain",
+    "ChainSnubber",
+    "ConstantForce",
+    "Continuation",
+    "ContinueIn",
+    "CubicGroundSpring",
+    "EnergyContinuation",
+    "Excitation",
+    "FrequencyContinuation",
+    "GeneralSection",
+    "GroundSpring",
+    "HalfSine",
+    "Harmonic",
+    "IdentifyStiffness",
+    "LinearGroundSpring",
+    "ModalDamping",
+    "ModeStart",
+    "MultiTone",
+    "NoExcitation",
+    "NonlinearMode",
+    "Pad",
+    "PlacedForce",
+    "PointMass",
+    "PolynomialStart",
+    "Probe",
+    "Rate",
+    "RayleighDamping",
+    "RectangleSection",
+    "Reduction",
+    "ReleasedForceStart",
+    "Run",
+    "Scenario",
+    "Snubber",
+    "SnubberRatioDamping",
+    "SnubberViscousDamping",
+    "SpectrumSettings",
+    "Step",
+    "SteppedSine",
+    "StiffnessFactorContinuation",
+    "Supports",
+    "Sweep",
+    "SweptSine",
+    "Tone",
+    "TubeSection",
+    "ViscousDamping",
+    "json_schema",
+    "load_scenario",
+    "template",
+]

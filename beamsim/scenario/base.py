@@ -1,0 +1,278 @@
+"""The base of every part of a scenario, and the tools its parts share.
+
+Every class is frozen, refuses unknown keys, and takes its fields' descriptions from the docstrings
+below them (they reach the user through the JSON Schema; they are read when they are needed, since
+parsing sources would take a third of the import time).
+
+A scenario with several mistakes should show all of them at once, also those that need two fields to
+be seen. pydantic stops at the fields. So a second, *lenient* pass puts `UNKNOWN` where a field is
+wrong and carries on; a check that touches an unknown value is skipped.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import pairwise
+from typing import Any, NoReturn, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from beamsim.errors import ScenarioError
+
+__all__ = [
+    "BY_KIND",
+    "UNKNOWN",
+    "LenientPass",
+    "Schema",
+    "UnknownValueError",
+    "by_key",
+    "fail",
+    "key_of",
+    "known",
+    "number_or_list",
+    "path_text",
+    "single_line",
+    "walk",
+]
+
+Path = tuple[str | int, ...]
+
+
+class UnknownValueError(Exception):
+    """A check used a value that did not pass validation."""
+
+
+class _Unknown:
+    """Stands for a value that is wrong; any use of it raises `UnknownValueError`."""
+
+    __slots__ = ()
+
+    def _used(self, *_: object) -> NoReturn:
+        raise UnknownValueError
+
+    __lt__ = __le__ = __gt__ = __ge__ = _used
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _used
+    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = _used
+    __float__ = __int__ = __index__ = __bool__ = __str__ = __format__ = _used
+    __len__ = __iter__ = __getitem__ = __contains__ = _used
+
+    def __eq__(self, other: object) -> bool:
+        raise UnknownValueError
+
+    def __hash__(self) -> int:
+        raise UnknownValueError
+
+    def __getattr__(self, name: str) -> NoReturn:
+        if name.startswith("__"):  # pydantic probes for special methods
+            raise AttributeError(name)
+        raise UnknownValueError
+
+
+UNKNOWN = _Unknown()
+
+
+def known(*values: object) -> bool:
+    """Whether none of the values is the one that stands for a wrong value."""
+    return not any(value is UNKNOWN for value in values)
+
+
+def path_text(path: Path) -> str:
+    """Write a path as the user would.
+
+    >>> path_text(("snubbers", 0, "position"))
+    'snubbers[0].position'
+    """
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+class LenientPass:
+    """Validation context of the lenient pass."""
+
+
+def fail(message: str, remedy: str = "", at: Path = (), show_value: bool = False) -> PydanticCustomError:
+    """Build the error a validator raises; ``at`` is the path below the value being validated.
+
+    ``message`` follows the path of the value (``beam.length`` + ``must be ...``); with ``show_value`` the
+    value as it was written comes between them (``= -5 mm``).
+    """
+    context = {"message": message, "remedy": remedy, "at": at, "show_value": show_value}
+    return PydanticCustomError("beamsim", "{message}", context)
+
+
+class Schema(BaseModel):
+    """A frozen part of a scenario."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        validate_by_name=True,
+        validate_by_alias=True,
+    )
+
+    _late: Exception | None = None  # what `settle` found in the lenient pass
+
+    @property
+    def late_error(self) -> Exception | None:
+        """What the fields' comparison raised in the lenient pass, if anything."""
+        return self._late
+
+    def settle(self) -> None:
+        """Check fields against each other and resolve defaults; raises what `fail` builds."""
+
+    def resolve(self, name: str, value: object) -> None:
+        """Set a field while the object is being validated (it is frozen for everybody else)."""
+        self.__dict__[name] = value
+
+    @classmethod
+    def keys(cls) -> dict[str, str]:
+        """Map the key as it is written in YAML to the attribute's name."""
+        return {key_of(cls, name): name for name in cls.model_fields}
+
+    @classmethod
+    def descriptions(cls) -> dict[str, str]:
+        """Map every attribute's name to the docstring below it."""
+        found: dict[str, str] = {}
+        for base in reversed(cls.__mro__):
+            if issubclass(base, Schema) and base is not Schema:
+                found |= _attribute_docstrings(base.__module__).get(base.__name__, {})
+        return found
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _trap_field(cls, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        if not isinstance(info.context, LenientPass):
+            return handler(value)
+        try:
+            return UNKNOWN if value is UNKNOWN else handler(value)
+        except ValidationError:
+            return UNKNOWN
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tidy_keys(cls, data: Any, info: ValidationInfo) -> Any:
+        """Read ``null`` as if the key were not there; in the lenient pass repair the keys."""
+        if not isinstance(data, dict):
+            return data
+        keys = cls.keys() | {name: name for name in cls.model_fields}
+        data = {key: value for key, value in data.items() if value is not None or key not in keys}
+        if not isinstance(info.context, LenientPass):
+            return data
+        needed = {key: UNKNOWN for key, name in cls.keys().items() if cls.model_fields[name].is_required()}
+        return needed | {key: value for key, value in data.items() if key in keys}
+
+    @model_validator(mode="after")
+    def _settle(self, info: ValidationInfo) -> Self:
+        if not isinstance(info.context, LenientPass):
+            self.settle()
+            return self
+        try:
+            self.settle()
+        except UnknownValueError:
+            pass
+        except (PydanticCustomError, ScenarioError) as error:
+            self._late = error
+        return self
+
+
+@cache
+def _attribute_docstrings(module: str) -> dict[str, dict[str, str]]:
+    """Map class and attribute to docstring, for a module."""
+    tree = ast.parse(inspect.getsource(sys.modules[module]))
+    found: dict[str, dict[str, str]] = {}
+    for item in tree.body:
+        if not isinstance(item, ast.ClassDef):
+            continue
+        texts = found.setdefault(item.name, {})
+        for field, doc in pairwise(item.body):
+            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+                continue
+            if isinstance(doc, ast.Expr) and isinstance(doc.value, ast.Constant) and isinstance(doc.value.value, str):
+                texts[field.target.id] = inspect.cleandoc(doc.value.value)
+    return found
+
+
+def key_of(schema: type[Schema], name: str) -> str:
+    """Return the YAML key of an attribute (``from`` for ``from_``)."""
+    return schema.model_fields[name].alias or name
+
+
+def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
+    """Yield every part of a scenario with its path."""
+    if isinstance(value, Schema):
+        yield path, value
+        for key, name in type(value).keys().items():
+            yield from walk(value.__dict__.get(name), (*path, key))
+    elif isinstance(value, tuple):
+        for index, item in enumerate(value):
+            yield from walk(item, (*path, index))
+
+
+def by_key(choose: Callable[[Any], str | None], message: str, remedy: str) -> Discriminator:
+    """Tell the members of a union apart by a function of the raw value, with one clear message."""
+    return Discriminator(
+        choose,
+        custom_error_type="beamsim",
+        custom_error_message=message,
+        custom_error_context={"message": message, "remedy": remedy, "show_value": 1},
+    )
+
+
+def _kind(value: Any) -> str | None:
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return f"<{kind}>" if isinstance(kind, str) else None
+
+
+BY_KIND = Discriminator(_kind)
+"""Variants told apart by their key ``kind``; each member of the union carries ``Tag("<its kind>")``."""
+
+
+def _number_or_list(value: Any) -> str | None:
+    return "<list>" if isinstance(value, (list, tuple)) else "<number>"
+
+
+number_or_list = Discriminator(_number_or_list)
+"""A number or a list of numbers, tagged ``<number>`` and ``<list>``."""
+
+
+def single_line(value: object, limit: int = 60) -> str:
+    """Show a raw value as the user would write it, shortened.
+
+    >>> single_line({"kind": "modal", "on": True})
+    '{kind: modal, on: true}'
+    """
+    text = _flow(value)
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def _flow(value: object) -> str:
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value if value and value == value.strip() and value.isprintable() else repr(value)
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_flow(item) for item in value) + "]"
+    return str(value)

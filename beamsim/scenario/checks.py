@@ -1,0 +1,316 @@
+"""What is wrong between the parts of a scenario, seen together.
+
+Every check yields the problems it finds. A check that meets a value which is wrong by itself (see
+`beamsim.scenario.base`) ends there, and the others go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from beamsim.errors import Problem
+from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, walk
+from beamsim.scenario.beam import PointMass
+from beamsim.scenario.chain import CubicGroundSpring, LinearGroundSpring
+from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.identification_checks import identification_problems
+from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, OneOfTwoPlaces, Probe
+from beamsim.scenario.quantities import LevelValue
+from beamsim.scenario.run import ModeStart, PolynomialStart
+from beamsim.scenario.snubber import ChainSnubber, Snubber
+
+if TYPE_CHECKING:
+    from beamsim.scenario.beam import Beam
+    from beamsim.scenario.run import Run
+    from beamsim.scenario.scenario import Scenario
+
+__all__ = ["MOST_SAMPLES", "problems"]
+
+MOST_SAMPLES = 100_000_000
+"""More output samples than this are refused: the histories would not fit into memory."""
+
+Found = Iterator[Problem]
+
+
+def problems(scenario: Scenario) -> list[Problem]:
+    """Return everything wrong between the parts of a scenario."""
+    checks = (_structure, _places, _names, _run, _start, _sweep, _identification, _modes)
+    return [problem for check in checks for problem in _guarded(check(scenario))]
+
+
+def _guarded(found: Found) -> Found:
+    """Yield what a check finds until it meets an unknown value."""
+    try:
+        yield from found
+    except UnknownValueError:
+        return
+
+
+def _problem(path: Path, message: str, remedy: str = "") -> Problem:
+    return Problem(path_text(path), message, remedy)
+
+
+def _structure(scenario: Scenario) -> Found:
+    if scenario.beam is None and scenario.chain is None:
+        yield _problem((), "the scenario has no structure", "give beam: or chain: (beamsim new writes a template)")
+    elif scenario.beam is not None and scenario.chain is not None:
+        yield _problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
+    elif scenario.chain is not None and scenario.snubbers:
+        yield _problem(("snubbers",), "act on a beam", "list the snubbers of a chain in chain.snubbers, by mass")
+    beam = scenario.beam
+    if beam is not None and beam.elements == 1 and beam.supports.left == beam.supports.right == "clamped":
+        inside = [mass for mass in beam.point_masses if 0.0 < mass.position < beam.length]
+        if not inside:
+            yield _problem(
+                ("beam", "elements"), "= 1 leaves nothing free to move between two clamped ends", "use 2 or more"
+            )
+
+
+def _places(scenario: Scenario) -> Found:
+    """Everything that sits somewhere must sit on the structure, where it can act."""
+    for path, part in walk(scenario):
+        yield from _guarded(_place(scenario, path, part))
+
+
+def _place(scenario: Scenario, path: Path, part: Schema) -> Found:
+    position: float | None = None
+    mass: int | None = None
+    if isinstance(part, OneOfTwoPlaces):
+        position, mass = part.position, part.mass
+    elif isinstance(part, (AtPosition, Snubber, PointMass)):
+        position = part.position
+    elif isinstance(part, (AtMass, ChainSnubber, LinearGroundSpring, CubicGroundSpring)):
+        mass = part.mass
+    if position is not None:
+        yield from _on_beam(scenario, path, part, position)
+    if mass is not None:
+        yield from _on_chain(scenario, path, mass)
+
+
+def _on_beam(scenario: Scenario, path: Path, part: Schema, position: float) -> Found:
+    beam, at = scenario.beam, (*path, "position")
+    if beam is None:
+        if scenario.chain is not None and not isinstance(part, Snubber):
+            yield _problem(at, "belongs to a beam, and this is a chain", "name a mass by its number: mass: 1")
+        return
+    if position > beam.length:
+        given = _distinct(position, beam.length)
+        yield _problem(
+            at,
+            f"= {given[0]} m lies beyond beam.length = {given[1]} m",
+            f"positions run from 0 to {given[1]} m, from the left end",
+        )
+        return
+    held = _held_end(beam, position)
+    if held is None or isinstance(part, (PointMass, Probe, ConstantForce)):
+        return
+    end, support = held
+    what = "a snubber" if isinstance(part, Snubber) else "a force"
+    yield _problem(
+        at,
+        f"= {position:g} m is the {support} {end} end, which cannot deflect: {what} does nothing there",
+        f"move it along the beam, or change beam.supports.{end}",
+    )
+
+
+def _distinct(a: float, b: float) -> tuple[str, str]:
+    """Print two numbers with as many digits as tell them apart."""
+    for digits in range(6, 18):
+        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if texts[0] != texts[1]:
+            return texts
+    return repr(a), repr(b)
+
+
+def _held_end(beam: Beam, position: float) -> tuple[str, str] | None:
+    """Return (end, support) if no deflection is possible at the position."""
+    if position == 0.0 and beam.supports.left in ("clamped", "pinned"):
+        return "left", beam.supports.left
+    if position == beam.length and beam.supports.right in ("clamped", "pinned"):
+        return "right", beam.supports.right
+    return None
+
+
+def _on_chain(scenario: Scenario, path: Path, mass: int) -> Found:
+    at = (*path, "mass")
+    if scenario.chain is None:
+        if scenario.beam is not None:
+            yield _problem(
+                at, "belongs to a chain, and this is a beam", "name a position on the beam: position: 270 mm"
+            )
+    elif mass > scenario.chain.count:
+        count = scenario.chain.count
+        yield _problem(at, f"= {mass}, but the chain has {count} masses", f"masses are numbered from 1 to {count}")
+
+
+def _names(scenario: Scenario) -> Found:
+    if scenario.chain is not None:
+        yield from _guarded(_unique(("chain", "snubbers"), scenario.chain.snubbers))
+    yield from _guarded(_unique(("snubbers",), scenario.snubbers))
+    yield from _guarded(_unique(("probes",), scenario.probes))
+
+
+def _unique(path: Path, items: Sequence[Snubber | ChainSnubber | Probe]) -> Found:
+    first: dict[str, int] = {}
+    for index, item in enumerate(items):
+        if item.name in first:
+            other = path_text((*path, first[item.name]))
+            yield _problem(
+                (*path, index, "name"), f"= {item.name} is already the name of {other}", "choose another name"
+            )
+        first.setdefault(item.name, index)
+
+
+def _run(scenario: Scenario) -> Found:
+    run = scenario.run
+    if run is None:
+        return
+    yield from _guarded(_sampling(scenario, run))
+    yield from _guarded(_spectrum(scenario, run))
+
+
+def _sampling(scenario: Scenario, run: Run) -> Found:
+    rate = run.sample_rate
+    if rate is None:
+        return
+    at = ("run", "sample_rate")
+    if rate * run.duration < 1.0:
+        yield _problem(
+            at,
+            f"= {rate:g} Hz gives no second sample in run.duration = {run.duration:g} s",
+            "sample faster, or run longer",
+        )
+    elif rate * run.duration > MOST_SAMPLES:
+        yield _problem(
+            at,
+            f"= {rate:g} Hz over run.duration = {run.duration:g} s gives {rate * run.duration:.3g} samples, "
+            f"over the limit of {MOST_SAMPLES:.0e}",
+            "contact is found exactly whatever the sample rate: lower it, or run shorter",
+        )
+    highest = max(scenario.excitation.frequencies_hz, default=0.0)
+    if rate < 2.0 * highest:
+        yield _problem(
+            at,
+            f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz",
+            f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics",
+        )
+
+
+def _spectrum(scenario: Scenario, run: Run) -> Found:
+    spectrum = run.spectrum
+    if spectrum.last is not None and spectrum.last > run.duration * (1.0 + 1e-12):
+        yield _problem(
+            ("run", "spectrum", "last"),
+            f"= {spectrum.last:g} s is longer than run.duration = {run.duration:g} s",
+            "analyse a shorter part, or run longer",
+        )
+    if spectrum.periods is None:
+        return
+    at = ("run", "spectrum", "periods")
+    frequencies = scenario.excitation.frequencies_hz
+    if len(frequencies) != 1:
+        yield _problem(at, "needs an excitation with one frequency", "give last: 0.4 s instead")
+    elif spectrum.periods / frequencies[0] > run.duration * (1.0 + 1e-12):
+        yield _problem(
+            at,
+            f"= {spectrum.periods} periods of {frequencies[0]:g} Hz take {spectrum.periods / frequencies[0]:g} s, "
+            f"longer than run.duration = {run.duration:g} s",
+            f"analyse at most {int(run.duration * frequencies[0])} periods, or run longer",
+        )
+
+
+def _start(scenario: Scenario) -> Found:
+    start = None if scenario.run is None else scenario.run.start
+    if isinstance(start, ModeStart) and scenario.chain is not None and start.mode > scenario.chain.count:
+        count = scenario.chain.count
+        yield _problem(
+            ("run", "start", "mode"),
+            f"= {start.mode}, but a chain of {count} masses has {count} modes",
+            f"choose a mode from 1 to {count}",
+        )
+    if not isinstance(start, PolynomialStart):
+        return
+    for name in ("displacement", "velocity"):
+        values: tuple[float, ...] = getattr(start, name)
+        at = ("run", "start", name)
+        if scenario.chain is not None:
+            yield from _guarded(_one_a_mass(at, values, scenario.chain.count))
+        elif scenario.beam is not None:
+            yield from _guarded(_fits_supports(at, values, scenario.beam))
+
+
+def _one_a_mass(at: Path, values: tuple[float, ...], count: int) -> Found:
+    if values and len(values) != count:
+        given = f"{len(values)} {'number' if len(values) == 1 else 'numbers'}"
+        yield _problem(at, f"has {given} for {count} masses", "give one number a mass, or leave it out")
+
+
+def _fits_supports(at: Path, polynomial: tuple[float, ...], beam: Beam) -> Found:
+    """Refuse a shape with a deflection or slope that the supports prevent."""
+    for end, support, x in (("left", beam.supports.left, 0.0), ("right", beam.supports.right, beam.length)):
+        for what, order, held in (
+            ("deflection", 0, support in ("clamped", "pinned")),
+            ("slope", 1, support in ("clamped", "guided")),
+        ):
+            terms = [c * (j if order else 1) * x ** (j - order) for j, c in enumerate(polynomial) if j >= order]
+            scale = sum(
+                abs(c) * (j if order else 1) * beam.length ** (j - order) for j, c in enumerate(polynomial) if j
+            )
+            scale += 0.0 if order or not polynomial else abs(polynomial[0])
+            if held and abs(sum(terms)) > 1e-9 * scale:
+                of = what if at[-1] == "displacement" else f"{what} velocity"
+                yield _problem(
+                    at,
+                    f"= [{', '.join(f'{c:g}' for c in polynomial)}] has the {of} {sum(terms):g} "
+                    f"at the {support} {end} end, where it must be 0",
+                    "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
+                )
+
+
+def _sweep(scenario: Scenario) -> Found:
+    sweep, excitation = scenario.sweep, scenario.excitation
+    if sweep is None:
+        return
+    if not isinstance(excitation, Harmonic):
+        yield _problem(
+            ("sweep",),
+            f"sweeps the frequency of a harmonic excitation, and this one is {excitation.kind}",
+            "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
+        )
+        return
+    for index, level in enumerate(sweep.levels):
+        meant = level.quantity if isinstance(level, LevelValue) else None
+        if meant not in (None, excitation.quantity):
+            yield _problem(
+                ("sweep", "levels", index),
+                f"is given in a unit of {meant}, and the excitation's level is of {excitation.quantity}",
+                "give the levels of the sweep in the unit of excitation.level",
+            )
+
+
+def _identification(scenario: Scenario) -> Found:
+    section = scenario.identify_stiffness
+    if section is None:
+        return
+    names = [snubber.name for snubber in scenario.all_snubbers]
+    if section.snubber not in names:
+        at, close = ("identify_stiffness", "snubber"), get_close_matches(section.snubber, names, n=1)
+        known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
+        yield _problem(
+            at, f"= {section.snubber} is no snubber's name", known if names else "give the snubber in snubbers"
+        )
+    yield from identification_problems(scenario, section)
+
+
+def _modes(scenario: Scenario) -> Found:
+    if scenario.chain is None or scenario.nnm is None:
+        return
+    if scenario.nnm.mode > scenario.chain.count:
+        count = scenario.chain.count
+        yield _problem(
+            ("nnm", "mode"),
+            f"= {scenario.nnm.mode}, but a chain of {count} masses has {count} modes",
+            f"choose a mode from 1 to {count}",
+        )

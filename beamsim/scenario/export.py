@@ -1,0 +1,44 @@
+"""A scenario back to YAML."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+if TYPE_CHECKING:
+    from beamsim.scenario.scenario import Scenario
+
+__all__ = ["to_yaml"]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.1 or YAML 1.2 would read as something else."""
+
+
+_Dumper.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"),
+    list("-+.0123456789"),
+)
+
+
+_FIRST = ("name", "kind", "position", "mass", "applied_to", "level")
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """Return the resolved scenario as YAML text; see `Scenario.to_yaml`."""
+    data = _tidy(scenario.model_dump(mode="json", by_alias=True, exclude_none=True))
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)
+
+
+def _tidy(value: Any) -> Any:
+    """Put the keys that say what a mapping is first; leave out empty lists, which are defaults."""
+    if isinstance(value, dict):
+        first = [key for key in _FIRST if key in value]
+        keys = first + [key for key in value if key not in first]
+        return {key: _tidy(value[key]) for key in keys if value[key] != []}
+    if isinstance(value, list):
+        return [_tidy(item) for item in value]
+    return value

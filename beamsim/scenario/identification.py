@@ -1,0 +1,305 @@
+"""Identification of snubbers, damping and the beam itself from measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, Tag, model_validator
+from pydantic.json_schema import JsonSchemaValue
+
+from beamsim.scenario.base import Schema, fail, number_or_list
+from beamsim.scenario.quantities import (
+    Area,
+    Coefficient,
+    Count,
+    Duration,
+    FieldType,
+    Frequency,
+    Length,
+    Level,
+    Name,
+    Position,
+    Ratio,
+    SteppedCount,
+    Text,
+    Whole,
+)
+from beamsim.scenario.units import UnitError
+
+__all__ = [
+    "IdentifyStiffness",
+    "MeasuredShapes",
+    "MeasuredTest",
+    "MonteCarlo",
+    "NonlinearFit",
+    "Pad",
+    "ParameterUncertainty",
+    "SoughtParameter",
+]
+
+_LARGEST_UNCERTAINTY = 0.2
+
+Ratios = Annotated[
+    Annotated[Ratio, Tag("<number>")] | Annotated[tuple[Ratio, ...], Field(min_length=1), Tag("<list>")],
+    number_or_list,
+]
+
+
+@dataclass(frozen=True)
+class _NumberOrText(FieldType):
+    """A number, or text with a unit that the sought parameter will read."""
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return "60 GPa"
+
+    def read(self, value: Any) -> float | str:
+        """Return it as it is."""
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            raise UnitError("must be a number, with or without unit", "write for example 60 GPa")
+        return value
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string."""
+        return {"anyOf": [{"type": "number"}, {"type": "string"}]}
+
+
+Bound = Annotated[float | str, _NumberOrText()]
+Seed = Annotated[int, Whole(0)]
+
+
+class Pad(Schema):
+    """The snubber's rubber pad: Young's modulus E = k height / area."""
+
+    height: Length
+    """Height (in the direction of the force)."""
+    area: Area
+    """Area that carries the force."""
+
+
+class MonteCarlo(Schema):
+    """Random frequencies around the measured ones, to check the first-order uncertainty."""
+
+    samples: SteppedCount = 10_000
+    """Number of samples."""
+    seed: Seed = 0
+    """Seed of the random generator."""
+
+
+class ParameterUncertainty(Schema):
+    """How well a number of the structure is known; its part in the stiffness's uncertainty is reported."""
+
+    parameter: Text
+    """Path of the number, for example beam.thickness or beam.point_masses[*].mass."""
+    uncertainty: Ratio
+    """Standard deviation, relative to the value."""
+
+
+class SoughtParameter(Schema):
+    """A number of the scenario to be found; its path alone will do."""
+
+    parameter: Text
+    """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
+    bounds: tuple[Bound, ...] = ()
+    """Lowest and highest value, with or without unit."""
+    prior: Ratio | None = None
+    """Standard deviation of what is known beforehand, relative to the scenario's value; none by default."""
+
+    def settle(self) -> None:
+        """Refuse one bound, or three."""
+        if self.bounds and len(self.bounds) != 2:
+            raise fail(
+                f"has {len(self.bounds)} value{'' if len(self.bounds) == 1 else 's'}",
+                "give the lowest and the highest, [60 GPa, 75 GPa]",
+                ("bounds",),
+            )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _path_alone(cls, data: Any) -> Any:
+        return {"parameter": data} if isinstance(data, str) else data
+
+
+class MeasuredShapes(Schema):
+    """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
+
+    positions: Annotated[tuple[Position, ...], Field(min_length=2)]
+    """Where the deflection was measured (mass numbers for a chain)."""
+    shapes: Annotated[tuple[tuple[Coefficient, ...], ...], Field(min_length=1)]
+    """Deflections of each mode at these positions, from the first mode on, to any scale."""
+
+    def settle(self) -> None:
+        """Refuse shapes of another length, or zero."""
+        for index, shape in enumerate(self.shapes):
+            if len(shape) != len(self.positions):
+                raise fail(
+                    f"has {len(shape)} values for {len(self.positions)} positions",
+                    "give one deflection a position",
+                    ("shapes", index),
+                )
+            if not any(shape):
+                raise fail("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
+
+
+class MeasuredTest(Schema):
+    """A measured steady vibration; what it does not say is as in the scenario's excitation."""
+
+    file: Text
+    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
+    channel: Text | None = None
+    """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
+    probe: Name | None = None
+    """Probe it belongs to; the first one by default."""
+    quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
+        "absolute_acceleration"
+    )
+    """What was measured; displacement and velocity are relative to the base."""
+    unit: Text | None = None
+    """Unit of the file's numbers, for example g or mm; by default what the file says, else SI."""
+    frequency: Frequency | None = None
+    """Excitation frequency of this test."""
+    level: Level | None = None
+    """Excitation level of this test, in the quantity of the scenario's excitation."""
+    harmonics: Count = 6
+    """Number of harmonics of the excitation frequency that the fit uses."""
+    last: Duration | None = None
+    """Use only the last part of a time signal (the steady vibration); everything by default."""
+    phase: Literal["free", "of_excitation"] = "free"
+    """Free: the signal's clock is not the excitation's, only phases between harmonics count."""
+    noise: Ratio | None = None
+    """Standard deviation of a harmonic, relative to the largest one; from the signal's own scatter by default."""
+
+
+class NonlinearFit(Schema):
+    """Parameters from measured nonlinear vibrations."""
+
+    estimate: Annotated[tuple[SoughtParameter, ...], Field(min_length=1)]
+    """Numbers to be found, for example snubbers.tip.gap or beam.damping.ratio."""
+    tests: Annotated[tuple[MeasuredTest, ...], Field(min_length=1)]
+    """The measured vibrations."""
+    starts: Count = 5
+    """Number of starting points: the scenario's values and random ones around them."""
+    spread: Ratio = 0.3
+    """How far the random starting points lie from the scenario's values, relative."""
+    seed: Seed = 0
+    """Seed of the random starting points."""
+
+
+class IdentifyStiffness(Schema):
+    """What is known for the identification."""
+
+    snubber: Name
+    """Name of the snubber whose stiffness is sought."""
+    measured_without: tuple[Frequency, ...] = ()
+    """Natural frequencies measured without the snubber, from the first on: they check the beam itself."""
+    measured_with: tuple[Frequency, ...] = ()
+    """Natural frequencies measured with permanent contact, from the first on."""
+    fit_to: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)
+    """Numbers of the modes the fit uses."""
+    method: Literal["secular", "thesis"] = "secular"
+    """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits."""
+    tolerance: Ratio = 1e-3
+    """Method thesis: relative difference in frequency that ends its loop."""
+    most_solutions: Count = 20_000
+    """Method thesis: most eigenvalue solutions before it gives up."""
+    uncertainty: Ratios = 0.0
+    """Standard deviation of a measured frequency, relative; or one a mode."""
+    coverage: Ratio = 0.95
+    """Probability that the intervals shall cover."""
+    monte_carlo: MonteCarlo = MonteCarlo()
+    """Check of the uncertainty by random sampling."""
+    parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
+    """How well numbers of the structure are known."""
+    update: tuple[SoughtParameter, ...] = ()
+    """Numbers of the structure to be found from measured_without before the snubber is identified."""
+    shapes_without: MeasuredShapes | None = None
+    """Mode shapes measured without the snubber."""
+    nonlinear: NonlinearFit | None = None
+    """Damping and contact parameters from measured nonlinear vibrations."""
+    pad: Pad | None = None
+    """Pad of the snubber; gives its Young's modulus."""
+
+    def settle(self) -> None:
+        """Refuse frequencies out of order, modes that were not measured, and more unknowns than measurements."""
+        for key in ("measured_without", "measured_with"):
+            self._increasing(key)
+        if not self.measured_with and self.nonlinear is None and not (self.update and self.measured_without):
+            raise fail(
+                "is missing: nothing was measured",
+                "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",
+                ("measured_with",),
+            )
+        self._modes()
+        self._uncertainties()
+        if not 0.0 < self.coverage < 1.0:
+            raise fail(f"= {self.coverage:g} is no probability", "write for example 95 %", ("coverage",))
+        free = [item for item in self.update if item.prior is None]
+        if len(free) < len(self.update) and self.uncertainty == 0.0:
+            raise fail(
+                "is missing, and a prior of update is to be weighed against the measured frequencies",
+                "write for example uncertainty: 0.3 %",
+                ("uncertainty",),
+            )
+        if self.update and len(free) > len(self.measured_without):
+            count = len(self.measured_without)
+            raise fail(
+                f"asks for {len(free)} unknowns without prior from {count} measured "
+                f"frequenc{'y' if count == 1 else 'ies'}",
+                "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
+                ("update",),
+            )
+
+    def uncertainty_of(self, mode: int) -> float:
+        """Relative standard deviation of the measured frequency of a mode (from 1)."""
+        if isinstance(self.uncertainty, tuple):
+            return self.uncertainty[min(mode, len(self.uncertainty)) - 1]
+        return self.uncertainty
+
+    def _increasing(self, key: str) -> None:
+        frequencies = getattr(self, key)
+        for index in range(1, len(frequencies)):
+            if frequencies[index] <= frequencies[index - 1]:
+                raise fail(
+                    f"= {frequencies[index]:g} Hz is not above the frequency before it, "
+                    f"{frequencies[index - 1]:g} Hz: were they swapped?",
+                    "list the frequencies from the first mode on, increasing",
+                    (key, index),
+                )
+
+    def _modes(self) -> None:
+        if not self.measured_with:
+            return
+        count = len(self.measured_with)
+        for index, mode in enumerate(self.fit_to):
+            if mode > count:
+                raise fail(
+                    f"= {mode}, but measured_with has {count} frequenc{'y' if count == 1 else 'ies'}",
+                    "name modes that were measured",
+                    ("fit_to", index),
+                )
+            if mode in self.fit_to[:index]:
+                raise fail(f"= {mode} is listed twice", "name every mode once", ("fit_to", index))
+        if self.method == "thesis" and len(self.fit_to) > 1:
+            raise fail(
+                "= thesis fits one mode, and fit_to names several",
+                "keep one mode in fit_to, or use method: secular",
+                ("method",),
+            )
+
+    def _uncertainties(self) -> None:
+        given = self.uncertainty if isinstance(self.uncertainty, tuple) else (self.uncertainty,)
+        if min(given) == 0.0 < max(given):
+            raise fail(
+                "= 0 for one mode and not for another would give that mode all the weight",
+                "give every mode its uncertainty, or none",
+                ("uncertainty", given.index(0.0)),
+            )
+        for index, value in enumerate(given):
+            if value > _LARGEST_UNCERTAINTY:
+                raise fail(
+                    f"= {value:g} means {100 * value:g} % of a frequency",
+                    f"write {value:g} % if that was meant",
+                    ("uncertainty", index) if isinstance(self.uncertainty, tuple) else ("uncertainty",),
+                )

@@ -1,0 +1,93 @@
+"""From a file, text or mapping to a scenario, or to a list of everything that is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.base import LenientPass, Path, UnknownValueError, path_text, walk
+from beamsim.scenario.merge import Overrides, apply_overrides, read_file, resolve_extends
+from beamsim.scenario.messages import describe
+from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.tree import Node, from_python, located, parse, path_parts
+
+__all__ = ["load_scenario"]
+
+
+def load_scenario(source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
+    """Read and check a scenario.
+
+    Parameters
+    ----------
+    source : path of a YAML file; or YAML text (it has a line break, or begins with a brace); or a mapping like
+        the one in such a file; or a scenario, to be varied.
+    overrides : what to change, applied after `extends`: ``{"beam.thickness": "4 mm"}`` or
+        ``["beam.thickness=4 mm", "snubbers[0].gap=0.1 mm"]``. An override acts like a file that extends this one:
+        mappings merge, lists and a mapping whose ``kind`` changes are replaced whole, ``null`` (``None``) takes a
+        key away, so that its default holds.
+
+    Returns
+    -------
+    Scenario
+        In SI units, with defaults resolved.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem found: path, message, remedy, file and line.
+    """
+    root, name = _read(source)
+    if overrides:
+        root = apply_overrides(root, overrides)
+    return _validated(root).with_source(name, root)
+
+
+def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[Node, str]:
+    """Return the tree, `extends` resolved, and the name for output files."""
+    if isinstance(source, Scenario):
+        return from_python(source.model_dump(mode="json", by_alias=True, exclude_none=True)), source.source
+    if isinstance(source, Mapping):
+        return resolve_extends(from_python(source), FilePath()), "scenario"
+    if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
+        return resolve_extends(parse(source, "<text>"), FilePath()), "scenario"
+    path = FilePath(source)
+    return resolve_extends(read_file(path), path.parent, (path.resolve(),)), path.stem
+
+
+def _validated(root: Node) -> Scenario:
+    data = root.plain()
+    try:
+        return Scenario.model_validate(data)
+    except ScenarioError as error:
+        found = [(path_parts(problem.path), problem) for problem in error.problems]
+    except ValidationError as error:
+        found = [_problem(*describe(Scenario, detail)) for detail in error.errors(include_url=False)]
+        found += _between_fields(data)
+    unique = list(dict.fromkeys(located(root, path, problem) for path, problem in found))
+    raise ScenarioError(sorted(unique, key=lambda problem: (problem.file != root.file, problem.line or 0)))
+
+
+def _between_fields(data: Any) -> list[tuple[Path, Problem]]:
+    """Return what the comparisons between right values find while others are wrong."""
+    try:
+        partial = Scenario.model_validate(data, context=LenientPass())
+    except (UnknownValueError, ValidationError, ScenarioError):
+        return []
+    found: list[tuple[Path, Problem]] = []
+    for path, part in walk(partial):
+        error = part.late_error
+        if isinstance(error, ScenarioError):
+            found += [(path_parts(problem.path), problem) for problem in error.problems]
+        elif isinstance(error, PydanticCustomError):
+            context = error.context or {}
+            found.append(_problem((*path, *context["at"]), context["message"], context["remedy"]))
+    return found
+
+
+def _problem(path: Path, message: str, remedy: str) -> tuple[Path, Problem]:
+    return path, Problem(path_text(path), message, remedy)

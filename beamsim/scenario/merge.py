@@ -1,0 +1,214 @@
+"""`extends` and overrides: one tree laid over another.
+
+Mappings merge, everything else replaces. A mapping whose ``kind`` changes is replaced whole, and so
+are those that say where or how by which keys they have (``applied_to``, ``start``, ...). ``null``
+takes away what the other file gave.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path as FilePath
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.base import single_line
+from beamsim.scenario.tree import Node, from_python, parse
+
+__all__ = ["Overrides", "apply_overrides", "merge", "read_file", "resolve_extends"]
+
+Overrides = Mapping[str, object] | Sequence[str]
+
+REPLACED_WHOLE = frozenset({"applied_to", "start", "released_force", "reduction"})
+"""Mappings told apart by the keys they have; merging two of them would make neither."""
+
+
+def read_file(path: FilePath) -> Node:
+    """Read a YAML file into a tree.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, is not text, or is not YAML.
+    """
+    file = str(path)
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise ScenarioError(Problem("", "does not exist", _similar_file(path), file)) from None
+    except IsADirectoryError:
+        raise ScenarioError(Problem("", "is a directory", "name a YAML file", file)) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ScenarioError(Problem("", f"cannot be read ({reason})", "check its path and permissions", file)) from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ScenarioError(Problem("", "is not text in UTF-8", "name a YAML file", file, line)) from None
+    return parse(text, file)
+
+
+def _similar_file(path: FilePath) -> str:
+    try:
+        names = [item.name for item in path.parent.iterdir() if item.suffix in (".yaml", ".yml")]
+    except OSError:
+        return "check the path"
+    close = get_close_matches(path.name, names, n=1)
+    return f"did you mean {path.parent / close[0]}?" if close else "check the path (beamsim new writes a template)"
+
+
+def resolve_extends(root: Node, folder: FilePath, chain: tuple[FilePath, ...] = ()) -> Node:
+    """Lay a document over the one it extends, and that over the one it extends, and so on.
+
+    ``folder`` is what relative paths start from; ``chain`` holds the files on the way here.
+    """
+    if root.value is None:
+        message = "is empty" if root.file else "the scenario is empty"
+        raise ScenarioError(Problem("", message, "beamsim new writes a template", root.file))
+    if not isinstance(root.value, dict):
+        what = "a list" if isinstance(root.value, list) else f"only {single_line(root.value)}"
+        message = f"holds {what} where the keys of a scenario are wanted"
+        raise ScenarioError(Problem("", message, "write beam: or chain: first", root.file, root.line))
+    named = root.value.pop("extends", None)
+    if named is None or named.value is None:
+        return root
+    if not isinstance(named.value, str) or not named.value.strip():
+        message = f"= {single_line(named.plain())} must be the path of one file"
+        raise ScenarioError(Problem("extends", message, "write extends: base.yaml", named.file, named.line))
+    path = FilePath(os.path.normpath(folder / named.value))
+    identity = path.resolve()
+    if identity in chain:
+        message = f"= {named.value} leads back to {path}: the files extend each other in a circle"
+        raise ScenarioError(Problem("extends", message, "take one of them out", named.file, named.line))
+    try:
+        base = read_file(path)
+    except ScenarioError as error:
+        if path.is_file():
+            raise
+        problem = error.problems[0]
+        message = f"= {named.value}: {path} {problem.message}"
+        remedy = problem.remedy or "the path is relative to the file it stands in"
+        raise ScenarioError(Problem("extends", message, remedy, named.file, named.line)) from None
+    return merge(resolve_extends(base, path.parent, (*chain, identity)), root)
+
+
+def merge(base: Node, over: Node, key: str = "") -> Node:
+    """Return ``over`` laid over ``base``."""
+    if not isinstance(base.value, dict) or not isinstance(over.value, dict) or key in REPLACED_WHOLE:
+        return over
+    old, new = (side.value["kind"].value if "kind" in side.value else None for side in (base, over))
+    if new is not None and new != old:
+        return over
+    merged = dict(base.value)
+    for name, item in over.value.items():
+        merged[name] = merge(merged[name], item, name) if name in merged else item
+    return Node(merged, over.file, over.line)
+
+
+_KEY = re.compile(r"[A-Za-z_][\w-]*(?:\[\d+\])*(?:\.[A-Za-z_][\w-]*(?:\[\d+\])*)*")
+_PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+)\]")
+_EXAMPLE = "write for example beam.thickness=4 mm or snubbers[0].gap=0.1 mm"
+
+
+def apply_overrides(root: Node, overrides: Overrides) -> Node:
+    """Return the tree with values changed: ``{"beam.thickness": "4 mm"}`` or ``["beam.thickness=4 mm"]``.
+
+    Values in text are read as YAML. An override acts like a file that extends this one and says only that:
+    mappings merge, one whose kind changes is replaced whole, ``null`` takes a key away. Overrides of a
+    ``kind`` come first, whatever their order, so that they don't undo the others.
+
+    Raises
+    ------
+    ScenarioError
+        For every override that cannot be read or leads nowhere.
+    """
+    root = root.copy()
+    problems: list[Problem] = []
+    if isinstance(overrides, str):
+        overrides = [overrides]
+    pairs: list[tuple[object, object]] = (
+        list(overrides.items()) if isinstance(overrides, Mapping) else [(item, None) for item in overrides]
+    )
+    ready: list[tuple[str, Node]] = []
+    for key, given in pairs:
+        try:
+            ready.append((str(key).strip(), from_python(given)) if isinstance(overrides, Mapping) else _split(str(key)))
+        except ScenarioError as error:
+            problems += error.problems
+    for path, value in sorted(ready, key=lambda item: not item[0].endswith(".kind")):
+        try:
+            _set(root, path, value)
+        except ScenarioError as error:
+            problems += error.problems
+    if problems:
+        raise ScenarioError(problems)
+    return root
+
+
+def _split(override: str) -> tuple[str, Node]:
+    path, equals, text = override.partition("=")
+    if not equals:
+        raise ScenarioError(Problem("", f"the override {single_line(override)} has no =", _EXAMPLE))
+    try:
+        value = parse(text)
+    except ScenarioError as error:
+        message = f"= {single_line(text)} {error.problems[0].message}"
+        raise ScenarioError(Problem(path.strip(), message, "quote the value")) from None
+    return path.strip(), _unlocated(value)
+
+
+def _unlocated(node: Node) -> Node:
+    return from_python(node.plain())
+
+
+def _set(root: Node, path: str, value: Node) -> None:
+    if not _KEY.fullmatch(path):
+        raise ScenarioError(Problem("", f"the override {single_line(path)} is not a path", _EXAMPLE))
+    parts: list[str | int] = [match[1] or int(match[2]) for match in _PART.finditer(path)]
+    node, walked = root, ""
+    for depth, part in enumerate(parts):
+        following = parts[depth + 1] if depth + 1 < len(parts) else None
+        key = part if isinstance(part, str) else ""
+        if isinstance(part, int):
+            _demand_item(node, part, walked, path)
+        else:
+            _demand_keys(node, part, walked, path, isinstance(following, int))
+        inside = node.value
+        walked += f"[{part}]" if isinstance(part, int) else f".{part}" if walked else part
+        if following is None:
+            inside[part] = merge(inside[part], value, key) if isinstance(part, int) or part in inside else value
+        elif following == "kind" and depth + 2 == len(
+            parts
+        ):  # merging a mapping that holds only the kind knows what to do
+            inside[part] = merge(inside[part], Node({"kind": value}), key)
+            return
+        node = inside[part]
+
+
+def _demand_item(node: Node, index: int, walked: str, path: str) -> None:
+    if not isinstance(node.value, list):
+        raise ScenarioError(Problem(path, f"leads nowhere: {walked} is not a list", _EXAMPLE))
+    count = len(node.value)
+    if index >= count:
+        last = f"the last one is {walked}[{count - 1}]" if count else "give the whole list"
+        raise ScenarioError(Problem(path, f"leads nowhere: {walked} has {count} item{'s' * (count != 1)}", last))
+
+
+def _demand_keys(node: Node, key: str, walked: str, path: str, list_follows: bool) -> None:
+    """See to it that ``node`` is a mapping with the key; what is missing on the way is made."""
+    if isinstance(node.value, list):
+        remedy = f"give the index: {walked}[0].{key}"
+        raise ScenarioError(Problem(path, f"leads nowhere: {walked} is a list, without keys", remedy))
+    if node.value is None or (walked.rpartition(".")[2] in REPLACED_WHOLE and not isinstance(node.value, dict)):
+        node.value, node.file, node.line = {}, None, None
+    if not isinstance(node.value, dict):
+        message = f"leads nowhere: {walked} is {single_line(node.value)}, without keys"
+        raise ScenarioError(Problem(path, message, f"replace {walked} whole"))
+    if key not in node.value:
+        if list_follows:
+            where = f"{walked}.{key}" if walked else key
+            raise ScenarioError(Problem(path, f"leads nowhere: there is no {where}", f"give {where} as a whole list"))
+        node.value[key] = Node(None)

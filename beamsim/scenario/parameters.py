@@ -1,0 +1,170 @@
+"""Numbers of a scenario addressed by path: read them, and make the same scenario with other ones.
+
+A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means every item of a list
+(``beam.point_masses[*].mass``: all the masses together), and a snubber may be named: ``snubbers.tip.stiffness``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from beamsim.scenario.base import Schema, fail, path_text
+from beamsim.scenario.quantities import FieldType
+from beamsim.scenario.scenario import Scenario
+
+__all__ = ["choices_at", "find_parameters", "read_as", "value_at", "with_values"]
+
+Path = tuple[str | int, ...]
+
+_PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]|\.")
+
+
+def find_parameters(scenario: Scenario, path: str) -> list[Path]:
+    """The places that a path names, at least one.
+
+    Raises
+    ------
+    PydanticCustomError
+        As `fail` builds it, where the path leads nowhere; to be located by the caller.
+    """
+    parts = _parts(path)
+    found = _walk(scenario, parts, (), path)
+    if not found:
+        raise fail(f"= {path} names nothing: the list is empty", "add an item to it, or leave the path out")
+    return found
+
+
+def value_at(scenario: Scenario, place: Path) -> Any:
+    """The value at a place."""
+    value: Any = scenario
+    for part in place:
+        value = value[part] if isinstance(part, int) else getattr(value, _attribute(value, part))
+    return value
+
+
+def with_values(scenario: Scenario, values: Mapping[Path, object]) -> Scenario:
+    """The same scenario with other values at these places (SI numbers within their bounds: nothing is checked)."""
+    for place, value in values.items():
+        scenario = _replaced(scenario, place, value)
+    return scenario
+
+
+def read_as(scenario: Scenario, place: Path, value: object) -> float:
+    """Read a number, perhaps with a unit, as the field at a place would.
+
+    Raises
+    ------
+    PydanticCustomError
+        Where the field would refuse it.
+    """
+    from beamsim.scenario.units import UnitError
+
+    owner = value_at(scenario, place[:-1])
+    if isinstance(place[-1], str) and isinstance(owner, Schema):
+        field = type(owner).model_fields[_attribute(owner, place[-1])]
+        types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
+        if types:
+            try:
+                return float(types[0].read(value))
+            except UnitError as error:
+                raise fail(error.message, error.remedy, show_value=True) from None
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise fail("must be a number", f"write the SI value for {path_text(place)}")
+    return float(value)
+
+
+def choices_at(scenario: Scenario, place: Path) -> tuple[str, ...]:
+    """The words that the field at a place may hold (supports); none for a number."""
+    from typing import Literal, get_args, get_origin
+
+    if not isinstance(place[-1], str):
+        return ()
+    owner = value_at(scenario, place[:-1])
+    annotation = type(owner).model_fields[_attribute(owner, place[-1])].annotation
+    return tuple(get_args(annotation)) if get_origin(annotation) is Literal else ()
+
+
+def _field_types(annotation: Any) -> list[FieldType]:
+    from typing import get_args
+
+    found = [item for item in getattr(annotation, "__metadata__", ()) if isinstance(item, FieldType)]
+    for argument in get_args(annotation):
+        found += _field_types(argument)
+    return found
+
+
+def _parts(path: str) -> list[str | int]:
+    parts: list[str | int] = []
+    position = 0
+    while position < len(path):
+        match = _PART.match(path, position)
+        if match is None:
+            raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness")
+        if match[1]:
+            parts.append(match[1])
+        elif match[2]:
+            parts.append("*" if match[2] == "*" else int(match[2]))
+        position = match.end()
+    return parts
+
+
+def _walk(value: Any, parts: list[str | int], walked: Path, path: str) -> list[Path]:
+    if not parts:
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            raise fail(f"= {path} is not a number", _keys_below(value))
+        return [walked]
+    part, rest = parts[0], parts[1:]
+    if isinstance(value, tuple):
+        if part == "*":
+            return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path)]
+        if isinstance(part, int):
+            if part >= len(value):
+                count = f"{len(value)} item{'' if len(value) == 1 else 's'}"
+                raise fail(f"= {path} leads nowhere: {path_text(walked)} has {count}", "items are numbered from 0")
+            return _walk(value[part], rest, (*walked, part), path)
+        names = [getattr(item, "name", None) for item in value]
+        if part in names:
+            return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path)
+        known = [name for name in names if name]
+        remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
+        raise fail(f"= {path} leads nowhere: {path_text(walked)} has no {part}", remedy)
+    if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
+        raise fail(f"= {path} leads nowhere: {path_text(walked)} is not a list", "leave the rest of the path out")
+    keys = type(value).keys()
+    if part not in keys:
+        close = get_close_matches(part, list(keys), n=1)
+        remedy = f"did you mean {close[0]}?" if close else f"its keys are {', '.join(keys)}"
+        where = path_text(walked) or "the scenario"
+        raise fail(f"= {path} leads nowhere: {where} has no {part}", remedy)
+    inner = getattr(value, keys[part])
+    if inner is None:
+        raise fail(
+            f"= {path} has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
+        )
+    return _walk(inner, rest, (*walked, part), path)
+
+
+def _keys_below(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "add [*] for all its items, or an index"
+    if isinstance(value, Schema):
+        return f"go on with one of {', '.join(type(value).keys())}"
+    return ""
+
+
+def _attribute(owner: Any, key: str) -> str:
+    return type(owner).keys().get(key, key)
+
+
+def _replaced(owner: Any, place: Path, value: object) -> Any:
+    part, rest = place[0], place[1:]
+    if isinstance(part, int):
+        items = list(owner)
+        items[part] = _replaced(items[part], rest, value) if rest else value
+        return tuple(items)
+    name = _attribute(owner, part)
+    inner = _replaced(getattr(owner, name), rest, value) if rest else value
+    return owner.model_copy(update={name: inner})

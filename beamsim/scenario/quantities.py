@@ -1,0 +1,340 @@
+"""Field types: numbers that accept a unit, with their bounds and their place in the JSON Schema."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
+
+from beamsim.scenario import units
+from beamsim.scenario.base import fail
+from beamsim.scenario.units import Dimension, UnitError
+
+__all__ = [
+    "Amplitude",
+    "Angle",
+    "Area",
+    "Coefficient",
+    "Count",
+    "CubicStiffness",
+    "Dashpot",
+    "Density",
+    "Duration",
+    "Elements",
+    "Energy",
+    "Factor",
+    "FieldType",
+    "Force",
+    "Frequency",
+    "Gap",
+    "Gravity",
+    "Length",
+    "Level",
+    "LevelValue",
+    "Mass",
+    "MassNumber",
+    "Modes",
+    "Modulus",
+    "Name",
+    "NonNegativeStiffness",
+    "PerTime",
+    "PointMassValue",
+    "Position",
+    "PositiveForce",
+    "PositiveNumber",
+    "Rate",
+    "Ratio",
+    "SecondMoment",
+    "SteppedCount",
+    "Stiffness",
+    "SweepRate",
+    "Text",
+    "Time",
+    "ViscousPerLength",
+]
+
+
+class FieldType:
+    """A type read by one function, so that its messages are ours."""
+
+    @property
+    def example(self) -> str:
+        """How to write one; empty if anything goes."""
+        return ""
+
+    def read(self, value: Any) -> Any:
+        """Return the value; raises `UnitError`."""
+        raise NotImplementedError
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return the schema of what is accepted."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def validate(value: Any) -> Any:
+            try:
+                return self.read(value)
+            except UnitError as error:
+                raise fail(error.message, error.remedy, show_value=True) from None
+
+        return core_schema.no_info_plain_validator_function(validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return self.json_schema()
+
+
+@dataclass(frozen=True)
+class Quantity(FieldType):
+    """A number in SI units, or a string with a unit."""
+
+    dimension: Dimension
+    minimum: float | None = None
+    above: float | None = None
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return self.dimension.example
+
+    def read(self, value: Any) -> float:
+        """Return the SI number."""
+        if not self.dimension.unit and self.dimension.name != "ratio":
+            number = units.read_number(value)
+        else:
+            number = units.read_quantity(value, self.dimension)
+        return self.bounded(number)
+
+    def bounded(self, number: float) -> float:
+        """Check the bounds."""
+        remedy = f"write for example {self.dimension.example}"
+        if self.above is not None and not number > self.above:
+            raise UnitError("must be positive" if self.above == 0 else f"must be above {self.above:g}", remedy)
+        if self.minimum is not None and not number >= self.minimum:
+            raise UnitError(
+                "must not be negative" if self.minimum == 0 else f"must be {self.minimum:g} or more", remedy
+            )
+        return number + 0.0  # -0.0 becomes 0.0
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string, with the SI unit under ``x-unit``."""
+        number: JsonSchemaValue = {"type": "number"}
+        if self.minimum is not None:
+            number["minimum"] = self.minimum
+        if self.above is not None:
+            number["exclusiveMinimum"] = self.above
+        text = {"type": "string", "pattern": r"^\s*[+-]?(\d|\.\d)"}
+        schema: JsonSchemaValue = {"anyOf": [number, text], "examples": [self.dimension.example]}
+        if self.dimension.unit:
+            schema["x-unit"] = self.dimension.unit
+        return schema
+
+
+class LevelValue(float):
+    """An excitation level that still knows which quantity its unit said (``None`` for a bare number)."""
+
+    quantity: str | None
+
+    def __new__(cls, value: float, quantity: str | None) -> LevelValue:
+        """Make a float that carries its quantity."""
+        level = super().__new__(cls, value)
+        level.quantity = quantity
+        return level
+
+
+LEVEL_DIMENSIONS = {
+    "acceleration": units.ACCELERATION,
+    "velocity": units.VELOCITY,
+    "displacement": replace(units.LENGTH, name="displacement", example="0.1 mm"),
+    "force": units.FORCE,
+}
+
+
+@dataclass(frozen=True)
+class LevelType(FieldType):
+    """An excitation level: acceleration, velocity, displacement or force, as its unit says."""
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return "2 g"
+
+    def read(self, value: Any) -> LevelValue:
+        """Return the SI number with the quantity it is."""
+        if isinstance(value, LevelValue):
+            return value
+        number, dimension = units.read_level(value, tuple(LEVEL_DIMENSIONS.values()))
+        quantity = next((name for name, known in LEVEL_DIMENSIONS.items() if known is dimension), None)
+        return LevelValue(number + 0.0, quantity)
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string."""
+        text = {"type": "string", "pattern": r"^\s*[+-]?(\d|\.\d)"}
+        return {"anyOf": [{"type": "number"}, text], "examples": ["2 g", "0.1 N", "0.1 mm"]}
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A sweep rate: octaves per second (logarithmic sweep) or Hz per second (linear)."""
+
+    value: float
+    unit: str  # "oct/s" or "Hz/s"
+
+    def __str__(self) -> str:
+        return f"{self.value!r} {self.unit}"
+
+
+@dataclass(frozen=True)
+class RateType(FieldType):
+    """A sweep rate, which always carries its unit."""
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return "2 oct/min"
+
+    def read(self, value: Any) -> Rate:
+        """Return the rate per second."""
+        if isinstance(value, Rate):
+            return value
+        number, unit = units.read_sweep_rate(value)
+        if not number > 0:
+            raise UnitError("must be positive", "write for example 2 oct/min, and choose the way with direction")
+        return Rate(number, unit)
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return a string with its pattern."""
+        return {"type": "string", "pattern": r"^\s*(\d|\.\d).*/", "examples": ["2 oct/min", "5 Hz/s"]}
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        schema = super().__get_pydantic_core_schema__(source, handler)
+        return {**schema, "serialization": core_schema.plain_serializer_function_ser_schema(str)}
+
+
+@dataclass(frozen=True)
+class Whole(FieldType):
+    """A whole number in a range."""
+
+    minimum: int
+    maximum: int | None = None
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return str(self.minimum)
+
+    def read(self, value: Any) -> int:
+        """Return the int; ``1e6`` is one, ``true`` is not."""
+        remedy = f"write a whole number, {self.minimum} or more"
+        if self.maximum is not None:
+            remedy = f"write a whole number from {self.minimum} to {self.maximum}"
+        try:
+            number = units.read_number(value)
+        except UnitError:
+            raise UnitError("must be a whole number", remedy) from None
+        if number != int(number):
+            raise UnitError("must be a whole number", remedy)
+        whole = value if isinstance(value, int) else int(number)
+        if whole < self.minimum or (self.maximum is not None and whole > self.maximum):
+            raise UnitError("is out of range", remedy)
+        return whole
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return a bounded integer."""
+        schema: JsonSchemaValue = {"type": "integer", "minimum": self.minimum}
+        return schema if self.maximum is None else {**schema, "maximum": self.maximum}
+
+
+@dataclass(frozen=True)
+class ModesType(Whole):
+    """A number of modes, or all of them."""
+
+    def read(self, value: Any) -> Any:
+        """Return the int or ``"all"``."""
+        try:
+            return value if value == "all" else super().read(value)
+        except UnitError as error:
+            raise UnitError(error.message, "write a number of modes, 1 or more, or all") from None
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return a bounded integer, or the word."""
+        return {"anyOf": [super().json_schema(), {"const": "all"}]}
+
+
+@dataclass(frozen=True)
+class TextType(FieldType):
+    """Text; ``name`` restricts it to what can name a dataset and a column."""
+
+    name: bool = False
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return "tip" if self.name else ""
+
+    def read(self, value: Any) -> str:
+        """Return the text; a number is taken as it is written."""
+        if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+            raise UnitError("must be text", "put it in quotes")
+        text = str(value)
+        if self.name and not re.fullmatch(r"\w(?:[\w .+-]*[\w+-])?", text):
+            raise UnitError(
+                "is not a usable name", "use letters, digits, spaces and - _ + . (it names datasets and columns)"
+            )
+        return text
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return a string."""
+        return {"type": "string", "minLength": 1} if self.name else {"type": "string"}
+
+
+def _positive(dimension: Dimension) -> Quantity:
+    return Quantity(dimension, above=0.0)
+
+
+def _not_negative(dimension: Dimension) -> Quantity:
+    return Quantity(dimension, minimum=0.0)
+
+
+Text = Annotated[str, TextType()]
+Name = Annotated[str, TextType(name=True)]
+Count = Annotated[int, Whole(1)]
+MassNumber = Annotated[int, Whole(1)]
+
+Modes = Annotated[int | Literal["all"], ModesType(1)]
+Elements = Annotated[int, Whole(1, 5000)]
+SteppedCount = Annotated[int, Whole(2, 100_000)]
+
+Coefficient = Annotated[float, Quantity(units.NUMBER)]
+PositiveNumber = Annotated[float, _positive(units.NUMBER)]
+Factor = Annotated[float, _not_negative(replace(units.NUMBER, name="factor"))]
+Ratio = Annotated[float, _not_negative(units.RATIO)]
+Length = Annotated[float, _positive(units.LENGTH)]
+Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
+Position = Annotated[float, _not_negative(replace(units.LENGTH, name="position"))]
+Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
+Area = Annotated[float, _positive(units.AREA)]
+SecondMoment = Annotated[float, _positive(units.SECOND_MOMENT)]
+Mass = Annotated[float, _positive(units.MASS)]
+PointMassValue = Annotated[float, _not_negative(units.MASS)]
+Density = Annotated[float, _positive(units.DENSITY)]
+Modulus = Annotated[float, _positive(units.PRESSURE)]
+Stiffness = Annotated[float, _positive(units.STIFFNESS)]
+NonNegativeStiffness = Annotated[float, _not_negative(units.STIFFNESS)]
+CubicStiffness = Annotated[float, Quantity(units.CUBIC_STIFFNESS)]
+Dashpot = Annotated[float, _not_negative(units.DASHPOT)]
+ViscousPerLength = Annotated[float, _not_negative(units.VISCOUS_PER_LENGTH)]
+PerTime = Annotated[float, _not_negative(units.PER_TIME)]
+Duration = Annotated[float, _positive(units.TIME)]
+Time = Annotated[float, _not_negative(units.TIME)]
+Frequency = Annotated[float, _positive(units.FREQUENCY)]
+Angle = Annotated[float, Quantity(units.ANGLE)]
+Force = Annotated[float, Quantity(units.FORCE)]
+PositiveForce = Annotated[float, _positive(units.FORCE)]
+Energy = Annotated[float, _positive(units.ENERGY)]
+Gravity = Annotated[float, Quantity(replace(units.ACCELERATION, example="1 g"))]
+Level = Annotated[float, LevelType()]
+SweepRate = Annotated[Rate, RateType()]

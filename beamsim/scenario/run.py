@@ -1,0 +1,140 @@
+"""A run in time: duration, output, initial state, method."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Tag
+
+from beamsim.scenario.base import Schema, by_key, fail
+from beamsim.scenario.place import PlacedForce
+from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration, Frequency, Modes, PositiveNumber
+
+__all__ = [
+    "ModeStart",
+    "PolynomialStart",
+    "Reduction",
+    "ReleasedForceStart",
+    "Run",
+    "SpectrumSettings",
+    "Start",
+]
+
+
+class PolynomialStart(Schema):
+    """Start from a given shape and velocity: for a beam polynomials in x, for a chain a number a mass."""
+
+    displacement: tuple[Coefficient, ...] = ()
+    """Beam: coefficients of 1, x, x^2, ... in SI units; chain: displacement of each mass, m."""
+    velocity: tuple[Coefficient, ...] = ()
+    """Beam: coefficients of 1, x, x^2, ... in SI units; chain: velocity of each mass, m/s."""
+
+    def settle(self) -> None:
+        """Refuse a start that says nothing."""
+        if not self.displacement and not self.velocity:
+            raise fail("is an empty initial state", "give displacement, velocity or both, or write start: rest")
+
+
+class ModeStart(Schema):
+    """Start from rest in the shape of a linear mode."""
+
+    mode: Count
+    """Number of the mode, from 1."""
+    amplitude: Amplitude
+    """Largest displacement of the shape."""
+
+
+class ReleasedForceStart(Schema):
+    """Start from rest in the static shape under a force, which is released."""
+
+    released_force: PlacedForce
+    """The force that holds the structure until t = 0."""
+
+
+_STARTS = ("static_equilibrium", "rest")
+
+
+def _choose_start(value: Any) -> str | None:
+    if isinstance(value, str) and value in _STARTS:
+        return "<text>"
+    for tag, schema, keys in (
+        ("<polynomial>", PolynomialStart, ("displacement", "velocity")),
+        ("<mode>", ModeStart, ("mode", "amplitude")),
+        ("<released_force>", ReleasedForceStart, ("released_force",)),
+    ):
+        if isinstance(value, schema) or (isinstance(value, dict) and any(key in value for key in keys)):
+            return tag
+    return None
+
+
+Start = Annotated[
+    Annotated[Literal["static_equilibrium", "rest"], Tag("<text>")]
+    | Annotated[PolynomialStart, Tag("<polynomial>")]
+    | Annotated[ModeStart, Tag("<mode>")]
+    | Annotated[ReleasedForceStart, Tag("<released_force>")],
+    by_key(
+        _choose_start,
+        "is no initial state",
+        "write static_equilibrium, rest, {displacement: [...], velocity: [...]}, {mode: 1, amplitude: 1 mm} "
+        "or {released_force: {position: 270 mm, force: 10 N}}",
+    ),
+]
+
+
+class SpectrumSettings(Schema):
+    """Which part of the run is analysed, and through which window."""
+
+    last: Duration | None = None
+    """Analyse only this last part of the run; the whole run by default."""
+    periods: Count | None = None
+    """Analyse the last so many periods of the excitation, instead of last."""
+    window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop"] = "hann"
+    """Window function."""
+
+    def settle(self) -> None:
+        """Refuse two lengths."""
+        if self.last is not None and self.periods is not None:
+            raise fail("and last exclude each other", "keep one of the two", ("periods",))
+
+
+class Run(Schema):
+    """A run in time."""
+
+    duration: Duration
+    """Simulated time."""
+    sample_rate: Frequency | None = None
+    """Rate of the output; chosen from the excitation and the structure by default."""
+    start: Start = "static_equilibrium"
+    """Initial state: static_equilibrium, rest, polynomials, a mode, or a force released."""
+    spectrum: SpectrumSettings = SpectrumSettings()
+    """How spectra are made."""
+    method: Literal["exact", "reference"] = "exact"
+    """Exact: closed-form flow between contact events; reference: a time-stepping integrator, to check against."""
+    integrator: Literal["RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"] = "BDF"
+    """SciPy's integrator of the reference method."""
+    rtol: PositiveNumber = 1e-8
+    """Relative tolerance of the reference method."""
+    atol: PositiveNumber = 1e-12
+    """Absolute tolerance of the reference method."""
+    max_events: Count = 1_000_000
+    """The run stops after so many contact events (chattering without end)."""
+
+    @property
+    def output_rate(self) -> float:
+        """The sample rate, Hz; a scenario always has one."""
+        assert self.sample_rate is not None
+        return self.sample_rate
+
+
+class Reduction(Schema):
+    """How many modes are kept, beside the static vectors of contacts and loads."""
+
+    modes: Modes | None = None
+    """Number of modes, or all."""
+    highest_frequency: Frequency | None = None
+    """Keep the modes needed up to this frequency."""
+
+    def settle(self) -> None:
+        """Refuse two rules."""
+        if self.modes is not None and self.highest_frequency is not None:
+            raise fail("and modes exclude each other", "keep one of the two", ("highest_frequency",))

@@ -1,0 +1,1 @@
+"""Result files: the HDF5 layout, writing, reading, export to other formats."""

@@ -1,0 +1,126 @@
+"""The exact flow against time stepping on the thesis's 65 Hz case: processor time and error, side by side.
+
+    python benchmarks/run_against_time_stepping.py [--quick]
+
+One process, processor time, ratios to the exact flow. The error of a method is the largest difference of any
+coordinate to the exact flow, relative to the coordinate's peak, over 0.8 s; for each method the cheapest tolerance
+with an error of at most 1e-9 is reported (the largest error reached where none gets there).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from numba import njit
+from scipy.integrate import ode
+
+import beamsim
+from beamsim.analyses.run import exact_flow
+from beamsim.dynamics.reference import integrate
+from beamsim.dynamics.transient import simulate
+from beamsim.model.build import build_system
+
+CASE = "configs/one_sided_65hz.yaml"
+TARGET = 1e-9
+TIMES = np.linspace(0.0, 0.8, 401)
+
+
+def best_of(function, repeats):
+    """Smallest processor time of a call, s, and its result."""
+    best = np.inf
+    for _ in range(repeats):
+        begin = time.process_time()
+        result = function()
+        best = min(best, time.process_time() - begin)
+    return best, result
+
+
+def exact(modes, repeats=20):
+    """Processor time of building the contact states and computing the motion, no sampled output."""
+    system = build_system(beamsim.load_scenario(CASE, {"reduction": {"modes": modes}}))
+    seconds, trajectory = best_of(lambda: simulate(exact_flow(system, 0.8), system.initial_state), repeats)
+    return system, seconds, trajectory
+
+
+def difference(y, exact_y):
+    """Largest difference relative to the peak of each coordinate's kind (displacements, velocities)."""
+    n = y.shape[1] // 2
+    d, e = np.abs(y - exact_y), np.abs(exact_y)
+    return max(d[:, :n].max() / e[:, :n].max(), d[:, n:].max() / e[:, n:].max())
+
+
+def scipy_methods(system, exact_y, methods, tolerances):
+    """Cheapest run of each ``solve_ivp`` method that reaches the target."""
+    for method in methods:
+        last = None
+        for rtol in tolerances:
+            flow = exact_flow(system, 0.8)
+            begin = time.process_time()
+            result = integrate(flow, system.initial_state, TIMES, integrator=method, rtol=rtol, atol=1e-3 * rtol)
+            seconds = time.process_time() - begin
+            last = (method, rtol, seconds, difference(result.y, exact_y))
+            if last[3] <= TARGET:
+                break
+        yield last
+
+
+def compiled_dop853(system, exact_y):
+    """``scipy.integrate.ode('dop853')`` with a compiled right-hand side, tightened until the target is met."""
+    dynamics = system.dynamics
+    contacts = dynamics.contacts
+    n = dynamics.size
+    stiffness, damping = dynamics.stiffness, dynamics.damping
+    phi, k, c, gap = contacts.shape[0], contacts.stiffness[0], contacts.dashpot[0], contacts.gap[0]
+    load = system.forcing.load[0]
+    amplitude = 2.0 * 9.80665
+    omega = 2 * np.pi * system.excitation_frequency_hz
+
+    @njit
+    def right_hand_side(t, y):
+        out = np.empty(2 * n)
+        q, v = y[:n], y[n:]
+        delta, rate = -gap - phi @ q, -(phi @ v)
+        force = k * delta + c * rate if delta > 0.0 else 0.0
+        a = amplitude * np.sin(omega * t)
+        out[:n] = v
+        out[n:] = -stiffness * q - damping @ v + load * a + phi * force
+        return out
+
+    right_hand_side(0.0, system.initial_state)
+    last = None
+    for rtol in (1e-9, 1e-10, 1e-11, 1e-12, 1e-13):
+        solver = ode(right_hand_side).set_integrator("dop853", rtol=rtol, atol=1e-3 * rtol, nsteps=10**8)
+        solver.set_initial_value(system.initial_state, 0.0)
+        begin = time.process_time()
+        y = np.array([system.initial_state] + [solver.integrate(t) for t in TIMES[1:]])
+        seconds = time.process_time() - begin
+        last = ("ode dop853, compiled", rtol, seconds, difference(y, exact_y))
+        if last[3] <= TARGET:
+            break
+    return last
+
+
+def main():
+    """Print the table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--quick", action="store_true", help="DOP853 only")
+    quick = arguments.parse_args().quick
+    exact(6, 1)
+    system, six, trajectory = exact(6)
+    _, everything, whole = exact("all")
+    print(f"exact, 6 modes      {six * 1e3:8.2f} ms  {trajectory.event_time.size} events, "
+          f"{trajectory.evaluations} evaluations")  # fmt: skip
+    print(f"exact, all modes    {everything * 1e3:8.2f} ms  {everything / six:.1f} times six modes "
+          f"({whole.y.shape[1] // 2} coordinates)")  # fmt: skip
+    exact_y = trajectory.states_at(TIMES)
+    methods = ["DOP853"] if quick else ["RK45", "DOP853", "Radau", "BDF", "LSODA"]
+    tolerances = [1e-9, 1e-10, 1e-11, 1e-12, 1e-13]
+    rows = [*scipy_methods(system, exact_y, methods, tolerances), compiled_dop853(system, exact_y)]
+    for method, rtol, seconds, error in rows:
+        print(f"{method:20s}{seconds * 1e3:8.0f} ms  {seconds / six:8.0f} times, error {error:.1e} at rtol {rtol:g}")
+
+
+if __name__ == "__main__":
+    main()

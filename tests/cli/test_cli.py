@@ -1,0 +1,367 @@
+"""The command line: every command, every exit code, nothing half-written."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import h5py
+import pytest
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.cli.app import app
+from beamsim.cli.failures import verdict
+from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
+from beamsim.scenario import template
+from beamsim.store.write import write_run
+
+CASE = """\
+title: Small case
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s, sample_rate: 5 kHz}
+"""
+PLOTS = {"displacement", "acceleration", "contact_force", "spectrum", "phase_portrait", "deflected_shapes"}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "case.yaml").write_text(CASE)
+    return tmp_path
+
+
+@pytest.fixture
+def call(here):
+    def run(*arguments):
+        return CliRunner().invoke(app, [str(a) for a in arguments])
+
+    return run
+
+
+@pytest.fixture
+def solved(monkeypatch, fabricated_run):
+    """`beamsim run` with a solver that answers at once; change ``solved.result`` or ``solved.error``."""
+
+    class Solver:
+        result = fabricated_run()
+        error = None
+        scenario = None
+
+        def __call__(self, scenario, progress=None):
+            self.scenario = scenario
+            if progress is not None:
+                progress(0.5)
+            if self.error is not None:
+                raise self.error
+            return self.result
+
+    solver = Solver()
+    monkeypatch.setattr("beamsim.analyses.run.run", solver)
+    return solver
+
+
+@pytest.fixture
+def stored(here, fabricated_run):
+    return write_run(fabricated_run(), here / "stored.h5")
+
+
+# --- success ----------------------------------------------------------------------------------------------------------
+
+
+def test_run_leaves_result_and_plots_and_prints_the_summary(call, here, solved):
+    done = call("run", "case.yaml")
+    assert done.exit_code == 0, done.output
+    assert set(os.listdir(here)) == {"case.yaml", "case.h5"} | {f"case_{name}.png" for name in PLOTS}
+    for text in ("peak displacement", "0.4 mm", "8.5 g", "15.11 N", "50 %, 26 contacts", "20 MPa at x = 0 m",
+                 "1 (", "2 (", "3e-13", "k L³/EI = 51.8", "2 modes and 1 static vector", "case.h5"):  # fmt: skip
+        assert text in done.stdout, text
+    assert done.stderr == "beamsim: warning: a fabricated warning\n"
+    assert beamsim.open_result("case.h5").complete
+
+
+def test_overrides_reach_the_scenario(call, solved):
+    assert (
+        call("run", "case.yaml", "--no-plots", "--set", "beam.thickness=4 mm", "--set", "run.duration=0.1 s").exit_code
+        == 0
+    )
+    assert solved.scenario.beam.thickness == pytest.approx(0.004)
+    assert solved.scenario.run.duration == 0.1
+
+
+def test_json_is_alone_on_standard_output(call, here, solved, fabricated_run):
+    solved.result = fabricated_run(frequency=math.nan)
+    done = call("run", "case.yaml", "--json", "--no-plots")
+    assert done.exit_code == 0
+    summary = json.loads(done.stdout, parse_constant=lambda _: pytest.fail("NaN is no JSON"))
+    assert summary["peak_force_n"] == {"tip": 15.11}
+    assert summary["static_force_n"] == {"tip": None}
+    assert summary["spectral_lines"][0]["order"] is None
+    assert summary["files"] == ["case.h5"]
+    assert set(os.listdir(here)) == {"case.yaml", "case.h5"}
+
+
+def test_quiet_says_nothing(call, solved):
+    assert call("run", "case.yaml", "--quiet", "--no-plots").stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("output", "file"),
+    [("out.h5", "out.h5"), ("deep/er", "deep/er/case.h5"), ("deep/out.hdf5", "deep/out.hdf5"), (".", "case.h5")],
+)
+def test_output_may_be_a_file_or_a_folder(output, file, call, here, solved):
+    done = call("run", "case.yaml", "--no-plots", "-o", output)
+    assert done.exit_code == 0, done.output
+    assert (here / file).is_file()
+
+
+@pytest.mark.parametrize("how", [{"chain": True}, {"snubbers": ()}, {"frequency": math.nan}, {"snubbers": ("a", "b")}])
+def test_info_of_every_kind_of_result(how, call, here, fabricated_run):
+    write_run(fabricated_run(**how), here / "x.h5")
+    done = call("info", "x.h5")
+    assert done.exit_code == 0, done.output
+    assert "Fabricated, 65 Hz" in done.stdout
+    assert "2026-01-01" in done.stdout
+    assert json.loads(call("info", "x.h5", "--json").stdout)["kept_modes"] == 2
+
+
+def test_plot_draws_again(call, here, stored):
+    done = call("plot", "stored.h5", "-o", "pictures", "--format", "svg", "--json")
+    assert done.exit_code == 0, done.output
+    assert {os.path.basename(file) for file in json.loads(done.stdout)["files"]} == {f"stored_{p}.svg" for p in PLOTS}
+    assert len(os.listdir(here / "pictures")) == len(PLOTS)
+
+
+@pytest.mark.parametrize(("form", "file"), [("csv", "stored_csv"), ("uff", "stored.uff"), ("mat", "stored.mat")])
+def test_export(form, file, call, here, stored):
+    done = call("export", "stored.h5", "--format", form)
+    assert done.exit_code == 0, done.output
+    assert (here / file).exists()
+    assert json.loads(call("export", "stored.h5", "--format", form, "--json", "-o", "x").stdout)["files"]
+    assert (here / "x" / file).exists()
+
+
+def test_validate(call):
+    done = call("validate", "case.yaml")
+    assert (done.exit_code, done.stdout) == (0, "case.yaml: valid (Small case)\n")
+    assert json.loads(call("validate", "case.yaml", "--json").stdout)["valid"] is True
+
+
+def test_schema_is_json_schema(call, here):
+    schema = json.loads(call("schema").stdout)
+    assert {"beam", "chain", "snubbers", "excitation", "run"} <= set(schema["properties"])
+    assert call("schema", "-o", "s.json").exit_code == 0
+    assert json.loads((here / "s.json").read_text()) == schema
+
+
+@pytest.mark.parametrize("kind", ["beam", "chain"])
+def test_new_writes_a_valid_case(kind, call, here):
+    done = call("new", "mine.yaml", "--kind", kind)
+    assert done.exit_code == 0, done.output
+    valid = call("validate", "mine.yaml")
+    assert valid.exit_code == 0, valid.output
+    (here / "mine.yaml").write_text("precious")
+    refused = call("new", "mine.yaml", "--kind", kind)
+    assert refused.exit_code == 2
+    assert "--force" in refused.stderr
+    assert (here / "mine.yaml").read_text() == "precious"
+    assert call("new", "mine.yaml", "--kind", kind, "--force", "--json").exit_code == 0
+    assert (here / "mine.yaml").read_text() == template(kind)
+
+
+def test_version(call):
+    assert call("--version").stdout == f"beamsim {beamsim.__version__}\n"
+
+
+# --- failures ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run",),
+        ("run", "case.yaml", "--nonsense"),
+        ("export", "stored.h5"),
+        ("export", "stored.h5", "--format", "xlsx"),
+        ("nonsense",),
+    ],
+)
+def test_wrong_usage_ends_with_2(arguments, call, stored):
+    done = call(*arguments)
+    assert done.exit_code == 2
+    assert "Traceback" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "message"),
+    [
+        (CASE + "colour: red\n", (), "colour"),
+        (CASE.replace("5 mm,", "-5 mm,"), (), "thickness"),
+        (CASE.replace("position: 270 mm", "position: 310 mm"), (), "snubbers[0].position"),
+        (CASE.replace("5 kHz", "100 Hz"), (), "sample_rate"),
+        (CASE, ("--set", "beam.nonsense=1"), "nonsense"),
+        (CASE, ("--set", "beam.length=3 kg"), "length"),
+        ("title: [", (), "case.yaml"),
+    ],
+)
+def test_bad_cases_end_with_2_and_touch_nothing(text, arguments, message, call, here, solved):
+    (here / "case.yaml").write_text(text)
+    (here / "case.h5").write_bytes(b"old")
+    for command in ("run", "validate"):
+        done = call(command, "case.yaml", *arguments)
+        assert done.exit_code == 2, done.output
+        assert message in done.stderr
+        assert "Traceback" not in done.output
+        assert done.stdout == ""
+    assert (here / "case.h5").read_bytes() == b"old"
+    assert solved.scenario is None
+    assert json.loads(call("validate", "case.yaml", "--json", *arguments).stdout)["valid"] is False
+
+
+@pytest.mark.parametrize("command", ["run", "validate", "info", "plot"])
+def test_missing_file(command, call):
+    done = call(command, "nowhere.yaml")
+    assert done.exit_code == 2
+    assert "nowhere.yaml" in done.stderr
+
+
+def test_place_that_cannot_be_written_is_found_before_computing(call, here, solved):
+    (here / "file").write_text("")
+    done = call("run", "case.yaml", "-o", "file/case.h5")
+    assert done.exit_code == 2
+    assert "not a folder" in done.stderr
+    assert solved.scenario is None
+    (here / "case.h5").mkdir()
+    assert call("run", "case.yaml").exit_code == 2
+
+
+def test_partial_result_is_saved_and_ends_with_3(call, here, solved, fabricated_run):
+    solved.result = fabricated_run(status="stopped at t = 0.2 s: more than max_events events")
+    done = call("run", "case.yaml", "--no-plots")
+    assert done.exit_code == 3
+    assert "max_events" in done.stderr
+    assert "partial result is in case.h5" in done.stderr
+    assert "peak displacement" in done.stdout
+    assert not beamsim.open_result("case.h5").complete
+    assert call("info", "case.h5").exit_code == 0
+
+
+def test_a_bug_ends_with_1_in_one_line(call, here, solved):
+    solved.error = ZeroDivisionError("division by zero\nand more")
+    (here / "case.h5").write_bytes(b"old")
+    done = call("run", "case.yaml")
+    assert done.exit_code == 1
+    assert done.stderr == "beamsim: internal error (ZeroDivisionError: division by zero); use --debug to see where\n"
+    assert "Traceback" in call("run", "case.yaml", "--debug").stderr
+    assert (here / "case.h5").read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("where", ["solver", "writing", "plotting"])
+def test_interrupt_ends_with_130_and_leaves_nothing_half_written(where, call, here, solved, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    if where == "solver":
+        solved.error = KeyboardInterrupt()
+    elif where == "writing":
+        monkeypatch.setattr("beamsim.store.write._write_modes", interrupted)
+    else:
+        monkeypatch.setattr("matplotlib.figure.Figure.savefig", interrupted)
+    done = call("run", "case.yaml")
+    assert done.exit_code == 130
+    assert "interrupted" in done.stderr
+    assert set(os.listdir(here)) == {"case.yaml"} | ({"case.h5"} if where == "plotting" else set())
+
+
+def test_results_that_are_not_ours(call, here, stored):
+    with h5py.File(here / "alien.h5", "w") as file:
+        file["x"] = 1
+    for file in ("alien.h5", "case.yaml", "gone.h5"):
+        for command in (("info",), ("plot",), ("export", "--format", "csv")):
+            done = call(*command, file)
+            assert done.exit_code == 2, done.output
+            assert file in done.stderr
+
+
+def test_every_family_of_exceptions_has_its_code():
+    located = ScenarioError(
+        [Problem("beam.length", "is negative", "use m", "case.yaml", 3), Problem("run", "is missing")]
+    )
+    assert verdict(located) == (2, "case.yaml:3: beam.length is negative; use m\nbeamsim: run is missing")
+    assert verdict(ResultFileError("x"))[0] == 2
+    assert verdict(NotTrustedError("x"))[0] == 3
+    assert verdict(MemoryError())[0] == 2
+    assert verdict(PermissionError(13, "Permission denied", "/x")) == (2, "beamsim: /x: Permission denied")
+    assert verdict(RuntimeError(""))[0] == 1
+    assert verdict(KeyboardInterrupt())[0] == 130
+
+
+# --- as a process -----------------------------------------------------------------------------------------------------
+
+
+def start(*arguments, **options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "beamsim", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+HELP = """
+import sys
+import beamsim.cli
+sys.argv = ["beamsim", "--help"]
+try:
+    beamsim.cli.main()
+except SystemExit:
+    heavy = ("numpy", "scipy", "numba", "pydantic", "pint", "yaml", "h5py", "matplotlib", "rich")
+    print([name for name in heavy if name in sys.modules])
+"""
+
+LAZY = """
+import sys
+import beamsim
+assert "numpy" not in sys.modules
+assert all(getattr(beamsim, name) is not None for name in dir(beamsim))
+"""
+
+
+def test_help_imports_nothing_heavy():
+    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_importing_the_package_is_lazy_and_its_names_resolve():
+    subprocess.run([sys.executable, "-c", LAZY], check=True)
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = beamsim.nothing
+
+
+def test_closed_pipe_is_no_bug(here, stored):
+    process = start("info", "stored.h5")
+    process.stdout.close()
+    errors = process.stderr.read()
+    process.stderr.close()
+    process.wait()
+    assert "internal error" not in errors
+    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signal_during_a_long_run(number, code, here):
+    process = start("run", "case.yaml", "--set", "run.duration=100000 s", "--set", "run.sample_rate=200 Hz",
+                    "--set", "run.max_events=100000000")  # fmt: skip
+    time.sleep(4.0)
+    assert process.poll() is None, process.communicate()
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert "Traceback" not in errors
+    assert os.listdir(here) == ["case.yaml"]

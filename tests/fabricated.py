@@ -1,0 +1,141 @@
+"""Results that no solver made, for the tests of what comes after the solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from beamsim.analyses.results import (
+    BeamResult,
+    EnergyHistory,
+    EventLog,
+    ModeTable,
+    ProbeHistory,
+    RunResult,
+    SnubberHistory,
+    Work,
+)
+from beamsim.analyses.spectrum import spectrum
+
+YAML = """\
+title: Fabricated, 65 Hz
+beam: {length: 0.27, width: 0.05, thickness: 0.005, youngs_modulus: 69.0e+9, density: 2700.0}
+snubbers:
+  - {name: tip, position: 0.27, side: below, stiffness: 151100.0}
+excitation: {kind: harmonic, applied_to: base, level: 19.6133, frequency: 65.0}
+run: {duration: 0.4, sample_rate: 10000.0}
+"""
+
+
+@dataclass(frozen=True)
+class FabricatedScenario:
+    """What a result needs of a scenario, without the scenario layer."""
+
+    title: str = "Fabricated, 65 Hz"
+
+    def to_yaml(self) -> str:
+        return YAML
+
+
+def fabricate(
+    *,
+    snubbers: tuple[str, ...] = ("tip",),
+    probes: tuple[str, ...] = ("tip", "middle"),
+    chain: bool = False,
+    frequency: float = 65.0,
+    status: str = "complete",
+    rate: float = 10_000.0,
+    duration: float = 0.4,
+) -> RunResult:
+    """A run's result made of closed-form pieces: two half sines a period, the smaller one in contact."""
+    time = np.arange(round(duration * rate) + 1) / rate
+    omega = 2 * np.pi * (frequency if np.isfinite(frequency) else 65.0)
+    w = np.where(np.sin(omega * time) > 0, 4e-4, 1e-4) * np.sin(omega * time)
+    v = np.where(np.sin(omega * time) > 0, 4e-4, 1e-4) * omega * np.cos(omega * time)
+    base = 2 * 9.80665 * np.sin(omega * time)
+    where = {name: float(k + 1) if chain else 0.27 / (k + 1) for k, name in enumerate(probes)}
+    histories = {
+        name: ProbeHistory(
+            name, where[name], w / (k + 1), w / (k + 1) - base / omega**2, v, -(omega**2) * w / (k + 1) + base
+        )
+        for k, name in enumerate(probes)
+    }
+    stops = {}
+    for k, name in enumerate(snubbers):
+        closed = w < 0
+        stops[name] = SnubberHistory(
+            name, float(k + 1) if chain else 0.27 / (k + 1), "above" if k % 2 else "below", 151_100.0, 12.3, 1e-4 * k,
+            float("nan"), 0.0, 51.8, np.where(closed, -151_100.0 * w / (k + 1), 0.0), -w, closed, w, v,
+        )  # fmt: skip
+    instants = np.arange(1, int(2 * duration * 65)) / 130.0
+    n = instants.size if snubbers else 0
+    events = EventLog(instants[:n], np.zeros(n, dtype=np.int64), np.arange(n) % 2 == 0)
+    settings = SimpleNamespace(last=duration / 2, periods=None, window="hann")
+    spectra = {
+        (name, quantity): spectrum(time, getattr(p, quantity), settings, frequency, name, quantity, unit)
+        for name, p in histories.items()
+        for quantity, unit in (("absolute_acceleration", "m/s^2"), ("displacement", "m"))
+    }
+    x = np.arange(1.0, 3.0) if chain else np.linspace(0, 0.27, 11)
+    curve = (x / x[-1]) ** 2
+    beam = BeamResult(
+        x, 2e7 * (1 - x / 0.27), np.array([-1e-4 * curve, 4e-4 * curve]), np.array([0.3, 0.2]), -2e-5 * curve
+    )
+    modes = ModeTable(
+        np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]), x, np.array([0.01, np.nan]), 2,
+        len(snubbers), 1000.0, 1e-5,
+    )  # fmt: skip
+    summary = {
+        "peak_displacement_m": dict.fromkeys(probes, 4e-4),
+        "min_displacement_m": dict.fromkeys(probes, -1e-4),
+        "max_displacement_m": dict.fromkeys(probes, 4e-4),
+        "peak_acceleration_g": dict.fromkeys(probes, 8.5),
+        "peak_force_n": dict.fromkeys(snubbers, 15.11),
+        "contact_share": dict.fromkeys(snubbers, 0.5),
+        "contacts": dict.fromkeys(snubbers, 26),
+        "events": int(n),
+        "energy_error": 3e-13,
+        "processor_time_s": 0.0012,
+        "spectral_lines": [
+            {"probe": s.probe, "quantity": s.quantity, "order": line.order, "frequency_hz": line.frequency_hz,
+             "amplitude": line.amplitude, "amplitude_db": line.amplitude_db, "kind": line.kind}
+            for s in spectra.values() for line in s.lines
+        ],
+        "static_force_n": dict.fromkeys(snubbers, float("nan")),
+        "blocked_force_n": dict.fromkeys(snubbers, 0.0),
+        "gap_m": dict.fromkeys(snubbers, 0.0),
+        "stiffness_ratio": dict.fromkeys(snubbers, 51.8),
+        "open_frequencies_hz": [52.7, 328.5],
+        "closed_frequencies_hz": [196.0, 447.1],
+        "kept_modes": 2,
+        "static_vectors": len(snubbers),
+        "reduction_error": 1e-5,
+        "status": status,
+        "method": "exact",
+        "linear": None if not snubbers else False,
+    }  # fmt: skip
+    if not chain:
+        summary |= {"largest_bending_stress_pa": 2e7, "largest_bending_stress_position_m": 0.0}
+    return RunResult(
+        scenario=FabricatedScenario(),  # type: ignore[arg-type]
+        method="exact",
+        status=status,
+        time=time,
+        probes=histories,
+        snubbers=stops,
+        base_acceleration=base,
+        base_displacement=-base / omega**2,
+        events=events,
+        spectra=spectra,
+        beam=None if chain else beam,
+        energy=EnergyHistory(1e-3 * time, 5e-4 * time, 5e-4 * time),
+        modes=modes,
+        work=Work(int(n), 20 * int(n), int(n) + 1, 2, 0.0012),
+        summary=summary,
+        warnings=("a fabricated warning",),
+        wall_time_s=0.25,
+        created="2026-01-01T00:00:00+00:00",
+        provenance={"beamsim": "0.1.0", "numpy": "2.0"},
+    )

@@ -1,0 +1,152 @@
+"""Every case of chapters 1 and 2 that ships as a config, and what the thesis says of it."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+ONE_SIDED = ["one_sided_45hz", "one_sided_65hz", "one_sided_78hz", "one_sided_160hz"]
+PRESTRESSED_LINEAR = ["prestressed_90hz_0_5g", "prestressed_465hz_1g"]
+PRESTRESSED = [
+    "prestressed_45hz_3g", "prestressed_90hz_3g", "prestressed_160hz_5g", "prestressed_220hz_8g",
+    "prestressed_465hz_15g",
+]  # fmt: skip
+BACKLASH = ["backlash_45hz_2g", "backlash_65hz_3g", "backlash_110hz_13g"]
+POINT_FORCE = ["point_force_32hz", "point_force_100hz", "point_force_122hz", "point_force_124hz"]
+
+
+@cache
+def result(name):
+    return beamsim.run(beamsim.load_scenario(CONFIGS / f"{name}.yaml"))
+
+
+def orders(name, quantity="absolute_acceleration", above_db=-60.0):
+    """Orders of the tip's spectral lines that stand above a level."""
+    return {
+        round(line.order, 3)
+        for line in result(name).spectra["tip", quantity].lines
+        if line.amplitude_db > above_db and line.kind != "mean"
+    }
+
+
+@pytest.mark.parametrize("name", ONE_SIDED + PRESTRESSED_LINEAR + PRESTRESSED + BACKLASH + POINT_FORCE)
+def test_energy_balance_and_status(name):
+    r = result(name)
+    assert r.complete
+    assert r.summary["energy_error"] < 1e-8
+    assert r.summary["reduction_error"] < 0.01
+
+
+@pytest.mark.parametrize("name", ONE_SIDED[:3])
+def test_one_sided_contact_gives_odd_and_even_superharmonics(name):
+    assert not result(name).summary["linear"]
+    assert {1.0, 2.0, 3.0, 4.0} <= orders(name)
+
+
+def test_one_sided_contact_at_160_hz_gives_subharmonics_too():
+    found = orders("one_sided_160hz")
+    assert {1.0, 2.0} <= found
+    assert any(order < 1.0 or order % 1.0 != 0.0 for order in found)
+
+
+@pytest.mark.parametrize("name", ONE_SIDED)
+def test_the_stop_below_makes_the_mean_positive(name):
+    tip = result(name).probes["tip"].displacement
+    assert tip[tip.size // 2 :].mean() > 0
+    low, high = (result(name).summary[f"{which}_displacement_m"]["tip"] for which in ("min", "max"))
+    assert high > 2 * abs(low)
+
+
+@pytest.mark.parametrize(
+    ("name", "axis_m", "obtained"),
+    [
+        ("one_sided_45hz", 1.5e-4, 1.88),
+        ("one_sided_65hz", 4.0e-4, 1.03),
+        ("one_sided_78hz", 1.4e-3, 1.18),
+        ("one_sided_160hz", 3.0e-4, 1.81),
+    ],
+)
+def test_tip_displacement_against_the_printed_axes(name, axis_m, obtained):
+    """Largest tip displacement from 0.7 to 0.8 s over the end of the thesis's axis, which bounds its curve.
+
+    A finding, not an agreement: 65 Hz fits, 78 Hz comes out 18 % and 45 and 160 Hz 1.8 times above the printed axes.
+    The thesis documents neither its damping model nor the frame of its displacements; the
+    figures are recorded so that a change in them is seen.
+    """
+    r = result(name)
+    highest = r.probes["tip"].displacement[r.time >= 0.7].max()
+    assert highest / axis_m == pytest.approx(obtained, abs=0.01)
+
+
+@pytest.mark.parametrize("factor", [3.0, np.pi])
+def test_zero_gap_scales_exactly_with_the_level(factor):
+    scenario = CONFIGS / "one_sided_45hz.yaml"
+    scaled = beamsim.run(beamsim.load_scenario(scenario, {"excitation.level": 2 * 9.80665 * factor}))
+    reference = result("one_sided_45hz").probes["tip"]
+    for name in ("displacement", "absolute_acceleration"):
+        expected = getattr(reference, name)
+        found = getattr(scaled.probes["tip"], name) / factor
+        assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", PRESTRESSED_LINEAR)
+def test_small_excitation_on_a_prestressed_snubber_is_linear(name):
+    """Contact is never lost: one line and a positive mean."""
+    r = result(name)
+    assert r.summary["linear"]
+    assert r.summary["contact_share"]["tip"] == 1.0
+    assert np.all(r.snubbers["tip"].force > 0)
+    line = max((x for x in r.spectra["tip", "displacement"].lines if x.kind != "mean"), key=lambda x: x.amplitude)
+    assert line.order == pytest.approx(1.0, abs=1e-3)
+    assert all(
+        x.amplitude < 0.02 * line.amplitude
+        for x in r.spectra["tip", "displacement"].lines
+        if x.kind in ("superharmonic", "subharmonic")
+    )
+    assert r.probes["tip"].displacement.mean() > 0
+
+
+@pytest.mark.parametrize("name", PRESTRESSED)
+def test_large_excitation_on_a_prestressed_snubber_is_nonlinear(name):
+    r = result(name)
+    assert not r.summary["linear"]
+    assert 0 < r.summary["contact_share"]["tip"] < 1
+    assert orders(name) - {1.0}
+    assert r.probes["tip"].displacement[r.time > 0.4].mean() > 0
+
+
+@pytest.mark.parametrize("name", PRESTRESSED + PRESTRESSED_LINEAR)
+def test_prestress_is_about_thirty_newton_blocked_and_one_at_equilibrium(name):
+    s = result(name).snubbers["tip"]
+    assert s.blocked_force == pytest.approx(30.2, abs=0.1)
+    assert 0.5 < s.preload < 2.0
+
+
+@pytest.mark.parametrize("name", BACKLASH)
+def test_half_a_millimetre_of_backlash_is_reached(name):
+    r = result(name)
+    assert not r.summary["linear"]
+    assert r.summary["contacts"]["tip"] > 0
+    assert 2.0 in orders(name, above_db=-70.0) or 3.0 in orders(name, above_db=-70.0)
+
+
+def test_five_millimetres_of_backlash_never_close():
+    """The printed 5 mm cannot be: the three cases are linear with it."""
+    for name in BACKLASH:
+        scenario = beamsim.load_scenario(CONFIGS / f"{name}.yaml", {"snubbers[0].gap": 5e-3})
+        assert beamsim.run(scenario).summary["linear"], name
+
+
+@pytest.mark.parametrize("name", POINT_FORCE)
+def test_point_force_against_one_sided_contact(name):
+    assert not result(name).summary["linear"]
+    assert orders(name) - {1.0}
+
+
+def test_almost_positive_displacement_under_the_stiff_support_at_32_hz():
+    summary = result("point_force_32hz").summary
+    assert summary["max_displacement_m"]["tip"] > 4 * abs(summary["min_displacement_m"]["tip"])

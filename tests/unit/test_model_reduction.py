@@ -1,0 +1,216 @@
+"""What the reduction keeps, how damping lands on it, and whether its error estimate is honest."""
+
+import numpy as np
+import pytest
+
+from beamsim.model.beam import assemble_beam
+from beamsim.model.build import build_system
+from beamsim.model.reduction import LoadPattern, reduce_model
+from beamsim.scenario import Beam, Scenario
+
+BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 20}
+STOP = {"position": 1.0, "side": "below", "stiffness": 2e4, "gap": 0.0}
+SHAKE = {"kind": "harmonic", "applied_to": "base", "quantity": "acceleration", "level": 10.0, "frequency": 20.0}
+
+
+def system(beam=None, rate=2e3, **more):
+    run = {"duration": 1.0, "sample_rate": rate, "start": "rest"}
+    return build_system(Scenario.model_validate({"beam": {**BEAM, **(beam or {})}, "run": run, **more}))
+
+
+def test_default_covers_half_the_sample_rate():
+    s = system(rate=8e3, snubbers=[STOP])
+    f = s.modes.open_frequencies_hz
+    assert s.modes.highest_frequency_hz == pytest.approx(4e3)
+    kept = s.modes.kept_modes
+    assert f[kept - 1] <= 6e3
+    every = system(reduction={"modes": "all"}).modes.open_frequencies_hz
+    assert every[kept] > 6e3
+    assert s.modes.static_vectors == 1
+
+
+def test_a_low_sample_rate_still_keeps_six_flexible_modes():
+    s = system(rate=50.0, excitation={"kind": "none"})
+    assert s.modes.kept_modes == 6
+    assert s.modes.highest_frequency_hz == pytest.approx(s.modes.open_frequencies_hz[5] / 1.5)
+    free = system({"supports": {"left": "free", "right": "free"}}, rate=50.0)
+    assert free.modes.kept_modes == 8
+
+
+def test_a_high_sample_rate_stops_at_what_the_mesh_carries():
+    s = system(rate=1e6)
+    assert s.modes.kept_modes == 20
+    assert s.modes.highest_frequency_hz < 5e5
+
+
+def test_explicit_choices():
+    assert system(reduction={"modes": 3}).modes.kept_modes == 3
+    assert system(reduction={"modes": 1000}).modes.kept_modes == 40
+    s = system(reduction={"modes": "all"}, snubbers=[STOP])
+    assert (s.modes.kept_modes, s.modes.static_vectors, s.modes.reduction_error) == (40, 0, 0.0)
+    by_frequency = system(reduction={"highest_frequency": 500.0})
+    f = system(reduction={"modes": "all"}).modes.open_frequencies_hz
+    assert by_frequency.modes.kept_modes == np.sum(f <= 750.0)
+    assert by_frequency.modes.highest_frequency_hz == pytest.approx(500.0)
+
+
+def test_rigid_body_modes_are_never_left_out():
+    s = system({"supports": {"left": "free", "right": "free"}}, reduction={"modes": 1})
+    assert s.modes.kept_modes == 2
+    assert s.dynamics.stiffness.tolist() == [0.0, 0.0]
+
+
+def test_a_static_vector_for_every_kind_of_load():
+    everything = {
+        "snubbers": [STOP, {**STOP, "position": 0.5}],
+        "constant_forces": [{"position": 0.3, "force": 1.0}],
+        "excitation": {"kind": "harmonic", "applied_to": {"position": 0.7}, "level": 1.0, "frequency": 9.0},
+        "gravity": 9.81,
+    }
+    assert system(reduction={"modes": 3}, **everything).modes.static_vectors == 5
+    assert system(reduction={"modes": 3}).modes.static_vectors == 0
+
+
+@pytest.mark.parametrize("supports", [("clamped", "free"), ("pinned", "free"), ("free", "free")])
+@pytest.mark.parametrize("count", [2, 6, 20, 30])
+def test_basis_is_orthonormal_and_diagonal(supports, count):
+    beam = Beam.model_validate({**BEAM, "supports": dict(zip(("left", "right"), supports, strict=True))})
+    model = assemble_beam(beam)
+    patterns = [LoadPattern(model.deflection(x), x) for x in (0.31, 0.5, 1.0)] + [LoadPattern(model.inertia, None)]
+    basis = reduce_model(model, patterns, count=count)
+    v = basis.vectors
+    assert basis.static_vectors >= 3
+    np.testing.assert_allclose(v.T @ (model.mass @ v), np.eye(basis.size), atol=1e-8)
+    scaled = (model.factor @ v) / np.where(basis.omega > 0, basis.omega, 1.0)
+    np.testing.assert_allclose(scaled.T @ scaled, np.diag((basis.omega > 0).astype(float)), atol=1e-6)
+
+
+def test_columns_satisfy_the_equilibrium_they_claim():
+    model = assemble_beam(Beam.model_validate({**BEAM, "supports": {"left": "pinned", "right": "free"}}))
+    patterns = [LoadPattern(model.deflection(0.6), 0.6), LoadPattern(model.inertia, None)]
+    basis = reduce_model(model, patterns, count=4)
+    acceleration = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
+    loads = np.array([p.vector for p in patterns]).T @ basis.pattern
+    left = model.factor.T @ (model.factor @ basis.vectors)
+    right = model.mass @ acceleration + loads
+    size = np.abs(left).max(axis=0) + 1.0
+    np.testing.assert_allclose(left / size, right / size, atol=1e-7)
+
+
+def test_modal_damping_list_and_static_vectors():
+    s = system({"damping": {"kind": "modal", "ratio": [0.01, 0.03]}}, reduction={"modes": 3}, snubbers=[STOP])
+    np.testing.assert_allclose(s.modes.damping_ratios, [0.01, 0.03, 0.03, 0.03])
+    expected = np.diag(2 * np.array([0.01, 0.03, 0.03, 0.03]) * np.sqrt(s.dynamics.stiffness))
+    np.testing.assert_allclose(s.dynamics.damping, expected)
+
+
+def test_rigid_body_modes_take_no_modal_damping():
+    s = system({"damping": {"kind": "modal", "ratio": 0.02}, "supports": {"left": "pinned", "right": "free"}})
+    assert s.dynamics.damping[0, 0] == 0.0
+    assert np.isnan(s.modes.damping_ratios[0])
+    np.testing.assert_allclose(s.modes.damping_ratios[1:], 0.02)
+
+
+def test_rayleigh_damping():
+    s = system({"damping": {"kind": "rayleigh", "mass": 3.0, "stiffness": 1e-5}}, snubbers=[STOP])
+    np.testing.assert_allclose(s.dynamics.damping, np.diag(3.0 + 1e-5 * s.dynamics.stiffness))
+
+
+def test_uniform_viscous_damping_without_point_masses_is_proportional_to_mass():
+    s = system({"damping": {"kind": "viscous", "coefficient": 2.0}}, reduction={"modes": 4}, snubbers=[STOP])
+    np.testing.assert_allclose(s.dynamics.damping, 2.0 / (2700 * 0.05 * 0.01) * np.eye(5), atol=1e-8)
+
+
+def test_point_masses_take_no_viscous_damping():
+    mass = 0.5
+    s = system(
+        {
+            "damping": {"kind": "viscous", "coefficient": 2.0},
+            "point_masses": [{"position": 1.0, "mass": mass}],
+        },
+        probes=[{"name": "tip", "position": 1.0}],
+    )
+    line, tip = 2700 * 0.05 * 0.01, s.probes[0].shape
+    # M = rho S int + m phi phi^T = I, so xi int = xi / (rho S) (I - m phi phi^T).
+    expected = 2.0 / line * (np.eye(tip.size) - mass * np.outer(tip, tip))
+    np.testing.assert_allclose(s.dynamics.damping, expected, atol=1e-8)
+    np.testing.assert_array_equal(s.dynamics.damping, s.dynamics.damping.T)
+
+
+def response(s, omega, closed):
+    """Steady complex tip response of the linear state, straight from the reduced matrices."""
+    c = s.dynamics.contacts
+    k = np.diag(s.dynamics.stiffness).astype(complex)
+    d = s.dynamics.damping.astype(complex)
+    if closed:
+        k += c.shape.T @ (c.stiffness[:, None] * c.shape)
+        d += c.shape.T @ (c.dashpot[:, None] * c.shape)
+    q = np.linalg.solve(k - omega**2 * np.eye(s.dynamics.size) + 1j * omega * d, s.forcing.load[0])
+    return np.array([p.shape for p in s.probes]) @ q
+
+
+@pytest.mark.parametrize("excitation", [SHAKE, {**SHAKE, "applied_to": {"position": 0.63}, "quantity": "force"}])
+@pytest.mark.parametrize("count", [1, 2, 4])
+@pytest.mark.parametrize("frequency", [5.0, 20.0, 52.0])
+def test_the_estimate_bounds_the_error_of_forced_response(excitation, count, frequency):
+    more = {
+        "excitation": {**excitation, "frequency": frequency},
+        "snubbers": [{**STOP, "damping": {"kind": "viscous", "coefficient": 1.0}}],
+        "probes": [{"name": "tip", "position": 1.0}, {"name": "middle", "position": 0.5}],
+    }
+    beam = {"damping": {"kind": "rayleigh", "mass": 2.0, "stiffness": 1e-6}}  # the same in both models
+    full = system(beam, reduction={"modes": "all"}, **more)
+    reduced = system(beam, reduction={"modes": count}, **more)
+    worst = 0.0
+    for closed in (False, True):
+        a, b = (response(s, 2 * np.pi * frequency, closed) for s in (full, reduced))
+        worst = max(worst, np.abs(a - b).max() / np.abs(a).max())
+    assert worst <= reduced.modes.reduction_error * 1.2 + 1e-9
+    if count > 1:  # a single mode does not reach the second resonance, and the estimate says so
+        assert reduced.modes.reduction_error < 0.2
+
+
+def test_the_estimate_falls_with_the_number_of_modes():
+    errors = [
+        system(reduction={"modes": n}, snubbers=[STOP], excitation=SHAKE).modes.reduction_error for n in (2, 4, 8, 16)
+    ]
+    assert np.all(np.diff(errors) < 0)
+    assert errors[-1] < 1e-6
+
+
+def test_the_estimate_survives_an_excitation_on_a_resonance():
+    f = system(reduction={"modes": "all"}).modes.open_frequencies_hz[0]
+    s = system(
+        {"damping": {"kind": "modal", "ratio": 0.0}},
+        reduction={"modes": 4},
+        snubbers=[STOP],
+        excitation={**SHAKE, "frequency": float(f)},
+    )
+    assert 0 < s.modes.reduction_error < 1e-2
+
+
+def test_the_estimate_for_large_models_agrees_with_the_dense_one(monkeypatch):
+    import beamsim.model.reduction_error as module
+
+    more = {"snubbers": [STOP], "reduction": {"modes": 5}, "beam": {"elements": 60}}
+    dense = system(**more).modes.reduction_error
+    monkeypatch.setattr(module, "DENSE_LIMIT", 50)
+    assert system(**more).modes.reduction_error == pytest.approx(dense, rel=1e-3)
+
+
+def test_mode_table_shapes():
+    s = system(snubbers=[{**STOP, "position": 0.333}])
+    n = s.dynamics.size
+    assert 0.333 in s.beam.position
+    assert s.modes.shapes.shape == (n, s.beam.position.size)
+    np.testing.assert_array_equal(s.modes.shapes.T, s.beam.deflection)
+    assert s.beam.bending_moment.shape == s.beam.deflection.shape
+    assert s.beam.stress_per_moment == pytest.approx(6 / (0.05 * 0.01**2), rel=1e-12)
+    assert np.all(np.diff(s.beam.position) > 0)
+
+
+def test_building_twice_gives_the_same_numbers():
+    a, b = (system(snubbers=[STOP], excitation=SHAKE, gravity=9.81) for _ in range(2))
+    np.testing.assert_array_equal(a.dynamics.stiffness, b.dynamics.stiffness)
+    np.testing.assert_array_equal(a.beam.bending_moment, b.beam.bending_moment)
+    np.testing.assert_array_equal(a.initial_state, b.initial_state)

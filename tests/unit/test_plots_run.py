@@ -1,0 +1,119 @@
+"""Plots: every result can be drawn, and the curves are those of the result."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from beamsim.errors import ResultFileError
+from beamsim.plots import run as plots
+from beamsim.plots.style import scale_for, thinned
+
+EVERYTHING = {"displacement", "acceleration", "contact_force", "spectrum", "phase_portrait", "deflected_shapes"}
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+@pytest.mark.parametrize(
+    ("how", "missing"),
+    [
+        ({}, set()),
+        ({"snubbers": tuple("abcdefgh"), "probes": tuple("pqrstuvw")}, set()),
+        ({"snubbers": ()}, {"contact_force"}),
+        ({"chain": True}, {"deflected_shapes"}),
+        ({"frequency": math.nan}, set()),
+        ({"duration": 0.001, "rate": 1000.0}, set()),
+    ],
+)
+def test_every_kind_of_result_gets_its_pictures(how, missing, fabricated_run, tmp_path):
+    files = plots.save_run_plots(fabricated_run(**how), tmp_path, "case")
+    assert {path.name for path in files} == {f"case_{name}.png" for name in EVERYTHING - missing}
+    assert set(os.listdir(tmp_path)) == {path.name for path in files}
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in files)
+
+
+def test_curves_are_the_result_with_units(ax, fabricated_run):
+    result = fabricated_run()
+    plots.plot_displacement(result, ax)
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), 1e3 * result.probes["tip"].displacement)
+    assert ax.get_ylabel().endswith("(mm)")
+    assert ax.get_xlabel() == "Time (s)"
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["tip", "middle"]
+    assert len({line.get_linestyle() for line in ax.lines}) == 2  # told apart without colour
+
+
+def test_acceleration_is_in_g(ax, fabricated_run):
+    result = fabricated_run()
+    plots.plot_absolute_acceleration(result, ax, last_part=True)
+    shown = ax.lines[0].get_ydata()
+    assert shown[-1] == pytest.approx(result.probes["tip"].absolute_acceleration[-1] / 9.80665)
+    assert ax.get_xlim()[0] == pytest.approx(0.4 - 6 / 65)
+    assert ax.get_ylabel() == "Absolute acceleration (g)"
+
+
+def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
+    result = fabricated_run()
+    plots.plot_spectrum(result, ax)
+    spectrum = result.spectra["tip", "absolute_acceleration"]
+    np.testing.assert_allclose(ax.lines[0].get_xdata(), spectrum.frequency_hz / 65.0)
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), spectrum.amplitude_db)
+    assert "excitation frequency" in ax.get_xlabel()
+    free = Figure().subplots()
+    plots.plot_spectrum(fabricated_run(frequency=math.nan), free)
+    assert free.get_xlabel() == "Frequency (Hz)"
+
+
+def test_of_many_snubbers_the_strongest_are_shown(ax, fabricated_run):
+    plots.plot_contact_force(fabricated_run(snubbers=tuple("hgfedcba")), ax)
+    assert [line.get_label() for line in ax.lines] == list("hgfedc")
+    assert ax.get_legend().get_title().get_text() == "6 of 8 snubbers"
+
+
+def test_a_chain_has_no_deflected_shape(ax, fabricated_run):
+    with pytest.raises(ValueError, match="chain"):
+        plots.plot_deflected_shapes(fabricated_run(chain=True), ax)
+
+
+def test_interrupted_plot_leaves_no_file(fabricated_run, tmp_path, monkeypatch):
+    def interrupted(self, path, **_):
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Figure, "savefig", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        plots.save_run_plots(fabricated_run(), tmp_path, "case")
+    assert os.listdir(tmp_path) == []
+
+
+def test_no_place_for_the_plots(fabricated_run, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultFileError, match="not a folder"):
+        plots.save_run_plots(fabricated_run(), tmp_path / "file", "case")
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "expected"),
+    [("m", 4e-4, "mm"), ("m", 30.0, "m"), ("N", 31.0, "N"), ("N", 2e4, "kN"), ("m/s", 0.16, "m/s"), ("m", 0.0, "m"),
+     ("m", 3e-7, "µm"), ("N", 1e-14, "pN")],
+)  # fmt: skip
+def test_prefixes(unit, value, expected):
+    scale = scale_for(unit, np.array([value, -value / 2]))
+    assert scale.unit == expected
+    assert scale_for(unit).factor == 1.0
+
+
+def test_thinning_keeps_the_extremes():
+    time = np.arange(1_000_003.0)
+    x = np.zeros(time.size)
+    x[123_457], x[777_777], x[-1] = 5.0, -7.0, 1.0
+    few_t, few_x = thinned(time, x)
+    assert few_t.size < 50_000
+    assert np.all(np.diff(few_t) >= 0)
+    assert (few_x.max(), few_x.min(), few_x[-1]) == (5.0, -7.0, 1.0)
+    assert few_t[few_x.argmax()] == 123_457
+    assert thinned(time[:100], x[:100])[0].size == 100

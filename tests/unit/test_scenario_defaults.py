@@ -1,0 +1,376 @@
+"""Defaults, doubts, the JSON Schema, templates, and what importing costs."""
+
+import copy
+import doctest
+import importlib
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from beamsim.errors import ScenarioError
+from beamsim.scenario import (
+    AtPosition,
+    GeneralSection,
+    HalfSine,
+    ModeStart,
+    ReleasedForceStart,
+    TubeSection,
+    json_schema,
+    load_scenario,
+    template,
+)
+from beamsim.scenario.tree import parse
+
+EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
+BASE = (EXAMPLES / "one_sided_65hz.yaml").read_text()
+BEAM = "beam: {length: 1, width: 0.02, thickness: 0.02, youngs_modulus: 70e9, density: 2700}\n"
+CHAIN = "chain: {masses: [1, 1], springs: [1, 1, 1]}\n"
+
+
+def test_the_least_scenario():
+    scenario = load_scenario(BEAM)
+    assert (scenario.beam.supports.left, scenario.beam.supports.right) == ("clamped", "free")
+    assert scenario.beam.damping.ratio == 0.0
+    assert scenario.excitation.kind == "none"
+    assert (scenario.gravity, scenario.snubbers, scenario.run, scenario.title) == (0.0, (), None, "")
+
+
+def test_a_mapping_is_a_scenario_too():
+    beam = {"length": "1 m", "width": 0.02, "thickness": 0.02, "youngs_modulus": "70 GPa", "density": 2700}
+    scenario = load_scenario({"beam": beam})
+    assert scenario == load_scenario(BEAM)
+    assert scenario.source == "scenario"
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"beam": beam | {"length": -1}})
+    assert str(caught.value) == "beam.length = -1 must be positive; write for example 270 mm"
+    assert load_scenario("{" + BEAM.strip() + "}") == scenario
+
+
+@pytest.mark.parametrize(
+    ("text", "probes"),
+    [
+        (BEAM, [("right_end", 1.0)]),
+        (BEAM[:-2] + ", supports: {left: free, right: clamped}}\n", [("left_end", 0.0)]),
+        (BEAM[:-2] + ", supports: {left: clamped, right: pinned}}\n", [("middle", 0.5)]),
+        (BEAM[:-2] + ", supports: {left: clamped, right: guided}}\n", [("right_end", 1.0)]),
+        (
+            BEAM + "snubbers: [{position: 0.5, side: above, stiffness: 1}, "
+            "{name: tip, position: 1, side: above, stiffness: 1}]\n",
+            [("snubber_1", 0.5), ("tip", 1.0)],
+        ),
+        (BEAM + "probes: [{name: here, position: 0.3}]\n", [("here", 0.3)]),
+        (CHAIN, [("mass_2", 2)]),
+        (CHAIN[:-2] + ", snubbers: [{mass: 1, side: above, stiffness: 1}]}\n", [("snubber_1", 1)]),
+    ],
+)
+def test_effective_probes(text, probes):
+    found = load_scenario(text).effective_probes
+    assert [(p.name, p.position if p.position is not None else p.mass) for p in found] == probes
+
+
+def test_gap_and_preload():
+    text = (
+        BEAM + "snubbers: [{position: 1, side: below, stiffness: 1}, "
+        "{position: 1, side: above, stiffness: 1, preload: 2 N}]\n"
+    )
+    first, second = load_scenario(text).snubbers
+    assert (first.gap, first.preload) == (0.0, None)
+    assert (second.gap, second.preload) == (None, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("run", "rate"),
+    [
+        ("excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 65}", 100 * 65.0),
+        ("excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 0.7}", pytest.approx(3299 * 0.7)),
+        ("excitation: {kind: none}", 5000.0),
+        (
+            "excitation: {kind: multi_tone, applied_to: base, "
+            "tones: [{level: 1, frequency: 30}, {level: 1, frequency: 90}]}",
+            10_000.0,
+        ),
+        ("excitation: {kind: half_sine, applied_to: base, level: 1, duration: 1 ms}", 50_000.0),
+    ],
+)
+def test_default_sample_rates(run, rate):
+    scenario = load_scenario(BEAM + run + "\nrun: {duration: 2 s}\n")
+    assert scenario.run.sample_rate == rate
+    assert scenario.run.output_rate == scenario.run.sample_rate
+    periods = [scenario.run.sample_rate / f for f in scenario.excitation.frequencies_hz]
+    assert all(samples >= 99.9 for samples in periods)
+    if len(periods) == 1:  # whole periods have no leakage
+        assert periods[0] == pytest.approx(round(periods[0]), rel=1e-12)
+
+
+def test_a_long_run_at_high_frequency_is_sampled_less():
+    text = BEAM + "excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 100 kHz}\nrun: {duration: 1 s}\n"
+    assert load_scenario(text).run.sample_rate == 50 * 1e5
+    assert load_scenario(text.replace("1 s}", "10 s}")).run.sample_rate == 20 * 1e5
+    with pytest.raises(ScenarioError, match="over the limit"):
+        load_scenario(text.replace("1 s}", "1000 s}"))
+
+
+def test_a_short_run_gets_enough_samples():
+    assert load_scenario(CHAIN + "run: {duration: 1 ms}\n").run.sample_rate == 2e6
+
+
+def test_sections():
+    tube = TubeSection(outer_diameter=0.02, wall_thickness=0.01)  # a rod
+    rod = 3.141592653589793 / 4 * 0.02**2
+    assert tube.area == pytest.approx(rod)
+    assert tube.second_moment == pytest.approx(3.141592653589793 / 64 * 0.02**4)
+    assert tube.extreme_fibre == 0.01
+    thin = TubeSection(outer_diameter=0.02, wall_thickness=1e-6)
+    assert thin.second_moment == pytest.approx(3.141592653589793 * 0.01**3 * 1e-6, rel=1e-3)
+    text = BEAM.replace("width: 0.02, thickness: 0.02", "section: {kind: %s}")
+    general = "general, area: 2 cm^2, second_moment: 3 cm^4, extreme_fibre: 1 cm"
+    beam = load_scenario(text % general).beam
+    assert beam.section == GeneralSection(area=2e-4, second_moment=3e-8, extreme_fibre=0.01)
+    assert (beam.area, beam.second_moment, beam.extreme_fibre) == (2e-4, 3e-8, 0.01)
+    rectangle = load_scenario(text % "rectangle, width: 20 mm, thickness: 20 mm").beam
+    assert rectangle.second_moment == load_scenario(BEAM).beam.second_moment
+
+
+def test_starts_and_points():
+    scenario = load_scenario(
+        BEAM + "excitation: {kind: half_sine, applied_to: {position: 1}, level: 3 N, duration: 5 ms, time: 1 ms}\n"
+        "run: {duration: 1, start: {released_force: {position: 1, force: 10 N}}}\n"
+    )
+    assert scenario.excitation == HalfSine(
+        applied_to=AtPosition(position=1.0), level=3.0, quantity="force", duration=0.005, time=0.001
+    )
+    assert isinstance(scenario.run.start, ReleasedForceStart)
+    assert scenario.run.start.released_force.place == AtPosition(position=1.0)
+    moded = load_scenario(BEAM + "run: {duration: 1, start: {mode: 2, amplitude: -1 mm}}\n")
+    assert moded.run.start == ModeStart(mode=2, amplitude=-0.001)
+
+
+@pytest.mark.parametrize(
+    ("level", "quantity", "value"),
+    [
+        ("2 g", "acceleration", 19.6133),
+        ("0.1 m/s", "velocity", 0.1),
+        ("0.1 mm", "displacement", 1e-4),
+        ("3", "acceleration", 3.0),
+    ],
+)
+def test_the_level_says_what_moves(level, quantity, value):
+    scenario = load_scenario(BASE, [f"excitation.level={level}"])
+    assert (scenario.excitation.quantity, scenario.excitation.level) == (quantity, value)
+    assert type(scenario.excitation.level) is float
+
+
+def test_bare_levels_follow_quantity_and_place():
+    assert load_scenario(BASE, ["excitation={level: 3, quantity: displacement}"]).excitation.quantity == "displacement"
+    force = "excitation={kind: harmonic, applied_to: {position: 0.27}, level: 3, frequency: 1}"
+    assert load_scenario(BASE, [force]).excitation.quantity == "force"
+
+
+def test_copies_keep_everything():
+    scenario = load_scenario(EXAMPLES / "sweep_up_down.yaml")
+    for other in (pickle.loads(pickle.dumps(scenario)), copy.deepcopy(scenario)):
+        assert other == scenario
+        assert other.source == "sweep_up_down"
+    assert scenario.with_source("other") == scenario
+    assert scenario.with_source("other").source == "other"
+    assert scenario.source == "sweep_up_down"
+    assert scenario != load_scenario(BASE)
+    assert scenario != "text"
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("beam.thickness=40 mm", "Euler-Bernoulli theory (no shear) is doubtful"),
+        ("beam.elements=1", "elements a bending wavelength at 65 Hz"),
+        ("beam.youngs_modulus=69", "a unit such as GPa may be missing"),
+        ("beam.density=2.7", ""),
+        ("beam.density=0.5", "a unit such as g/cm^3 may be missing"),
+        ("beam.damping.ratio=5", "was 5 % meant?"),
+        ("run={duration: 10 ms, spectrum: null}", "shorter than one period of the excitation"),
+        ("run.sample_rate=200 Hz", "superharmonics fold back"),
+        ("run={duration: 1000 s}", "make a very large result file"),
+        ("excitation={kind: step, applied_to: base, level: 1 g, time: 2 s}", "lies after the end of the run"),
+        (
+            "excitation={kind: half_sine, applied_to: base, level: 1 g, duration: 0.1 ms}",
+            "fewer than 10 samples into the pulse",
+        ),
+        ("constant_forces=[{position: 0, force: 1 N}]", "constant_forces[0] sits on a support"),
+        ("probes=[{name: root, position: 0}]", "probes[0] sits on a support"),
+        ("reduction={highest_frequency: 20 Hz}", "the modes it drives are left out"),
+    ],
+)
+def test_doubts(override, says):
+    doubts = load_scenario(BASE, [override]).warnings
+    assert any(says in doubt for doubt in doubts) if says else doubts == ()
+
+
+@pytest.mark.parametrize("kind", ["beam", "chain"])
+def test_templates_are_valid(kind):
+    text = template(kind)
+    scenario = load_scenario(text)
+    assert (scenario.beam is not None) == (kind == "beam")
+    assert scenario.run is not None
+    assert scenario.warnings == ()
+    assert 30 <= len(text.splitlines()) <= 50
+    assert text.count("#") > 15
+
+
+# --- JSON Schema ---------------------------------------------------------------------------------------------------
+
+TYPES = {
+    "object": dict,
+    "array": list,
+    "string": str,
+    "number": (int, float),
+    "integer": int,
+    "null": type(None),
+    "boolean": bool,
+}
+CHECKED = {
+    "type", "const", "enum", "anyOf", "oneOf", "$ref", "properties", "required", "additionalProperties", "items",
+    "minItems", "minLength", "minimum", "maximum", "exclusiveMinimum", "pattern", "if", "then", "else",
+}  # fmt: skip
+ANNOTATIONS = {"$schema", "$defs", "title", "description", "default", "examples", "x-unit"}
+
+
+def valid(schema, value, root):
+    """Say whether a value satisfies a JSON Schema, as far as ours use the language (checked: no other keyword)."""
+    assert set(schema) <= CHECKED | ANNOTATIONS, set(schema) - CHECKED - ANNOTATIONS
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if "$ref" in schema and not valid(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], value, root):
+        return False
+    if "type" in schema and (
+        not isinstance(value, TYPES[schema["type"]]) or (isinstance(value, bool) and schema["type"] != "boolean")
+    ):
+        return False
+    if ("const" in schema and value != schema["const"]) or ("enum" in schema and value not in schema["enum"]):
+        return False
+    if "anyOf" in schema and not any(valid(item, value, root) for item in schema["anyOf"]):
+        return False
+    if "oneOf" in schema and sum(valid(item, value, root) for item in schema["oneOf"]) != 1:
+        return False
+    if isinstance(value, dict):
+        keys = schema.get("properties", {})
+        if any(key not in value for key in schema.get("required", ())):
+            return False
+        if schema.get("additionalProperties", True) is False and any(key not in keys for key in value):
+            return False
+        if not all(valid(keys[key], item, root) for key, item in value.items() if key in keys):
+            return False
+    if isinstance(value, list):  # noqa: SIM102
+        if len(value) < schema.get("minItems", 0) or not all(
+            valid(schema.get("items", {}), item, root) for item in value
+        ):
+            return False
+    if isinstance(value, str):  # noqa: SIM102
+        if len(value) < schema.get("minLength", 0) or not re.search(schema.get("pattern", ""), value):
+            return False
+    if is_number and (
+        value < schema.get("minimum", value)
+        or value > schema.get("maximum", value)
+        or ("exclusiveMinimum" in schema and value <= schema["exclusiveMinimum"])
+    ):
+        return False
+    if "if" in schema:
+        return valid(schema["then" if valid(schema["if"], value, root) else "else"], value, root)
+    return True
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_schema_accepts_the_examples_and_their_resolved_form(path):
+    schema = json_schema()
+    assert valid(schema, parse(path.read_text()).plain(), schema)
+    assert valid(schema, yaml.safe_load(load_scenario(path).to_yaml()), schema)
+
+
+def test_schema_accepts_templates_and_partial_files_that_extend():
+    schema = json_schema()
+    for kind in ("beam", "chain"):
+        assert valid(schema, parse(template(kind)).plain(), schema)
+    assert valid(schema, {"extends": "a.yaml", "excitation": {"frequency": "45 Hz"}, "beam": {"length": 1}}, schema)
+    assert valid(schema, {"extends": "a.yaml", "run": {"start": "rest"}, "beam": None}, schema)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "beam.thicknes=1",
+        "beam.length=-1",
+        "beam.length=long",
+        "beam.length=null",
+        "beam.elements=2.5",
+        "beam.supports.left=clampd",
+        "beam.damping={ratio: 1}",
+        "excitation.kind=harmonc",
+        "excitation=none",
+        "snubbers={}",
+        "snubbers[0].side=left",
+        "run.start=static",
+    ],
+)
+def test_schema_refuses(change):
+    schema = json_schema()
+    data = parse(BASE).plain()
+    assert valid(schema, data, schema)
+    path, _, text = change.partition("=")
+    target, keys = data, [int(k) if k.isdigit() else k for k in re.findall(r"\w+", path)]
+    for key in keys[:-1]:
+        target = target[key]
+    target[keys[-1]] = parse(text).plain()
+    assert not valid(schema, data, schema)
+    if text != "null":
+        with pytest.raises(ScenarioError):
+            load_scenario(data)
+
+
+def test_schema_refuses_nonsense_in_partial_files():
+    schema = json_schema()
+    assert not valid(schema, {"extends": "a.yaml", "beam": {"lenght": 1}}, schema)
+    assert not valid(schema, {"extends": "a.yaml", "snubbers": [{"position": 1}]}, schema)
+    assert not valid(schema, {"extends": 3}, schema)
+
+
+def test_every_key_is_described_with_its_unit():
+    schema = json_schema()
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    for name, part in schema["$defs"].items():
+        for key, item in part["properties"].items():
+            assert item.get("description") or key == "extends", f"{name}.{key}"
+    beam = schema["$defs"]["Beam"]["properties"]
+    assert beam["length"]["description"].endswith("[m]")
+    assert beam["width"]["description"].endswith("[m]")
+    assert beam["youngs_modulus"]["description"] == "Young's modulus. [Pa]"
+    assert schema["$defs"]["Chain"]["properties"]["masses"]["description"].endswith("[kg]")
+    assert "from" in schema["$defs"]["SweptSine"]["properties"]
+    assert schema["properties"]["beam"]["description"]
+
+
+# --- the package ---------------------------------------------------------------------------------------------------
+
+
+def test_importing_is_light():
+    """pint waits for the first unit in a string; numerics have no place here at all."""
+    code = (
+        "import sys, beamsim.scenario as s\n"
+        "heavy = {'pint', 'numpy', 'scipy', 'numba', 'matplotlib', 'h5py', 'rich', 'typer'}\n"
+        "print(sorted(heavy & set(sys.modules)))\n"
+        "s.load_scenario('chain: {masses: [1], springs: [1]}\\n')\n"
+        "print('pint' in sys.modules)\n"
+        "s.load_scenario('chain: {masses: [1 g], springs: [1]}\\n')\n"
+        "print('pint' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:3] == ["[]", "False", "True"]
+
+
+@pytest.mark.parametrize("module", ["beamsim.scenario", "beamsim.scenario.base", "beamsim.scenario.units"])
+def test_doctests(module):
+    results = doctest.testmod(importlib.import_module(module))
+    assert results.attempted
+    assert not results.failed

@@ -1,0 +1,402 @@
+"""Bad input of every sort: located, with a remedy, and all of it at once."""
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from beamsim.errors import ScenarioError
+from beamsim.scenario import Beam, ChainSnubber, Scenario, Snubber, load_scenario
+
+BASE = (Path(__file__).parents[1] / "data" / "examples" / "one_sided_65hz.yaml").read_text()
+CHAIN = """\
+chain:
+  masses: [1, 1, 1]
+  springs: [1, 1, 1]
+  snubbers:
+    - {mass: 1, side: above, stiffness: 100}
+excitation: {kind: harmonic, applied_to: {mass: 2}, level: 1 N, frequency: 1 Hz}
+run: {duration: 10 s}
+"""
+
+
+def problems(source, overrides=()):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(source, overrides)
+    assert caught.value.exit_code == 2
+    assert all(problem.remedy for problem in caught.value.problems)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def one(source, overrides=()):
+    (line,) = problems(source, overrides)
+    return line
+
+
+def test_the_documented_message(tmp_path):
+    path = tmp_path / "case.yaml"
+    path.write_text(BASE.replace("position: 270 mm\n    side", "position: 310 mm\n    side"))
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    (problem,) = caught.value.problems
+    assert problem.path == "snubbers[0].position"
+    assert problem.message == "= 0.31 m lies beyond beam.length = 0.27 m"
+    assert (problem.file, problem.line) == (str(path), 20)
+    assert str(problem).startswith(f"{path}:20: snubbers[0].position = 0.31 m lies beyond beam.length = 0.27 m; ")
+
+
+def test_everything_at_once_in_the_order_of_the_file():
+    text = BASE
+    for right, wrong in (
+        ("thickness: 5 mm", "thickness: -5 mm"),
+        ("density: 2700 kg/m^3", "density: 2700 mm"),
+        ("position: 270 mm\n    side: below", "position: 310 mm\n    sde: below"),
+        ("gap: 0 mm ", "gap: 0 mm\n    preload: 1 N"),
+        ("sample_rate: 20 kHz", "sample_rate: 100 Hz"),
+        ("last: 0.4 s", "last: 4 s"),
+        ("{name: middle,", "{name: tip,"),
+        ("title: One", "titel: One"),
+    ):
+        assert right in text
+        text = text.replace(right, wrong)
+    found = problems(text)
+    starts = [line.split(" must")[0].split(" is ")[0].split(" lies")[0].split(" and ")[0] for line in found]
+    assert starts == [
+        "<text>:2: titel",
+        "<text>:7: beam.thickness = -5 mm",
+        "<text>:9: beam.density = 2700 mm",
+        "<text>:19: snubbers[0].side",
+        "<text>:20: snubbers[0].position = 0.31 m",
+        "<text>:21: snubbers[0].sde",
+        "<text>:26: snubbers[0].preload",
+        "<text>:36: probes[1].name = tip",
+        "<text>:40: run.sample_rate = 100 Hz",
+        "<text>:42: run.spectrum.last = 4 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        # keys
+        ("beam.thicknes=4 mm", "beam.thicknes is not a known key; did you mean thickness?"),
+        ("beam.e_modulus=1", "beam.e_modulus is not a known key; did you mean youngs_modulus?"),
+        ("beam.colour=1", "beam.colour is not a known key; known keys: length, width"),
+        ("beam.thickness_mm=1", "beam.thickness_mm is not a known key; did you mean thickness?"),
+        ("beam.Length=1", "beam.Length is not a known key; did you mean length?"),
+        ("beam.damping.ration=1", "did you mean ratio?"),
+        ("run.extends=x", "extends stands at the top level of a file"),
+        ("excitation={kind: none, level: 1}", "excitation.level is not a known key; this kind has no other keys"),
+        ("beam.length=null", "beam.length is missing; give for example length: 270 mm"),
+        ("snubbers=[{position: 0.1, stiffness: 1}]", "snubbers[0].side is missing; give side: below or above"),
+        ("probes=[{position: 0.1}]", "probes[0].name is missing"),
+        ("nnm={mode: 1, continue_in: {kind: energy, to: 2}}", "nnm.continue_in.from is missing"),
+        # values
+        ("beam.length=5 kg", "beam.length = 5 kg must be a length, not a mass; write for example 270 mm"),
+        ("beam.length=5 furlogs", "beam.length = 5 furlogs has the unit 'furlogs', which is not known"),
+        ("beam.length=0", "beam.length = 0 must be positive"),
+        ("beam.length=.nan", "beam.length = nan must be finite"),
+        ("beam.length=.inf", "beam.length = inf must be finite"),
+        ("beam.length=true", "beam.length = true must be a number"),
+        ("beam.length=[1]", "beam.length = [1] must be a number"),
+        ("beam.length={a: 1}", "must be a number"),
+        ("beam.elements=2.5", "beam.elements = 2.5 must be a whole number"),
+        ("beam.elements=0", "beam.elements = 0 is out of range; write a whole number from 1 to 5000"),
+        ("beam.elements=true", "beam.elements = true must be a whole number"),
+        ("beam.elements=twenty", "must be a whole number"),
+        ("beam.damping.ratio=-1 %", "beam.damping.ratio = -1 % must not be negative"),
+        (
+            "beam.damping={kind: modal, ratio: [1 %, 2 deg]}",
+            "beam.damping.ratio[1] = 2 deg must be a ratio, not an angle",
+        ),
+        ("beam.damping={kind: modal, ratio: []}", "beam.damping.ratio is an empty list"),
+        (
+            "beam.damping={kind: viscous, coefficient: 3 N s/m}",
+            "must be a viscous coefficient per unit length, not a dashpot",
+        ),
+        (
+            "beam.supports.left=clampd",
+            "beam.supports.left = clampd is not one of clamped, pinned, free, guided; did you mean clamped?",
+        ),
+        ("snubbers[0].stiffness=0", "snubbers[0].stiffness = 0 must be positive"),
+        ("snubbers[0].side=left", "snubbers[0].side = left is not one of below, above"),
+        ("snubbers[0].mounted_on=off", "snubbers[0].mounted_on = off is not one of base, ground"),
+        ("probes=[{name: a/b, position: 0.1}]", "probes[0].name = a/b is not a usable name"),
+        ("probes=[{name: '', position: 0.1}]", "probes[0].name = '' is not a usable name"),
+        ("title=[1]", "title = [1] must be text"),
+        ("title=true", "title = true must be text"),
+        ("gravity=1 kg", "gravity = 1 kg must be an acceleration, not a mass; write for example 1 g"),
+        ("run.duration=-1 s", "run.duration = -1 s must be positive"),
+        ("run.method=euler", "run.method = euler is not one of exact, reference"),
+        ("run.integrator=RK54", "did you mean RK45?"),
+        ("run.spectrum.window=han", "did you mean hann?"),
+        ("reduction.modes=alle", "write a number of modes, 1 or more, or all"),
+        ("reduction.modes=0", "reduction.modes = 0 is out of range"),
+        ("excitation.phase=3 %", "excitation.phase = 3 % must be an angle, not a ratio"),
+        ("excitation.frequency=2 oct/min", "excitation.frequency = 2 oct/min is a sweep rate"),
+        ("excitation.frequency=0", "excitation.frequency = 0 must be positive"),
+        # shapes
+        ("beam=5", "beam = 5 must be a mapping; its keys are length, width"),
+        ("beam=[1]", "beam = [1] must be a mapping"),
+        ("snubbers=5", "snubbers = 5 must be a list"),
+        ("snubbers={position: 1}", "must be a list"),
+        ("snubbers[0]=3", "snubbers[0] = 3 must be a mapping"),
+        ("excitation=none", "excitation = none must be a mapping with a kind; write {kind: none, ...}"),
+        ("excitation={level: 2 g, kind: null}", "excitation has no kind; give kind: none, harmonic"),
+        ("excitation.kind=harmonc", "excitation.kind = harmonc is not one of none, harmonic"),
+        ("excitation.kind=5", "excitation.kind = 5 is not one of none, harmonic"),
+        ("beam.damping.kind=model", "did you mean modal?"),
+        ("beam.damping=1 %", "beam.damping = 1 % must be a mapping with a kind"),
+        ("snubbers[0].damping=12", "snubbers[0].damping = 12 must be a mapping with a kind"),
+        # sections
+        (
+            "beam.section={kind: tube, outer_diameter: 20 mm, wall_thickness: 2 mm}",
+            "beam.section is given together with beam.width",
+        ),
+        ("beam.width=null", "beam.width is missing; give width and thickness"),
+        ("beam={width: null, thickness: null}", "beam has no cross-section"),
+        (
+            "beam={width: null, thickness: null, section: {kind: tube, outer_diameter: 1, wall_thickness: 3}}",
+            "beam.section.wall_thickness = 3 m is more than half of outer_diameter = 1 m",
+        ),
+        ("beam.section={kind: tubes}", "did you mean tube?"),
+        # structure
+        ("chain={masses: [1], springs: [1]}", "chain and beam exclude each other"),
+        ("beam=null", "the scenario has no structure"),
+        ("beam={elements: 1, supports: {right: clamped}, point_masses: []}", "beam.elements = 1 leaves nothing free"),
+        # places
+        ("snubbers[0].position=-1 mm", "snubbers[0].position = -1 mm must not be negative"),
+        ("snubbers[0].position=0", "snubbers[0].position = 0 m is the clamped left end, which cannot deflect"),
+        ("beam.supports.right=pinned", "snubbers[0].position = 0.27 m is the pinned right end"),
+        ("beam.point_masses[0].position=1", "beam.point_masses[0].position = 1 m lies beyond"),
+        ("probes[1].position=1", "probes[1].position = 1 m lies beyond"),
+        ("probes[1].mass=1", "probes[1].mass and position exclude each other"),
+        ("probes=[{name: a}]", "probes[0] names no place"),
+        ("probes=[{name: a, mass: 1}]", "probes[0].mass belongs to a chain, and this is a beam"),
+        ("constant_forces=[{position: 1, force: 3 N}]", "constant_forces[0].position = 1 m lies beyond"),
+        ("constant_forces=[{force: 3 N}]", "constant_forces[0] names no place"),
+        ("beam.length=0.26999999", "snubbers[0].position = 0.27 m lies beyond beam.length = 0.26999999 m"),
+        ("probes[1].name=tip", "probes[1].name = tip is already the name of probes[0]"),
+        # excitation
+        ("excitation.applied_to=bas", "excitation.applied_to = bas names neither the base nor a point"),
+        ("excitation.applied_to={}", "excitation.applied_to = {} names neither the base nor a point"),
+        ("excitation.applied_to={position: 1}", "excitation.applied_to.position = 1 m lies beyond"),
+        ("excitation.applied_to={mass: 1}", "excitation.applied_to.mass belongs to a chain"),
+        (
+            "excitation.applied_to={position: 0.1}",
+            "excitation.level is an acceleration, but a point is pushed by a force",
+        ),
+        ("excitation.level=3 N", "excitation.level is a force, but the base is moved, not pushed"),
+        ("excitation.level=3 s", "must be an acceleration, a velocity, a displacement or a force, not a time"),
+        (
+            "excitation.quantity=velocity",
+            "excitation.level is given in a unit of acceleration, where a velocity is meant",
+        ),
+        ("excitation={quantity: force, level: 1}", "excitation.quantity is a force, but the base is moved"),
+        (
+            "excitation={kind: step, applied_to: base, level: 1 mm}",
+            "step of the base's displacement, which needs an infinite",
+        ),
+        (
+            "excitation={kind: step, applied_to: base, level: 1 m/s}",
+            "step of the base's velocity, which needs an infinite",
+        ),
+        (
+            "excitation={kind: half_sine, applied_to: base, level: 1 mm, duration: 5 ms}",
+            "excitation.level is a half-sine pulse of the base's displacement",
+        ),
+        ("excitation={kind: multi_tone, applied_to: base, tones: []}", "excitation.tones is an empty list"),
+        (
+            "excitation={kind: multi_tone, applied_to: base, tones: [{level: 1 g, frequency: 5}, "
+            "{level: 1 mm, frequency: 7}]}",
+            "excitation.tones[1].level is given in a unit of displacement, where an acceleration is meant",
+        ),
+        (
+            "excitation={kind: harmonic, applied_to: {position: 0}, level: 1 N, frequency: 5}",
+            "a force does nothing there",
+        ),
+        # run
+        (
+            "run.sample_rate=129 Hz",
+            "run.sample_rate = 129 Hz is under twice the excitation frequency of 65 Hz; use at least 130 Hz",
+        ),
+        ("run.duration=1e9", "samples, over the limit of 1e+08"),
+        ("run.spectrum.last=2 s", "run.spectrum.last = 2 s is longer than run.duration = 0.8 s"),
+        ("run.spectrum.periods=5", "run.spectrum.periods and last exclude each other"),
+        ("run.spectrum={last: null, periods: 100}", "run.spectrum.periods = 100 periods of 65 Hz take 1.53846 s"),
+        ("run.start=static", "run.start = static is no initial state; write static_equilibrium, rest"),
+        ("run.start=5", "run.start = 5 is no initial state"),
+        ("run.start={shape: 1}", "run.start = {shape: 1} is no initial state"),
+        ("run.start={mode: 1}", "run.start.amplitude is missing; give for example amplitude: 1 mm"),
+        ("run.start={mode: 1, displacement: [0]}", "run.start.mode is not a known key"),
+        ("run.start={mode: 0, amplitude: 1}", "run.start.mode = 0 is out of range"),
+        ("run.start={displacement: [], velocity: []}", "run.start is an empty initial state"),
+        ("run.start={displacement: [1 mm]}", "run.start.displacement[0] = 1 mm must be a plain number, without a unit"),
+        ("run.start={displacement: [1]}", "has the deflection 1 at the clamped left end, where it must be 0"),
+        ("run.start={displacement: [0, 1]}", "has the slope 1 at the clamped left end, where it must be 0"),
+        ("run.start={velocity: [0, 1]}", "has the slope velocity 1 at the clamped left end"),
+        ("run.start={released_force: {position: 1, force: 3}}", "run.start.released_force.position = 1 m lies beyond"),
+        (
+            "run.start={released_force: {position: 0, force: 3}}",
+            "run.start.released_force.position = 0 m is the clamped left",
+        ),
+        ("run.start={released_force: {force: 3}}", "run.start.released_force names no place"),
+        ("reduction={modes: 6, highest_frequency: 5}", "reduction.highest_frequency and modes exclude each other"),
+        # later commands
+        ("sweep={kind: swept_sine, from: 20, to: 400, rate: 2}", "sweep.rate = 2 needs a unit"),
+        ("sweep={kind: swept_sine, from: 20, to: 400, rate: 0 oct/min}", "sweep.rate = 0 oct/min must be positive"),
+        ("sweep={kind: swept_sine, from: 20, to: 20, rate: 2 oct/min}", "sweep.to = 20 Hz is where the sweep begins"),
+        ("sweep={kind: swept_sine, from: 40, to: 20, rate: 2 Hz/s}", "sweep.to = 20 Hz lies below sweep.from = 40 Hz"),
+        ("sweep={kind: continuation, from: 5, to: 9, levels: [1 N]}", "sweep.levels[0] is given in a unit of force"),
+        (
+            "identify_stiffness={snubber: tp, measured_with: [3]}",
+            "identify_stiffness.snubber = tp is no snubber's name; did you mean tip?",
+        ),
+        ("identify_stiffness={snubber: tip, measured_with: [3, 2]}", "measured_with[1] = 2 Hz is not above"),
+        (
+            "identify_stiffness={snubber: tip, measured_with: [3], fit_to: [2]}",
+            "fit_to[0] = 2, but measured_with has 1",
+        ),
+        ("identify_stiffness={snubber: tip, measured_with: [3], fit_to: [1, 1]}", "fit_to[1] = 1 is listed twice"),
+        ("nnm={mode: 1, energy: 1 J, continue_in: {kind: energy, from: 1, to: 2}}", "nnm.energy cannot be held"),
+        ("nnm={mode: 1, continue_in: {kind: frequency, from: 1, to: 1}}", "nnm.continue_in.to = 1 is where"),
+    ],
+)
+def test_on_a_beam(override, says):
+    assert any(says in line for line in problems(BASE, [override]))
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("chain.springs=[1]", "chain.springs has 1 value for 3 masses; give 4"),
+        ("chain.springs=1", "chain.springs = 1 must be a list"),
+        ("chain.springs=[1, 1, -1]", "chain.springs[2] = -1 must not be negative"),
+        ("chain.dashpots=[1, 1]", "chain.dashpots has 2 values for 3 springs"),
+        ("chain.masses=[]", "chain.masses is an empty list"),
+        ("chain.masses=[1, 0, 1]", "chain.masses[1] = 0 must be positive"),
+        ("chain.damping={kind: viscous, coefficient: 1}", "chain.damping.kind = viscous is not one of modal, rayleigh"),
+        (
+            "chain.snubbers[0].mass=4",
+            "chain.snubbers[0].mass = 4, but the chain has 3 masses; masses are numbered from 1 to 3",
+        ),
+        ("chain.snubbers[0].mass=0", "chain.snubbers[0].mass = 0 is out of range"),
+        ("chain.snubbers[0].position=1", "chain.snubbers[0].position is not a known key"),
+        ("chain.springs_to_ground=[{mass: 4, kind: cubic, stiffness: 1}]", "chain.springs_to_ground[0].mass = 4, but"),
+        (
+            "chain.springs_to_ground=[{mass: 1, kind: cubic, stiffness: 1 N/m}]",
+            "must be a cubic stiffness, not a stiffness",
+        ),
+        ("chain.springs_to_ground=[{mass: 1, kind: quartic, stiffness: 1}]", "is not one of linear, cubic"),
+        ("chain.springs_to_ground=[{mass: 1, stiffness: 1}]", "has no kind; give kind: linear or cubic"),
+        ("excitation.applied_to={mass: 9}", "excitation.applied_to.mass = 9, but the chain has 3 masses"),
+        (
+            "excitation.applied_to={position: 1}",
+            "excitation.applied_to.position belongs to a beam, and this is a chain",
+        ),
+        ("probes=[{name: a, mass: 9}]", "probes[0].mass = 9, but"),
+        ("probes=[{name: a, position: 1}]", "probes[0].position belongs to a beam"),
+        ("constant_forces=[{mass: 9, force: 1}]", "constant_forces[0].mass = 9, but"),
+        (
+            "snubbers=[{position: 1, side: above, stiffness: 1}]",
+            "snubbers act on a beam; list the snubbers of a chain in chain.snubbers",
+        ),
+        ("run.start={displacement: [1, 2]}", "run.start.displacement has 2 numbers for 3 masses"),
+        ("run.start={velocity: [1]}", "run.start.velocity has 1 number for 3 masses"),
+        ("run.start={mode: 4, amplitude: 1}", "run.start.mode = 4, but a chain of 3 masses has 3 modes"),
+        ("run.start={released_force: {mass: 5, force: 1}}", "run.start.released_force.mass = 5, but"),
+        ("nnm.mode=4", "nnm.mode = 4, but a chain of 3 masses has 3 modes"),
+        ("run.sample_rate=0.05", "run.sample_rate = 0.05 Hz gives no second sample"),
+        (
+            "chain.snubbers=[{mass: 1, side: above, stiffness: 1}, "
+            "{mass: 2, side: above, stiffness: 1, name: snubber_1}]",
+            "chain.snubbers[1].name = snubber_1 is already the name of chain.snubbers[0]",
+        ),
+    ],
+)
+def test_on_a_chain(override, says):
+    assert any(says in line for line in problems(CHAIN, [override]))
+
+
+@pytest.mark.parametrize(
+    ("supports", "polynomial", "refused"),
+    [
+        ("{left: free, right: free}", "[1, 2, 3]", False),
+        ("{left: pinned, right: free}", "[0, 2, 3]", False),
+        ("{left: pinned, right: free}", "[1, 2, 3]", True),
+        ("{left: guided, right: free}", "[1, 0, 3]", False),
+        ("{left: guided, right: free}", "[0, 1]", True),
+        ("{left: clamped, right: free}", "[0, 0, 3]", False),
+        ("{left: free, right: pinned}", "[0.27, -1]", False),
+        ("{left: free, right: pinned}", "[0.27, -1.001]", True),
+        ("{left: free, right: clamped}", "[0.0729, -0.54, 1]", False),  # (L - x)^2
+        ("{left: free, right: clamped}", "[0.0729, -0.54, 1.01]", True),
+        ("{left: free, right: guided}", "[1, 0.54, -1]", False),
+        ("{left: free, right: guided}", "[1, 0.5, -1]", True),
+        ("{left: clamped, right: clamped}", "[0]", False),
+    ],
+)
+def test_initial_shapes_must_fit_the_supports(supports, polynomial, refused):
+    text = BASE.replace("{left: clamped, right: free}", supports).replace("position: 270 mm\n", "position: 200 mm\n")
+    overrides = [f"run.start={{displacement: {polynomial}}}"]
+    if refused:
+        assert any("where it must be 0" in line for line in problems(text, overrides))
+    else:
+        load_scenario(text, overrides)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("\n", "<text>: is empty; "),
+        ("# only a comment\n", "<text>: is empty; "),
+        ("- a list\n", "<text>:1: holds a list where the keys of a scenario are wanted"),
+        ("just text\n", "<text>:1: holds only just text where"),
+        ("123\n", "<text>:1: holds only 123 where"),
+        ("title: x\n", "<text>: the scenario has no structure; give beam: or chain:"),
+        ("beam:\nchain:\n", "<text>: the scenario has no structure"),
+    ],
+)
+def test_no_scenario(text, says):
+    assert one(text).startswith(says)
+
+
+def test_files(tmp_path):
+    assert one(tmp_path / "absent.yaml").startswith(f"{tmp_path / 'absent.yaml'}: does not exist; check the path")
+    (tmp_path / "absnt.yaml").write_text("title: x\n")
+    assert one(tmp_path / "absent.yaml").endswith(f"did you mean {tmp_path / 'absnt.yaml'}?")
+    assert one(str(tmp_path / "no" / "folder.yaml")).startswith(f"{tmp_path / 'no' / 'folder.yaml'}: does not exist")
+    assert one(tmp_path).startswith(f"{tmp_path}: is a directory")
+    assert "cannot be read" in one(tmp_path / "absnt.yaml" / "x")
+    assert "cannot be read" in one("nul\0.yaml")
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(b"title: x\n\xff\xfe\x00\x01")
+    assert one(binary) == f"{binary}:2: is not text in UTF-8; name a YAML file"
+    empty = tmp_path / "empty.yaml"
+    empty.write_bytes(b"")
+    assert one(empty).startswith(f"{empty}: is empty")
+    marked = tmp_path / "marked.yaml"
+    marked.write_bytes(b"\xef\xbb\xbf" + CHAIN.encode())
+    assert load_scenario(marked).source == "marked"
+
+
+def test_what_python_builds_is_checked_too():
+    with pytest.raises(ValidationError, match="must be positive"):
+        Beam(length=-1.0, width=1.0, thickness=1.0, youngs_modulus=1.0, density=1.0)
+    with pytest.raises(ValidationError, match="exclude each other"):
+        Snubber(position=1.0, side="below", stiffness=1.0, gap=0.0, preload=1.0)
+    beam = Beam(length=1.0, width=0.1, thickness=0.01, youngs_modulus=70e9, density=2700.0)
+    with pytest.raises(ScenarioError, match="lies beyond"):
+        Scenario(beam=beam, snubbers=(Snubber(position=2.0, side="below", stiffness=1.0),))
+    with pytest.raises(ValidationError):
+        beam.length = 2.0
+    with pytest.raises(ValidationError):
+        ChainSnubber(mass=1, side="below", stiffness=1.0, nonsense=1)
+
+
+def test_round_off_at_the_end_is_forgiven():
+    text = BASE.replace("length: 270 mm", "length: 0.26999999999999996").replace("position: 202.5", "position: 100")
+    scenario = load_scenario(text)
+    assert scenario.snubbers[0].position == scenario.beam.length
+    assert scenario.beam.point_masses[2].position == scenario.beam.length
+    assert scenario.probes[0].position == scenario.beam.length

@@ -1,0 +1,127 @@
+"""The user's interface: the example files load as they stand, with the values they mean."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from beamsim.scenario import (
+    AtMass,
+    Continuation,
+    CubicGroundSpring,
+    EnergyContinuation,
+    Harmonic,
+    ModalDamping,
+    NoExcitation,
+    PolynomialStart,
+    Rate,
+    SnubberRatioDamping,
+    StiffnessFactorContinuation,
+    SweptSine,
+    load_scenario,
+)
+
+EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
+FILES = sorted(EXAMPLES.glob("*.yaml"))
+G = 9.80665
+
+
+def test_all_eight_are_here():
+    assert len(FILES) == 8
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_loads_without_doubts_and_round_trips(path):
+    scenario = load_scenario(path)
+    again = load_scenario(scenario.to_yaml())
+    assert again == scenario
+    assert hash(again) == hash(scenario)
+    assert again.to_yaml() == scenario.to_yaml()
+    assert scenario.warnings == ()
+    assert scenario.source == path.stem
+
+
+def test_one_sided():
+    scenario = load_scenario(EXAMPLES / "one_sided_65hz.yaml")
+    beam = scenario.beam
+    assert (beam.length, beam.width, beam.thickness) == (0.27, 0.05, 0.005)
+    assert (beam.youngs_modulus, beam.density, beam.elements) == (69e9, 2700.0, 20)
+    assert (beam.supports.left, beam.supports.right) == ("clamped", "free")
+    assert beam.damping == ModalDamping(ratio=0.01)
+    assert [(mass.position, mass.mass) for mass in beam.point_masses] == [
+        (0.135, 0.0042),
+        (0.2025, 0.0042),
+        (0.27, 0.0042),
+    ]
+    (snubber,) = scenario.all_snubbers
+    assert (snubber.name, snubber.position, snubber.side, snubber.mounted_on) == ("tip", 0.27, "below", "base")
+    assert (snubber.stiffness, snubber.gap, snubber.preload, snubber.law) == (151100.0, 0.0, None, "kelvin_voigt")
+    assert snubber.damping == SnubberRatioDamping(ratio=0.02)
+    assert scenario.excitation == Harmonic(
+        applied_to="base", level=2 * G, frequency=65.0, quantity="acceleration", phase=0.0
+    )
+    assert scenario.excitation.frequencies_hz == (65.0,)
+    assert [(probe.name, probe.position) for probe in scenario.probes] == [("tip", 0.27), ("middle", 0.135)]
+    run = scenario.run
+    assert (run.duration, run.sample_rate, run.start) == (0.8, 20e3, "static_equilibrium")
+    assert (run.spectrum.last, run.spectrum.window) == (0.4, "hann")
+    assert (run.method, run.integrator) == ("exact", "BDF")
+
+
+def test_beam_properties():
+    beam = load_scenario(EXAMPLES / "one_sided_65hz.yaml").beam
+    assert beam.area == pytest.approx(2.5e-4)
+    assert beam.second_moment == pytest.approx(0.05 * 0.005**3 / 12)
+    assert beam.extreme_fibre == pytest.approx(0.0025)
+    assert beam.bending_stiffness == pytest.approx(69e9 * 0.05 * 0.005**3 / 12)
+    assert beam.mass_per_length == pytest.approx(0.675)
+
+
+def test_extending_files_change_only_what_they_say():
+    base = load_scenario(EXAMPLES / "one_sided_65hz.yaml")
+    swept = load_scenario(EXAMPLES / "sweep_up_down.yaml")
+    assert swept.title == "Swept sine, 20 to 400 Hz and back"
+    assert (swept.beam, swept.snubbers, swept.run) == (base.beam, base.snubbers, base.run)
+    assert swept.sweep == SweptSine(
+        from_=20.0, to=400.0, rate=Rate(2 / 60, "oct/s"), direction="both", levels=(G, 2 * G)
+    )
+    backlash = load_scenario(EXAMPLES / "nnm_energy.yaml")
+    assert backlash.snubbers[0].gap == 0.0001
+    assert backlash.nnm.continue_in == EnergyContinuation(from_=1e-6, to=1.0)
+    assert load_scenario(EXAMPLES / "nnm_first.yaml").nnm.continue_in == StiffnessFactorContinuation(from_=0.0, to=1.0)
+
+
+def test_identification():
+    section = load_scenario(EXAMPLES / "identify_snubber.yaml").identify_stiffness
+    assert section.snubber == "tip"
+    assert section.measured_without == (51.9, 329.4, 934.4)
+    assert section.measured_with == (196.5, 448.0, 969.5)
+    assert section.fit_to == (1,)
+    assert section.uncertainty == 0.003
+    assert (section.pad.height, section.pad.area) == (0.02, 250e-6)
+
+
+def test_chains():
+    two = load_scenario(EXAMPLES / "chain_two_dof.yaml")
+    assert (two.chain.masses, two.chain.springs, two.chain.dashpots) == ((1, 1), (0, 1, 1), (0, 0.03, 0.03))
+    assert [(s.name, s.mass, s.side, s.stiffness, s.gap) for s in two.all_snubbers] == [
+        ("stop", 1, "above", 100.0, 1.0)
+    ]
+    assert two.excitation.applied_to == AtMass(mass=2)
+    assert two.excitation.quantity == "force"
+    assert two.excitation.frequency == pytest.approx(0.8 / (2 * math.pi), rel=1e-15)
+    assert isinstance(two.sweep, Continuation)
+    assert two.sweep.to < two.sweep.from_
+    cubic = load_scenario(EXAMPLES / "chain_cubic.yaml")
+    assert cubic.chain.springs_to_ground == (CubicGroundSpring(mass=6, stiffness=0.5),)
+    assert (cubic.nnm.mode, cubic.nnm.energy) == (4, 0.5)
+    assert cubic.chain.dashpots == (0.0,) * 7
+    assert cubic.run is None
+
+
+def test_released_panel():
+    scenario = load_scenario(EXAMPLES / "released_panel.yaml")
+    assert scenario.excitation == NoExcitation()
+    assert scenario.run.start == PolynomialStart(displacement=(0.0,), velocity=(0.0, -2.0))
+    assert (scenario.run.duration, scenario.run.sample_rate) == (0.05, 50e3)
+    assert scenario.snubbers[0].mounted_on == "ground"

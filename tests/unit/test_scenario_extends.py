@@ -1,0 +1,216 @@
+"""`extends` and overrides: one tree over another, and clear refusals."""
+
+from pathlib import Path
+
+import pytest
+
+from beamsim.errors import ScenarioError
+from beamsim.scenario import NoExcitation, PolynomialStart, RayleighDamping, SnubberViscousDamping, Step, load_scenario
+
+BASE = (Path(__file__).parents[1] / "data" / "examples" / "one_sided_65hz.yaml").read_text()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "base.yaml").write_text(BASE)
+    return tmp_path
+
+
+def load(folder, text, overrides=(), name="case.yaml"):
+    path = folder / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text)
+    return load_scenario(path, overrides)
+
+
+def problems(call, *arguments):
+    with pytest.raises(ScenarioError) as caught:
+        call(*arguments)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_mappings_merge_and_lists_replace(folder):
+    scenario = load(
+        folder,
+        "extends: base.yaml\nbeam: {thickness: 6 mm, point_masses: []}\nexcitation: {frequency: 45 Hz}\n",
+    )
+    assert (scenario.beam.thickness, scenario.beam.width, scenario.beam.point_masses) == (0.006, 0.05, ())
+    assert (scenario.excitation.frequency, scenario.excitation.level) == (45.0, 2 * 9.80665)
+
+
+def test_a_mapping_whose_kind_changes_is_replaced_whole(folder):
+    scenario = load(folder, "extends: base.yaml\nbeam: {damping: {kind: rayleigh, stiffness: 1 us}}\n")
+    assert scenario.beam.damping == RayleighDamping(stiffness=1e-6)
+    same = load(folder, "extends: base.yaml\nexcitation: {kind: harmonic, frequency: 45 Hz}\n")
+    assert same.excitation.level == 2 * 9.80665
+
+
+def test_mappings_told_apart_by_their_keys_are_replaced_whole(folder):
+    load(folder, "extends: base.yaml\nrun: {start: {mode: 1, amplitude: 1 mm}}\n", name="mode.yaml")
+    scenario = load(folder, "extends: mode.yaml\nrun: {start: {displacement: [0, 0, 1]}}\n")
+    assert scenario.run.start == PolynomialStart(displacement=(0.0, 0.0, 1.0))
+
+
+def test_null_takes_away(folder):
+    scenario = load(
+        folder,
+        "extends: base.yaml\nbeam: null\nsnubbers: null\nprobes:\nrun: {spectrum: null}\n"
+        "chain: {masses: [1], springs: [1]}\n",
+    )
+    assert scenario.beam is None
+    assert scenario.snubbers == ()
+    assert scenario.run.spectrum.last is None
+
+
+def test_chains_of_extends_start_from_each_files_own_folder(folder):
+    load(folder, "extends: ../base.yaml\ntitle: middle\ngravity: 1 g\n", name="sub/middle.yaml")
+    scenario = load(folder, "extends: sub/middle.yaml\ntitle: last\n")
+    assert (scenario.title, scenario.gravity, scenario.beam.length) == ("last", 9.80665, 0.27)
+
+
+def test_problems_name_the_file_they_stand_in(folder):
+    (folder / "base.yaml").write_text(BASE.replace("thickness: 5 mm", "thickness: -5 mm"))
+    found = problems(load, folder, "extends: base.yaml\nbeam: {length: 260 mm}\n")
+    assert found[0].startswith(f"{folder / 'base.yaml'}:7: beam.thickness = -5 mm must be positive")
+    assert any(f"{folder / 'base.yaml'}:20: snubbers[0].position = 0.27 m lies beyond" in line for line in found)
+
+
+def test_circles_are_found(folder):
+    (folder / "b.yaml").write_text("extends: c.yaml\n")
+    (folder / "c.yaml").write_text("title: x\nextends: case.yaml\n")
+    (line,) = problems(load, folder, "extends: b.yaml\n")
+    assert line.startswith(f"{folder / 'c.yaml'}:2: extends = case.yaml leads back to")
+    (line,) = problems(load, folder, "extends: case.yaml\n")
+    assert "circle" in line
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("missing.yaml", "missing.yaml does not exist"),
+        ("bse.yaml", "did you mean"),
+        (".", "is a directory"),
+        ("[a, b]", "must be the path of one file"),
+        ("3", "must be the path of one file"),
+        ("''", "must be the path of one file"),
+    ],
+)
+def test_what_cannot_be_extended(folder, value, says):
+    (line,) = problems(load, folder, f"title: x\nextends: {value}\n")
+    assert line.startswith(f"{folder / 'case.yaml'}:2: extends = ")
+    assert says in line
+
+
+def test_a_broken_base_is_located_in_itself(folder):
+    (folder / "base.yaml").write_text("beam: {\n")
+    (line,) = problems(load, folder, "extends: base.yaml\n")
+    assert line.startswith(f"{folder / 'base.yaml'}:")
+    (folder / "base.yaml").write_text("")
+    (line,) = problems(load, folder, "extends: base.yaml\n")
+    assert line.startswith(f"{folder / 'base.yaml'}: is empty")
+
+
+@pytest.mark.parametrize(
+    ("override", "value"),
+    [
+        ("beam.thickness=4 mm", 0.004),
+        ("beam.thickness='4 mm'", 0.004),
+        ("beam.thickness = 4e-3", 0.004),
+        ({"beam.thickness": "4 mm"}, 0.004),
+        ({"beam.thickness": 0.004}, 0.004),
+        ({"beam": {"thickness": 0.004}}, 0.004),
+    ],
+)
+def test_overrides_as_text_and_mapping(override, value):
+    scenario = load_scenario(BASE, override if isinstance(override, dict) else [override])
+    assert scenario.beam.thickness == value
+    assert scenario.beam.width == 0.05
+
+
+def test_overrides_come_after_extends(folder):
+    scenario = load(folder, "extends: base.yaml\nbeam: {thickness: 6 mm}\n", ["beam.thickness=4 mm"])
+    assert scenario.beam.thickness == 0.004
+
+
+def test_overrides_reach_into_lists_and_absent_mappings():
+    scenario = load_scenario(
+        BASE,
+        [
+            "snubbers[0].gap=0.1 mm",
+            "beam.point_masses[1].mass=1 g",
+            "reduction.modes=6",
+            "snubbers[0].damping.kind=viscous",
+            "snubbers[0].damping.coefficient=3",
+        ],
+    )
+    assert scenario.snubbers[0].gap == 0.0001
+    assert [mass.mass for mass in scenario.beam.point_masses] == [0.0042, 0.001, 0.0042]
+    assert scenario.reduction.modes == 6
+    assert scenario.snubbers[0].damping == SnubberViscousDamping(coefficient=3.0)
+
+
+def test_an_override_of_a_kind_replaces_the_mapping_and_comes_first():
+    assert load_scenario(BASE, ["excitation.kind=none"]).excitation == NoExcitation()
+    scenario = load_scenario(BASE, ["excitation.applied_to=base", "excitation.level=3 g", "excitation.kind=step"])
+    assert scenario.excitation == Step(applied_to="base", level=3 * 9.80665, quantity="acceleration")
+    kept = load_scenario(BASE, ["excitation.kind=harmonic"])
+    assert kept == load_scenario(BASE)
+
+
+def test_null_in_an_override():
+    scenario = load_scenario(BASE, ["run.sample_rate=null", "probes=", "beam.damping=null"])
+    assert scenario.run.sample_rate == 121 * 65.0
+    assert scenario.probes == ()
+    assert scenario.beam.damping.ratio == 0.0
+    assert load_scenario(BASE, {"run.sample_rate": None}).run.sample_rate == 121 * 65.0
+
+
+def test_a_start_by_name_gives_way_to_one_by_keys():
+    scenario = load_scenario(BASE, ["run.start.mode=1", "run.start.amplitude=1 mm"])
+    assert (scenario.run.start.mode, scenario.run.start.amplitude) == (1, 0.001)
+
+
+def test_a_scenario_can_be_varied():
+    first = load_scenario(BASE)
+    second = load_scenario(first, {"excitation.level": "3 g"})
+    assert second.excitation.level == 3 * 9.80665
+    assert load_scenario(second, {"excitation.level": "2 g"}) == first
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("beam.thicknes=4 mm", "beam.thicknes is not a known key; did you mean thickness?"),
+        ("beam.thicknes=null", "beam.thicknes is not a known key"),
+        ("foo=1", "foo is not a known key; known keys: title, beam"),
+        ("foo.bar=1", "foo is not a known key"),
+        ("extends=a.yaml", "extends is not a known key; extends stands at the top level of a file"),
+        ("snubbers[3].gap=1", "snubbers[3].gap leads nowhere: snubbers has 1 item; the last one is snubbers[0]"),
+        (
+            "snubbers.gap=1",
+            "snubbers.gap leads nowhere: snubbers is a list, without keys; give the index: snubbers[0].gap",
+        ),
+        ("beam[0]=1", "beam[0] leads nowhere: beam is not a list"),
+        ("beam.length.x=1", "beam.length.x leads nowhere: beam.length is 270 mm, without keys"),
+        ("constant_forces[0].force=1", "there is no constant_forces; give constant_forces as a whole list"),
+        ("snubbers[-1].gap=1", "is not a path"),
+        ("snubbers[*].gap=1", "is not a path"),
+        ("=1", "is not a path"),
+        ("beam.length", "has no ="),
+        ("beam.length={", "is not YAML"),
+        ("beam.length=4 kg", "beam.length = 4 kg must be a length, not a mass"),
+        ("snubbers[0]=null", "snubbers[0] = null must be a mapping"),
+    ],
+)
+def test_overrides_that_lead_nowhere(override, says):
+    found = problems(load_scenario, BASE, [override])
+    assert any(says in line for line in found)
+    assert not any(line.startswith("<text>") for line in found)  # an override stands in no file
+
+
+def test_all_bad_overrides_at_once():
+    assert len(problems(load_scenario, BASE, ["a", "b c=1", "snubbers[9].gap=1", "beam.length=}"])) == 4
+
+
+def test_a_single_text_is_one_override():
+    assert load_scenario(BASE, "beam.thickness=4 mm").beam.thickness == 0.004

@@ -1,0 +1,112 @@
+"""Exports: what other programs find in the files."""
+
+import csv
+import math
+import os
+
+import numpy as np
+import pytest
+
+from beamsim.errors import ResultFileError
+from beamsim.store.export import export_run, export_target
+
+
+def read_csv(path):
+    with open(path, newline="", encoding="utf-8") as stream:
+        header, *rows = csv.reader(stream)
+    return header, rows
+
+
+@pytest.mark.parametrize("chain", [False, True])
+def test_csv_tables(chain, fabricated_run, tmp_path):
+    result = fabricated_run(chain=chain, snubbers=("tip", "a, b"))
+    folder = export_target(tmp_path, "case", "csv")
+    files = export_run(result, folder, "csv")
+    assert sorted(os.listdir(folder)) == sorted(path.name for path in files)
+    assert ("beam.csv" in os.listdir(folder)) is not chain
+
+    header, rows = read_csv(folder / "time_histories.csv")
+    assert header[0] == "time_s"
+    column = header.index("probe_tip_absolute_acceleration_m_per_s2")
+    assert [float(row[column]) for row in rows] == result.probes["tip"].absolute_acceleration.tolist()  # to the bit
+    assert "snubber_a, b_force_n" in header
+    assert {row[header.index("snubber_tip_closed")] for row in rows} == {"0", "1"}
+
+    header, rows = read_csv(folder / "harmonics.csv")
+    lines = result.spectra["tip", "displacement"].lines
+    assert [row[-1] for row in rows if row[:2] == ["tip", "displacement"]] == [line.kind for line in lines]
+    _, rows = read_csv(folder / "events.csv")
+    assert len(rows) == result.events.time.size
+    assert rows[0][1:] == ["tip", "1"]
+    _, rows = read_csv(folder / "summary.csv")
+    assert ["peak_force_n", "tip", "15.11"] in rows
+
+
+def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    result = fabricated_run(snubbers=("stop", "top"), rate=9_000.0)  # an increment of 1/9000 s needs more than 6 digits
+    (path,) = export_run(result, tmp_path / "case.uff", "uff")
+    file = pyuff.UFF(str(path))
+    kinds = file.get_set_types().tolist()
+    assert kinds[:2] == [164, 15]
+    assert set(kinds[2:]) == {58}
+    units, nodes, *functions = file.read_sets()
+    assert (units["length"], units["force"]) == (1.0, 1.0)
+    assert nodes["x"] == pytest.approx([0.27, 0.135, 0.27, 0.135, 0.0])
+
+    by_label = {f["id1"].strip(): f for f in functions}
+    acceleration = by_label["tip absolute acceleration"]
+    assert (acceleration["func_type"], acceleration["rsp_node"], acceleration["rsp_dir"]) == (1, 1, 3)
+    assert (acceleration["abscissa_spec_data_type"], acceleration["ordinate_spec_data_type"]) == (17, 12)
+    assert acceleration["ordinate_axis_units_lab"].strip() == "m/s^2"
+    assert acceleration["abscissa_axis_units_lab"].strip() == "s"
+    np.testing.assert_allclose(acceleration["x"], result.time, atol=1e-12)
+    np.testing.assert_allclose(acceleration["data"], result.probes["tip"].absolute_acceleration, rtol=1e-11)
+    force = by_label["top force"]
+    assert (force["ordinate_spec_data_type"], force["rsp_node"], force["rsp_dir"]) == (9, 4, -3)
+    assert by_label["stop force"]["rsp_dir"] == 3
+    spectrum = by_label["middle displacement spectrum"]
+    assert (spectrum["func_type"], spectrum["abscissa_spec_data_type"]) == (0, 18)
+    stored = result.spectra["middle", "displacement"]
+    np.testing.assert_allclose(spectrum["x"], stored.frequency_hz, rtol=1e-12)
+    np.testing.assert_allclose(spectrum["data"], stored.amplitude, rtol=1e-11, atol=1e-30)
+    assert acceleration["id3"].strip() == "01-JAN-26 00:00:00"
+
+
+def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    result = fabricated_run(probes=("Spitze über 80 Zeichen " + 80 * "x",))
+    (path,) = export_run(result, tmp_path / "case.uff", "uff")
+    assert path.read_bytes().isascii()
+    function = pyuff.UFF(str(path)).read_sets(2)
+    np.testing.assert_allclose(function["x"], result.time, atol=1e-15)
+
+
+@pytest.mark.parametrize("how", [{}, {"chain": True}, {"snubbers": ()}, {"frequency": math.nan}])
+def test_mat_is_read_back_by_scipy(how, fabricated_run, tmp_path):
+    from scipy.io import loadmat
+
+    result = fabricated_run(probes=("tip", "2nd probe", "2nd/probe"), **how)
+    (path,) = export_run(result, tmp_path / "case.mat", "mat")
+    mat = loadmat(path, simplify_cells=True)
+    np.testing.assert_array_equal(mat["time"], result.time)
+    np.testing.assert_array_equal(mat["probes"]["tip"]["velocity"], result.probes["tip"].velocity)
+    assert {"x2nd_probe", "x2nd_probe_"} < set(mat["probes"])
+    assert mat["summary"]["peak_displacement_m"]["tip"] == 4e-4
+    assert mat["info"]["title"] == result.title
+    lines = mat["spectra"]["tip"]["displacement"]["lines"]
+    assert list(np.atleast_1d(lines["kind"])) == [line.kind for line in result.spectra["tip", "displacement"].lines]
+    assert ("beam" in mat) is (result.beam is not None)
+    if result.snubbers:
+        np.testing.assert_array_equal(mat["snubbers"]["tip"]["closed"].astype(bool), result.snubbers["tip"].closed)
+        assert set(mat["events"]["snubber"]) == {1}
+
+
+def test_refusals(fabricated_run, tmp_path):
+    with pytest.raises(ResultFileError, match="choose one of csv, uff, mat"):
+        export_run(fabricated_run(), tmp_path / "x", "xlsx")
+    (tmp_path / "case_csv").write_text("a file")
+    with pytest.raises(ResultFileError, match="folder of tables"):
+        export_run(fabricated_run(), tmp_path / "case_csv", "csv")
+    with pytest.raises(ResultFileError, match="is a folder"):
+        export_run(fabricated_run(), tmp_path, "mat")
