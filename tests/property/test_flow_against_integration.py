@@ -25,7 +25,8 @@ CASES = {
     "strong dashpot, prestress": {"stiffness": [20.0], "dashpot": [2.5], "gap": [-0.1], "sign": [-1.0]},
     "two snubbers": {"stiffness": [20.0, 50.0], "dashpot": [0.5, 0.1], "gap": [0.1, -0.1], "sign": [1.0, -1.0]},
     "on the ground": {
-        "stiffness": [20.0, 50.0], "dashpot": [0.5, 0.1], "gap": [0.1, -0.1], "sign": [1.0, -1.0], "on_ground": [True, False]
+        "stiffness": [20.0, 50.0], "dashpot": [0.5, 0.1], "gap": [0.1, -0.1], "sign": [1.0, -1.0],
+        "on_ground": [True, False],
     },
     "no tension": {"stiffness": [20.0], "dashpot": [0.8], "gap": [0.1], "no_tension": [True]},
     "no tension, on the ground": {
