@@ -156,7 +156,8 @@ def _keys_below(value: Any) -> str:
 
 
 def _attribute(owner: Any, key: str) -> str:
-    return type(owner).keys().get(key, key)
+    name: str = type(owner).keys().get(key, key)
+    return name
 
 
 def _replaced(owner: Any, place: Path, value: object) -> Any:
