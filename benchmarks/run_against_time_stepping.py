@@ -52,18 +52,30 @@ def difference(y, exact_y):
 
 
 def scipy_methods(system, exact_y, methods, tolerances):
-    """Cheapest run of each ``solve_ivp`` method that reaches the target."""
+    """Cheapest run of each ``solve_ivp`` method that reaches the target; one dearer than the best so far is cut off."""
+    best = np.inf
     for method in methods:
-        last = None
         for rtol in tolerances:
             flow = exact_flow(system, 0.8)
             begin = time.process_time()
-            result = integrate(flow, system.initial_state, TIMES, integrator=method, rtol=rtol, atol=1e-3 * rtol)
-            seconds = time.process_time() - begin
-            last = (method, rtol, seconds, difference(result.y, exact_y))
-            if last[3] <= TARGET:
+
+            def watch(fraction, begin=begin, limit=best):
+                if time.process_time() - begin > limit * max(fraction, 0.05):
+                    raise TimeoutError
+
+            try:
+                result = integrate(
+                    flow, system.initial_state, TIMES, integrator=method, rtol=rtol, atol=1e-3 * rtol, progress=watch
+                )
+            except TimeoutError:
+                yield f"{method:20s} dearer than the best so far, at rtol {rtol:g}"
                 break
-        yield last
+            seconds = time.process_time() - begin
+            error = difference(result.y, exact_y)
+            if error <= TARGET or rtol == tolerances[-1]:
+                best = min(best, seconds if error <= TARGET else np.inf)
+                yield method, rtol, seconds, error
+                break
 
 
 def compiled_dop853(system, exact_y):
@@ -115,11 +127,23 @@ def main():
     print(f"exact, all modes    {everything * 1e3:8.2f} ms  {everything / six:.1f} times six modes "
           f"({whole.y.shape[1] // 2} coordinates)")  # fmt: skip
     exact_y = trajectory.states_at(TIMES)
-    methods = ["DOP853"] if quick else ["RK45", "DOP853", "Radau", "BDF", "LSODA"]
+    methods = ["DOP853"] if quick else ["DOP853", "LSODA", "RK45", "Radau", "BDF"]
     tolerances = [1e-9, 1e-10, 1e-11, 1e-12, 1e-13]
-    rows = [*scipy_methods(system, exact_y, methods, tolerances), compiled_dop853(system, exact_y)]
-    for method, rtol, seconds, error in rows:
-        print(f"{method:20s}{seconds * 1e3:8.0f} ms  {seconds / six:8.0f} times, error {error:.1e} at rtol {rtol:g}")
+    print_row(six, compiled_dop853(system, exact_y))
+    for row in scipy_methods(system, exact_y, methods, tolerances):
+        print_row(six, row)
+
+
+def print_row(six, row):
+    """One line of the table: time and ratio to the exact flow with six modes."""
+    if isinstance(row, str):
+        print(row, flush=True)
+        return
+    method, rtol, seconds, error = row
+    print(
+        f"{method:20s}{seconds * 1e3:8.0f} ms  {seconds / six:8.0f} times, error {error:.1e} at rtol {rtol:g}",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from beamsim.model.signal import Signal
 from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+
+# the same examples in every run of continuous integration; fresh ones on a developer's machine
+settings.register_profile("ci", derandomize=True)
+if os.environ.get("CI"):
+    settings.load_profile("ci")
 
 
 @pytest.fixture(scope="session")

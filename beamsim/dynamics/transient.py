@@ -6,15 +6,20 @@ import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import ContactState, LinearOutput, build_state, state_loads
 from beamsim.dynamics.sources import Sources, compile_sources
+from beamsim.dynamics.state_tables import StateTables, pad
 from beamsim.dynamics.trajectory import Trajectory
 from beamsim.model.signal import Signal
 from beamsim.model.system import Forcing, PiecewiseLinearSystem
+
+if TYPE_CHECKING:
+    from beamsim.dynamics.kernels import Inputs, Tables
 
 __all__ = ["ExactFlow", "simulate"]
 
@@ -58,10 +63,8 @@ class ExactFlow:
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
         self._index: dict[bytes, int] = {}
-        self._watch: list[NDArray[np.complex128]] = []
-        self._follower = np.full((0, self.system.contacts.count), -1, dtype=np.int64)
-        self._tables: object | None = None
-        self._inputs: object | None = None
+        self._tables = StateTables(self.system.contacts.count)
+        self._inputs: Inputs | None = None
 
     @property
     def has_face(self) -> Bools:
@@ -74,11 +77,9 @@ class ExactFlow:
         key = closed.tobytes()
         if key not in self._index:
             state = build_state(self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window)
-            self._index[key] = len(self.states)
+            watch = state.coefficients(self.watched(closed), self.sources)
+            self._index[key] = self._tables.append(state, watch)
             self.states.append(state)
-            self._watch.append(state.coefficients(self.watched(closed), self.sources))
-            self._follower = np.vstack([self._follower, np.full((1, closed.size), -1, dtype=np.int64)])
-            self._tables = None
         return self._index[key]
 
     def follow(self, state: int, contact: int) -> int:
@@ -86,35 +87,14 @@ class ExactFlow:
         closed = self.states[state].closed.copy()
         closed[contact] = ~closed[contact]
         following = self.state_index(closed)
-        self._follower[state, contact] = following
-        self._follower[following, contact] = state
-        self._tables = None
+        self._tables.join(state, contact, following)
         return following
 
-    def tables(self) -> object:
-        """The states' tables, padded to one size, for the kernels."""
-        if self._tables is None:
-            from beamsim.dynamics.kernels import Tables
+    def tables(self) -> Tables:
+        """The states' tables for the kernels."""
+        return self._tables.arrays()
 
-            states = self.states
-            self._tables = Tables(
-                n_basis=np.array([s.exponent.size for s in states]),
-                exponent=_pad([s.exponent for s in states]),
-                power=_pad([s.power for s in states]),
-                n_free=np.array([s.projector.shape[0] for s in states]),
-                projector=_pad([s.projector for s in states]),
-                n_terms=np.array([s.term_basis.size for s in states]),
-                term_basis=_pad([s.term_basis for s in states]),
-                term_source=_pad([s.term_source for s in states]),
-                term_vector=_pad([s.term_vector for s in states]),
-                watch=_pad(self._watch),
-                horizon=np.array([s.horizon for s in states]),
-                closed=np.array([s.closed for s in states]).reshape(len(states), -1),
-                follower=self._follower.copy(),
-            )
-        return self._tables
-
-    def inputs(self) -> object:
+    def inputs(self) -> Inputs:
         """The sources as the kernels want them."""
         if self._inputs is None:
             from beamsim.dynamics.kernels import Inputs
@@ -130,7 +110,7 @@ class ExactFlow:
 
     def output_table(self, output_of: Callable[[Bools], LinearOutput]) -> NDArray[np.complex128]:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
-        return _pad([s.coefficients(output_of(s.closed), self.sources) for s in self.states])
+        return pad([s.coefficients(output_of(s.closed), self.sources) for s in self.states])
 
     def empty_output(self, count: int) -> LinearOutput:
         """An all-zero output to fill in."""
@@ -200,8 +180,8 @@ class ExactFlow:
         undecided = np.ones(m, dtype=bool)
         for _ in range(m + 1):
             index = self.state_index(closed)
-            tables, table = self.tables(), _pad(self._watch)
-            gamma = segment_coefficients(tables, self.inputs(), table, index, piece, time, state, face)[:m]
+            tables = self.tables()
+            gamma = segment_coefficients(tables, self.inputs(), tables.watch, index, piece, time, state, face)[:m]
             s = self.states[index]
             B = s.exponent.size
             changed = False
@@ -335,12 +315,3 @@ def _first_sign(gamma: NDArray[np.complex128], exponent: NDArray[np.complex128],
         if abs(value) > 1e-13 * noise:
             return 1 if value > 0 else -1
     return 0
-
-
-def _pad(arrays: list[NDArray[np.complex128]] | list[NDArray[np.int64]]) -> NDArray[np.complex128]:
-    """Stack arrays of different sizes, filled up with zeros."""
-    shape = np.max([a.shape for a in arrays], axis=0)
-    out = np.zeros((len(arrays), *shape), dtype=arrays[0].dtype)
-    for i, a in enumerate(arrays):
-        out[i][tuple(slice(0, d) for d in a.shape)] = a
-    return out

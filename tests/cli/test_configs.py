@@ -1,0 +1,30 @@
+"""Every shipped config loads without a warning, and does what its sections ask for."""
+
+from pathlib import Path
+
+import pytest
+
+import beamsim
+from beamsim.model.build import build_system
+
+CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+ALREADY_RUN = ("one_sided_", "prestressed_", "backlash_", "point_force_")  # tests/reference/test_thesis_cases.py
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_config_loads(path):
+    scenario = beamsim.load_scenario(path)
+    assert scenario.warnings == ()
+    assert scenario.title
+    assert beamsim.load_scenario(scenario.to_yaml()) == scenario
+    build_system(scenario)
+
+
+RUN = [path for path in CONFIGS if not path.stem.startswith(ALREADY_RUN) and beamsim.load_scenario(path).run]
+
+
+@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
+def test_config_runs(path):
+    result = beamsim.run(beamsim.load_scenario(path))
+    assert result.complete
+    assert result.summary["energy_error"] < 1e-8
