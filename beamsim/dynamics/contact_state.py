@@ -20,7 +20,7 @@ from beamsim.dynamics.invariant_blocks import Block, block_diagonalise, second_o
 from beamsim.dynamics.sources import Sources
 from beamsim.model.system import Forcing, PiecewiseLinearSystem
 
-__all__ = ["ContactState", "LinearOutput", "build_state", "diagonalise", "state_loads"]
+__all__ = ["ContactState", "LinearOutput", "build_state", "state_loads"]
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -60,6 +60,8 @@ class ContactState:
     horizon: float  # s, longest segment for which the tables hold
     stiffness: Floats  # (n, n)
     damping: Floats  # (n, n)
+    simple: tuple[Complexes, Complexes, Complexes]  # X (2n, r), Xi (r, 2n), lambda (r,): eigenvalues with own blocks
+    blocks: list[Block]  # the others
     basis_of_source: Ints  # (F,) the basis function of each input
     basis_below_source: Ints  # (F,) the one a power lower (-1 where power is 0)
 
@@ -120,7 +122,8 @@ def build_state(
     stiffness = np.diag(system.stiffness) + (phi.T * k) @ phi
     damping = system.damping + (phi.T * c) @ phi
 
-    (X, Xi, lam), blocks = diagonalise(system, stiffness, damping, bool(closed.any()))
+    simple, blocks = _diagonalise(system, stiffness, damping, closed, longest_window)
+    X, Xi, lam = simple
     radius = max((b.radius for b in blocks), default=0.0)
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
     window = min(horizon, sources.longest_piece)
@@ -174,27 +177,24 @@ def build_state(
         horizon=float(horizon),
         stiffness=stiffness,
         damping=damping,
+        simple=simple,
+        blocks=blocks,
         basis_of_source=basis_of_source,
         basis_below_source=basis_below,
     )
 
 
-def diagonalise(
-    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, any_closed: bool
+def _diagonalise(
+    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, closed: NDArray[np.bool_], window: float
 ) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
     """Undamped modes first; those that the damping couples go through the general form, the others stay exact."""
     n = system.size
-    if any_closed:
-        omega2, psi = np.linalg.eigh(stiffness)
-        # below round-off of the largest eigenvalue there is no telling a frequency from a rigid-body motion
-        omega2 = np.where(np.abs(omega2) < 4 * n * np.finfo(float).eps * np.abs(omega2).max(), 0.0, omega2)
-    else:
-        omega2, psi = system.stiffness, np.eye(n)
+    omega2, psi = _undamped_modes(system, stiffness, closed)
     d = psi.T @ damping @ psi
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
     free = np.flatnonzero(~coupled)
-    (X, Xi, lam), blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free])
+    (X, Xi, lam), blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if coupled.any():
         g = np.flatnonzero(coupled)
         scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
@@ -203,7 +203,7 @@ def diagonalise(
         A[:r, r:] = np.diag(scale)
         A[r:, :r] = -np.diag(omega2[g] / scale)
         A[r:, r:] = -d[np.ix_(g, g)]
-        (Xg, Xig, lamg), blocks_g = block_diagonalise(A)
+        (Xg, Xig, lamg), blocks_g = block_diagonalise(A, window)
         out = np.zeros((2 * n, 2 * r))
         out[:n, :r] = psi[:, g] / scale
         out[n:, r:] = psi[:, g]
@@ -215,6 +215,28 @@ def diagonalise(
         lam = np.concatenate([lam, lamg])
         blocks = blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in blocks_g]
     return (X, Xi, lam), blocks
+
+
+def _undamped_modes(
+    system: PiecewiseLinearSystem, stiffness: Floats, closed: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """Squared frequencies (n,) and orthonormal modes (n, n); rigid-body motions that no contact feels stay exact."""
+    n = system.size
+    if not closed.any():
+        return system.stiffness, np.eye(n)
+    rigid = np.flatnonzero(system.stiffness == 0.0)
+    basis = np.eye(n)
+    free = 0
+    if rigid.size:
+        felt = system.contacts.shape[closed][:, rigid]
+        _, singular, turned = np.linalg.svd(felt)
+        rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
+        free = rigid.size - rank
+        basis[np.ix_(rigid, rigid)] = turned.T
+        basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
+    held = basis[:, free:]
+    omega2, psi = np.linalg.eigh(held.T @ stiffness @ held)
+    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), np.hstack([basis[:, :free], held @ psi])
 
 
 def state_loads(

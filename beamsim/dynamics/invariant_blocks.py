@@ -44,7 +44,7 @@ class Block:
 
 
 def second_order_blocks(
-    shapes: Floats, omega_squared: Floats, damping: Floats
+    shapes: Floats, omega_squared: Floats, damping: Floats, window: float = np.inf
 ) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
     """Blocks of uncoupled modes ``eta'' + d eta' + omega^2 eta = 0`` in the state (q, q').
 
@@ -52,6 +52,8 @@ def second_order_blocks(
     ----------
     shapes : (n, r) orthonormal modes, one a column.
     omega_squared, damping : (r,) of each mode.
+    window : longest time for which the blocks will be used; eigenvalues that differ by less than can be told within
+        it share a block.
 
     Returns
     -------
@@ -63,7 +65,7 @@ def second_order_blocks(
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))
     scale = np.sqrt(np.abs(omega_squared)) + np.abs(half)
-    separate = (scale > 0) & (np.abs(root) > SMALLEST_GAP * scale)
+    separate = np.abs(root) > SMALLEST_GAP * np.maximum(scale, 1.0 / window)
     s = np.flatnonzero(separate)
     lam = np.concatenate([-half[s] + root[s], -half[s] - root[s]])
     # the smaller of two real roots by their product, without cancellation; exactly zero for a rigid-body mode
@@ -80,7 +82,7 @@ def second_order_blocks(
     Xi[:, n:] = shapes[:, mode].T
     blocks = []
     for i in np.flatnonzero(~separate):
-        unit = float(scale[i]) if scale[i] > 0 else 1.0
+        unit = max(float(scale[i]), 1.0 / window) if np.isfinite(window) else float(scale[i]) or 1.0
         right = np.zeros((2 * n, 2), dtype=complex)
         right[:n, 0] = shapes[:, i] / unit
         right[n:, 1] = shapes[:, i]
@@ -92,7 +94,7 @@ def second_order_blocks(
     return (X, Xi, lam), blocks
 
 
-def block_diagonalise(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+def block_diagonalise(A: Floats, window: float = np.inf) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
     """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`."""
     lam, X = np.linalg.eig(A)
     lam = lam.astype(complex)
@@ -100,20 +102,20 @@ def block_diagonalise(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes]
     try:
         Xi = np.linalg.inv(X)
     except np.linalg.LinAlgError:
-        return _clusters(A)
+        return _clusters(A, window)
     norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
     if not np.all(np.isfinite(norms)) or norms.max() > LARGEST_PROJECTOR:
-        return _clusters(A)
+        return _clusters(A, window)
     return (X, Xi, lam), []
 
 
-def _clusters(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+def _clusters(A: Floats, window: float) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
     """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
     size = A.shape[0]
     lam = np.linalg.eigvals(A).astype(complex)
     blocks = [Block(np.eye(size, dtype=complex), np.eye(size, dtype=complex), A.astype(complex), _mean(lam, True), 1.0)]
     for tolerance in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
-        groups = _groups(lam, tolerance)
+        groups = _groups(lam, tolerance, window)
         if len(groups) == 1:
             break
         trial = [_invariant(A, lam, group) for group in groups]
@@ -128,11 +130,13 @@ def _clusters(A: Floats) -> tuple[tuple[Complexes, Complexes, Complexes], list[B
     return nothing, blocks
 
 
-def _groups(lam: Complexes, tolerance: float) -> list[NDArray[np.int64]]:
+def _groups(lam: Complexes, tolerance: float, window: float) -> list[NDArray[np.int64]]:
     """Single-linkage clusters; of two conjugate clusters only the upper one."""
     largest = float(np.max(np.abs(lam), initial=0.0))
+    # what splits a multiple eigenvalue at zero is round-off of the largest, or too small to be seen within the window
+    floor = max((1e-9 + 1e-3 * tolerance) * largest, tolerance / window)
     near = np.abs(lam[:, None] - lam[None, :]) <= (
-        tolerance * np.maximum(np.abs(lam)[:, None], np.abs(lam)[None, :]) + 1e-9 * largest
+        tolerance * np.maximum(np.abs(lam)[:, None], np.abs(lam)[None, :]) + floor
     )
     label = np.arange(lam.size)
     for _ in range(lam.size):

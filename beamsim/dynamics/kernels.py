@@ -457,9 +457,12 @@ def extremes(  # type: ignore[no-untyped-def]
         for j in range(k):
             ceiling = 0.0
             for b in range(nb):
-                if power[b] > 0 or exponent[b].real > 0.0:
-                    ceiling = np.inf
-                ceiling += size[j, b]
+                most = size[j, b]
+                if power[b] > 0:
+                    most *= H ** power[b]
+                if exponent[b].real > 0.0:
+                    most *= math.exp(exponent[b].real * H)
+                ceiling += most
             if ceiling <= highest[j]:
                 continue
             own, own_size = gamma[j : j + 1], size[j : j + 1]

@@ -253,6 +253,9 @@ def simulate(
             progress(t / duration)
         length = min(max(64, 2 * length), LOG_LENGTH)
     processor = clock.process_time() - begin
+    if not any(seg[0].size for seg in logs):  # out of budget within the first segment: at least the start is known
+        one = np.zeros(1, dtype=np.int64)
+        logs.append((np.zeros(1), np.zeros(1), one + state, one, y[None, :].copy(), face[None, :].copy()))
     merged = [np.concatenate(column) for column in zip(*logs, strict=True)]
     happened = [np.concatenate(column) for column in zip(*events, strict=True)]
     return Trajectory(flow, t, *merged, *happened, y, face, evaluations, status, processor)  # type: ignore[call-arg, arg-type]
