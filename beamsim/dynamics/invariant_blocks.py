@@ -21,7 +21,8 @@ __all__ = ["Block", "block_diagonalise", "second_order_blocks"]
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-LARGEST_PROJECTOR = 1e5  # norm of a block's spectral projector above which blocks are merged
+LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
+ACCEPTABLE_PROJECTOR = 1e6  # what is still taken where merging does not get below the former
 SMALLEST_GAP = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
 
 
@@ -113,19 +114,17 @@ def _clusters(A: Floats, window: float) -> tuple[tuple[Complexes, Complexes, Com
     """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
     size = A.shape[0]
     lam = np.linalg.eigvals(A).astype(complex)
+    best = ACCEPTABLE_PROJECTOR
     blocks = [Block(np.eye(size, dtype=complex), np.eye(size, dtype=complex), A.astype(complex), _mean(lam, True), 1.0)]
-    for tolerance in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
+    for tolerance in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
         groups = _groups(lam, tolerance, window)
-        if len(groups) == 1:
+        if len(groups) == 1 or best <= LARGEST_PROJECTOR:
             break
-        trial = [_invariant(A, lam, group) for group in groups]
-        if all(b is not None for b in trial):
-            found = [b for b in trial if b is not None]
-            worst = max(float(np.linalg.norm(b.right, 2) * np.linalg.norm(b.left, 2)) for b in found)
-            identity = sum((b.weight * (b.right @ b.left).real for b in found), np.zeros((size, size)))
-            if worst <= LARGEST_PROJECTOR and np.abs(identity - np.eye(size)).max() < 1e-9:
-                blocks = found
-                break
+        found = [b for b in (_invariant(A, lam, group) for group in groups) if b is not None]
+        worst = max((float(np.linalg.norm(b.right, 2) * np.linalg.norm(b.left, 2)) for b in found), default=np.inf)
+        identity = sum((b.weight * (b.right @ b.left).real for b in found), np.zeros((size, size)))
+        if worst < best and np.abs(identity - np.eye(size)).max() < 1e-9:
+            blocks, best = found, worst
     nothing = (np.zeros((size, 0), dtype=complex), np.zeros((0, size), dtype=complex), np.zeros(0, dtype=complex))
     return nothing, blocks
 
