@@ -80,6 +80,18 @@ class ContactState:
             table[t] += output.face[:, self.term_source[t] - F]
         return np.ascontiguousarray(table)
 
+    def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
+        """(T, k) bound on what each term's coefficient is made of before its parts cancel.
+
+        At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
+        """
+        n = self.stiffness.shape[0]
+        size = np.abs(coefficients)
+        for part in (slice(0, n), slice(n, 2 * n)):
+            row = np.linalg.norm(output.row[:, part], axis=1)
+            size = np.maximum(size, np.linalg.norm(self.term_vector[:, part], axis=1)[:, None] * row)
+        return np.ascontiguousarray(size)
+
 
 class _Terms:
     """Collects basis functions and terms, each once."""

@@ -32,6 +32,7 @@ class Tables(NamedTuple):
     term_source: Any  # (S, T)
     term_vector: Any  # (S, T, 2n)
     watch: Any  # (S, T, 2 m) of the watched functions, positive on the state's own side, then of the penetrations
+    roughness: Any  # (S, T, m) size of each term's parts before they cancel, which sets the round-off of `watch`
     horizon: Any  # (S,)
     closed: Any  # (S, m)
     follower: Any  # (S, m) state after contact j toggles, -1 where it is not built yet
@@ -239,6 +240,7 @@ def advance(  # type: ignore[no-untyped-def]
     size = np.zeros((m, B))
     basis = np.zeros(B, dtype=np.complex128)
     out = np.zeros((m, 4))
+    least = np.zeros(m)
     n_seg = 0
     n_ev = 0
     n_eval = 0
@@ -271,6 +273,13 @@ def advance(  # type: ignore[no-untyped-def]
         for j in range(m):
             seg_face[n_seg, j] = face[j]
 
+        for j in range(m):
+            least[j] = 0.0
+        for q in range(tables.n_terms[state]):
+            a = 4.0 * EPS * abs(zeta[tables.term_source[state, q]])
+            for j in range(m):
+                least[j] += a * tables.roughness[state, q, j]
+
         tau = 0.0
         hit = -1
         floor = 0.0
@@ -289,7 +298,7 @@ def advance(  # type: ignore[no-untyped-def]
             for j in range(m):
                 # the function is lifted by twice its round-off: a contact that hugs zero at round-off size is left
                 # alone, and every step has a smallest length
-                tolerance = out[j, 3]
+                tolerance = max(out[j, 3], least[j])
                 if j == toggled and floor > tolerance:
                     tolerance = floor
                 lifted = out[j, 0] + 2.0 * tolerance

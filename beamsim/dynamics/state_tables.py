@@ -27,8 +27,8 @@ class StateTables:
         self.follower = np.full((0, contacts), -1, dtype=np.int64)
         self._arrays: dict[str, NDArray[np.generic]] = {}
 
-    def append(self, state: ContactState, watch: NDArray[np.complex128]) -> int:
-        """Add a state with the coefficients of its watched functions (T, 2 m); returns its number."""
+    def append(self, state: ContactState, watch: NDArray[np.complex128], roughness: NDArray[np.float64]) -> int:
+        """Add a state with the coefficients of its watched functions (T, 2 m) and their round-off scale (T, m)."""
         rows: dict[str, NDArray[np.generic]] = {
             "n_basis": np.array(state.exponent.size),
             "exponent": state.exponent,
@@ -40,6 +40,7 @@ class StateTables:
             "term_source": state.term_source,
             "term_vector": state.term_vector,
             "watch": watch,
+            "roughness": roughness,
             "horizon": np.array(state.horizon),
             "closed": state.closed,
         }

@@ -77,8 +77,10 @@ class ExactFlow:
         key = closed.tobytes()
         if key not in self._index:
             state = build_state(self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window)
-            watch = state.coefficients(self.watched(closed), self.sources)
-            self._index[key] = self._tables.append(state, watch)
+            output = self.watched(closed)
+            watch = state.coefficients(output, self.sources)
+            roughness = state.roughness(output, watch)[:, : closed.size]
+            self._index[key] = self._tables.append(state, watch, roughness)
             self.states.append(state)
         return self._index[key]
 

@@ -211,3 +211,12 @@ def test_maxima_are_never_below_dense_samples(seed):
     order = np.argsort(when)
     reached = np.diag(trajectory.sample(when[order], lambda closed: output)[np.argsort(order)])
     np.testing.assert_allclose(reached, highest, rtol=1e-8, atol=1e-10)
+
+
+def test_a_snubber_on_a_node_is_left_alone(make_system, no_forcing):
+    """Only modes move that have a node at the contact, up to round-off of their shapes: no contact, no flutter."""
+    shape = [[1.2e-16, 1.4, -8e-17, 1.3]]
+    system = make_system([1.0, 2.0, 3.0, 4.0], np.zeros(4), shape=shape, stiffness=[50.0])
+    flow = ExactFlow(system, no_forcing(4), 200.0)
+    trajectory = simulate(flow, np.array([1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.2, 0.0]))
+    assert trajectory.event_time.size == 0
