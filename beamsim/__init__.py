@@ -14,10 +14,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from beamsim.analyses.designs import design_study
+    from beamsim.analyses.identify import identify_stiffness
     from beamsim.analyses.results import RunResult
     from beamsim.analyses.run import run
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
+    from beamsim.store.designs import open_designs, write_designs
+    from beamsim.store.measurement import read_tests
     from beamsim.store.read import open_result
     from beamsim.store.write import write_run
 
@@ -32,9 +36,14 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "__version__",
+    "design_study",
+    "identify_stiffness",
     "load_scenario",
+    "open_designs",
     "open_result",
+    "read_tests",
     "run",
+    "write_designs",
     "write_run",
 ]
 
@@ -46,9 +55,14 @@ _HOME = {
     "RunResult": "beamsim.analyses.results",
     "Scenario": "beamsim.scenario",
     "ScenarioError": "beamsim.errors",
+    "design_study": "beamsim.analyses.designs",
+    "identify_stiffness": "beamsim.analyses.identify",
     "load_scenario": "beamsim.scenario",
+    "open_designs": "beamsim.store.designs",
     "open_result": "beamsim.store.read",
+    "read_tests": "beamsim.store.measurement",
     "run": "beamsim.analyses.run",
+    "write_designs": "beamsim.store.designs",
     "write_run": "beamsim.store.write",
 }
 

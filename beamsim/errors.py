@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"]
+__all__ = ["BeamsimError", "LimitExceededError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"]
 
 
 @dataclass(frozen=True)
@@ -63,3 +63,9 @@ class NotTrustedError(BeamsimError):
     """A computation ended without a result that can be trusted; the partial result was kept."""
 
     exit_code = 3
+
+
+class LimitExceededError(BeamsimError):
+    """An allowable is exceeded, and ``--check`` asked for an answer in the exit code."""
+
+    exit_code = 4

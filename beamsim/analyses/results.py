@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from beamsim.model.structure import ModeTable
 
 if TYPE_CHECKING:
+    from beamsim.analyses.random_response import RandomResponse
     from beamsim.scenario import Scenario
 
 __all__ = [
@@ -153,6 +154,7 @@ class RunResult:
     wall_time_s: float = 0.0
     created: str = ""  # ISO 8601, UTC
     provenance: dict[str, str] = field(default_factory=dict)  # package versions
+    random: RandomResponse | None = None  # of a random or sampled input
 
     @property
     def complete(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.energy import balance_error, energy_history, stored_energy
+from beamsim.analyses.limits import margins
 from beamsim.analyses.outputs import OutputSet, accelerations, bending_stress, displacements, velocities
 from beamsim.analyses.results import (
     BeamResult,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from beamsim.dynamics.contact_state import LinearOutput
     from beamsim.scenario import Run, Scenario
 
-__all__ = ["exact_flow", "run"]
+__all__ = ["exact_flow", "run", "versions"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -82,13 +83,24 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
         energy=motion.energy,
         modes=system.modes,
         work=motion.work,
-        summary=_summary(system, motion, spectra),
+        summary=_with_margins(scenario, _summary(system, motion, spectra)),
         warnings=(*scenario.warnings, *system.warnings, *motion.warnings),
         wall_time_s=clock.perf_counter() - begin,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        provenance=_versions(),
+        provenance=versions(),
     )
-    return result
+    return _with_statistics(result, system) if scenario.excitation.kind in ("random", "sampled") else result
+
+
+def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
+    """Add densities, statistics and transmissibilities."""
+    from beamsim.analyses.random_response import random_response
+
+    force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
+    response = random_response(result, force)
+    if response is None:
+        return result
+    return replace(result, random=response, summary={**result.summary, "random": response.summary()})
 
 
 def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
@@ -168,7 +180,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
     values = groups.split(trajectory.sample(times, groups), nothing_closed)
     energy, energy_error = energy_history(trajectory, times)
 
-    searched = {name: groups.groups[name] for name in ("displacement", "acceleration", "force")}
+    searched = {name: groups.groups[name] for name in ("displacement", "acceleration", "force", "penetration")}
     seeds = {name: (times, values[name]) for name in searched}
     if system.beam is not None:
         searched["stress"] = _same_in_every_state(bending_stress(flow, system.beam))
@@ -239,7 +251,7 @@ def _reference(
     if system.cubic.count:
         stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
-    searched = {name: values[name] for name in ("displacement", "acceleration", "force")}
+    searched = {name: values[name] for name in ("displacement", "acceleration", "force", "penetration")}
     if system.beam is not None:
         searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.beam)))
     at = trajectory.time
@@ -363,6 +375,7 @@ def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str,
         "max_displacement_m": _named(probes, high),
         "peak_acceleration_g": _named(probes, np.maximum(np.abs(low_a), np.abs(high_a)) / STANDARD_GRAVITY),
         "peak_force_n": _named(names, motion.extremes["force"][2]),
+        "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0], 0.0)),
         "contact_share": _named(names, motion.contact_share),
         "contacts": {name: int(count) for name, count in zip(names, closings, strict=True)},
         "events": int(motion.events.time.size),
@@ -401,11 +414,17 @@ def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str,
     return summary
 
 
+def _with_margins(scenario: Scenario, summary: dict[str, Any]) -> dict[str, Any]:
+    found = margins(scenario.limits, summary)
+    return {**summary, "margins": found} if found else summary
+
+
 def _named(names: list[str], values: Floats) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that the numbers depend on."""
     from importlib.metadata import version
 
     packages = {name: version(name) for name in ("numpy", "scipy", "numba")}

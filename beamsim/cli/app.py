@@ -8,7 +8,11 @@ from typing import Annotated
 
 import typer
 
+from beamsim.cli.designs import Check, check_limits, need_limits
 from beamsim.cli.failures import guarded, say
+from beamsim.cli.identification import register as register_identification
+from beamsim.cli.orbits import register as register_orbits
+from beamsim.cli.sweep import register as register_sweep
 
 __all__ = ["app"]
 
@@ -85,6 +89,7 @@ def run(
     json: Json = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")] = False,
+    check: Check = False,
     debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
@@ -95,6 +100,8 @@ def run(
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, set_ or ())
+    if check:
+        need_limits(scenario)
     target = output_file(output, case.stem, ".h5", ".hdf5")
     with progress_bar(f"simulating {case.name}", wanted=not (json or quiet)) as progress:
         from beamsim.analyses.run import run as simulate
@@ -107,6 +114,8 @@ def run(
         print_run(result, files, as_json=json)
     if not result.complete:
         raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+    if check:
+        check_limits(result.summary.get("margins", {}))
 
 
 @app.command()
@@ -172,8 +181,11 @@ def new(
 def info(result: Stored, json: Json = False, debug: Debug = False) -> None:
     """Print what a result file holds."""
     from beamsim.cli.report import print_json, print_table, summary_rows
+    from beamsim.cli.stored import print_other
     from beamsim.store.read import open_result
 
+    if print_other(result, as_json=json):
+        return
     stored = open_result(result)
     if json:
         print_json({**stored.summary, "wall_time_s": stored.wall_time_s, "created": stored.created})
@@ -199,11 +211,14 @@ def plot(
     """Draw the plots of a result file again. Nothing is recomputed."""
     from beamsim.cli.output import output_folder
     from beamsim.cli.report import print_json
+    from beamsim.cli.stored import plot_other
     from beamsim.plots.run import save_run_plots
     from beamsim.store.read import open_result
 
-    stored = open_result(result)
-    files = save_run_plots(stored, output_folder(output, result.stem), result.stem, form.value)
+    folder = output_folder(output, result.stem)
+    files = plot_other(result, folder, form.value) or save_run_plots(
+        open_result(result), folder, result.stem, form.value
+    )
     if json:
         print_json({"files": [str(path) for path in files]})
     else:
@@ -220,18 +235,28 @@ def export(
     debug: Debug = False,
 ) -> None:
     """Write a result file in another format."""
+    from beamsim.cli.designs import export_designs_table
     from beamsim.cli.output import output_file, output_folder
     from beamsim.cli.report import print_json
+    from beamsim.cli.stored import holds_designs
     from beamsim.store.export import export_run, export_target
     from beamsim.store.read import open_result
 
-    stored = open_result(result)
-    if form is ExportFormat.csv:
-        target = export_target(output_folder(output, result.stem), result.stem, form.value)
+    if holds_designs(result):
+        files = [export_designs_table(result, output, form.value)]
     else:
-        target = output_file(output, result.stem, f".{form.value}")
-    files = export_run(stored, target, form.value)
+        stored = open_result(result)
+        if form is ExportFormat.csv:
+            target = export_target(output_folder(output, result.stem), result.stem, form.value)
+        else:
+            target = output_file(output, result.stem, f".{form.value}")
+        files = export_run(stored, target, form.value)
     if json:
         print_json({"files": [str(path) for path in files]})
     else:
         print(*files, sep="\n")
+
+
+register_identification(app)
+register_sweep(app)
+register_orbits(app)

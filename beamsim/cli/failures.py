@@ -7,6 +7,7 @@ code  meaning
 1     a bug: one line, the traceback only with ``--debug``
 2     bad usage, scenario or file (Typer's usage errors as well)
 3     stopped before the end or not to be trusted; what there is was saved
+4     an allowable is exceeded, under ``--check``
 130   interrupted from the keyboard
 ====  ==================================================================
 """

@@ -15,7 +15,7 @@ from beamsim.analyses.results import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
-__all__ = ["print_json", "print_run", "print_table", "summary_rows"]
+__all__ = ["margin_rows", "print_json", "print_run", "print_table", "summary_rows"]
 
 LINES_SHOWN = 6
 Row = tuple[str, str]
@@ -69,6 +69,7 @@ def summary_rows(result: RunResult) -> Iterator[Row]:
     if "largest_bending_stress_pa" in s:
         where = _si(s["largest_bending_stress_position_m"], "m")
         yield "largest bending stress", f"{_si(s['largest_bending_stress_pa'], 'Pa')} at x = {where}"
+    yield from margin_rows(s.get("margins", {}))
     yield from _each("spectral lines", dict(_spectral_lines(s["spectral_lines"])))
     states = {"open": _frequencies(s["open_frequencies_hz"]), "closed": _frequencies(s["closed_frequencies_hz"])}
     yield from _each("natural frequencies", states if result.snubbers else {"": states["open"]})
@@ -91,7 +92,25 @@ def _each(label: str, texts: Mapping[str, str]) -> Iterator[Row]:
         yield "" if k else label, f"{name:<{width}}  {text}".strip()
 
 
+def margin_rows(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+    """A row for every limit: margin, value and limit, and where the value was found."""
+    from beamsim.analyses.limits import LIMITED
+
+    texts = {}
+    for name, item in margins.items():
+        unit = LIMITED[name][1]
+        margin = item["margin"]
+        share = "unknown" if margin is None or math.isnan(margin) else f"{100 * margin:+.3g} %"
+        verdict = "EXCEEDED, " if item["exceeded"] else ""
+        at = f" at {item['at']}" if item["at"] else ""
+        texts[name.replace("_", " ")] = (
+            f"{verdict}margin {share}: {_si(item['value'], unit)}{at}, limit {_si(item['limit'], unit)}"
+        )
+    yield from _each("limits", texts)
+
+
 def _si(value: float, unit: str) -> str:
+    """A number with its unit, scaled by an SI prefix."""
     if value is None or not math.isfinite(value):
         return "unknown"
     scale = scale_for(unit, np.array([value]))

@@ -20,6 +20,10 @@ def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, overrides)
+    if scenario.vary is not None:
+        from beamsim.analyses.designs import check_cases, plan_designs
+
+        check_cases(plan_designs(scenario))
     if scenario.run is None:
         return scenario.title, scenario.warnings
     from beamsim.model.build import build_system

@@ -276,7 +276,8 @@ def advance(  # type: ignore[no-untyped-def]
         for j in range(m):
             least[j] = 0.0
         for q in range(tables.n_terms[state]):
-            a = 4.0 * EPS * abs(zeta[tables.term_source[state, q]])
+            # a power of time counts with what it reaches on this segment
+            a = 4.0 * EPS * abs(zeta[tables.term_source[state, q]]) * H ** power[tables.term_basis[state, q]]
             for j in range(m):
                 least[j] += a * tables.roughness[state, q, j]
 

@@ -222,10 +222,12 @@ def _forcing(parts: _Parts, contacts: Contacts) -> tuple[BaseMotion | None, Forc
     n = parts.basis.size
     if excitation.kind == "none":
         return None, Forcing(np.zeros((0, n)), ())
+    duration = None if parts.scenario.run is None else parts.scenario.run.duration
+    folder = parts.scenario.folder_of("excitation", "file")
     point = _point_of_excitation(parts.scenario)
     if point is not None:
-        return None, Forcing(parts.shape(point)[None, :], (level_signal(excitation),))
-    motion = base_motion(excitation)
+        return None, Forcing(parts.shape(point)[None, :], (level_signal(excitation, duration, folder),))
+    motion = base_motion(excitation, duration, folder)
     load: list[Floats] = [-parts.inertia]
     signal: list[Signal] = [motion.acceleration]
     if parts.model.ground.any():  # springs to ground stretch by the base's displacement as well

@@ -11,12 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.model.broadband import broadband_signals
 from beamsim.model.signal import Signal
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
+    from pathlib import Path
 
-    Driven = Harmonic | MultiTone | Step | HalfSine
+    from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
+    from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
+
+    Driven = Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput
 
 __all__ = [
     "BaseMotion",
@@ -52,8 +56,10 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
     return Signal(start, np.array([1j * np.pi / duration]), coefficient)
 
 
-def level_signal(excitation: Driven) -> Signal:
-    """The quantity that the scenario prescribes, as a signal."""
+def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
+    """The quantity that the scenario prescribes, as a signal; of a broadband input the force at a point."""
+    if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
+        return broadband_signals(excitation, duration, folder)[0]
     if excitation.kind == "harmonic":
         return Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
     if excitation.kind == "multi_tone":
@@ -73,12 +79,14 @@ def _without_drift(signal: Signal) -> Signal:
     return Signal(signal.start, signal.exponent, signal.coefficient / signal.exponent[None, :, None])
 
 
-def base_motion(excitation: Driven) -> BaseMotion:
+def base_motion(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
     """The base's motion from the one quantity prescribed.
 
     A step or a half-sine of base displacement, and a step of base velocity, would need infinite
     accelerations; the scenario refuses them.
     """
+    if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
+        return BaseMotion(*broadband_signals(excitation, duration, folder))
     given = level_signal(excitation)
     periodic = excitation.kind in ("harmonic", "multi_tone")
     if excitation.quantity == "acceleration":

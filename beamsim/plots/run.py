@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.results import ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.files import replacing
+from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
 
 if TYPE_CHECKING:
@@ -204,6 +205,11 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     for ax in axes[len(places) :]:
         ax.set_visible(False)
     figures["phase_portrait"] = figure
+    if result.random is not None:
+        figure, (above, below) = panels(2)
+        plot_density(result.random, above)
+        plot_transmissibility(result.random, below)
+        figures["random"] = figure
     if result.beam is not None:
         figure, (ax,) = panels(1, height=4.4)
         plot_deflected_shapes(result, ax)

@@ -12,6 +12,7 @@
 from beamsim.scenario.beam import Beam, GeneralSection, PointMass, RectangleSection, Supports, TubeSection
 from beamsim.scenario.chain import Chain, CubicGroundSpring, GroundSpring, LinearGroundSpring
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
+from beamsim.scenario.designs import Grid, LatinHypercube, Zipped
 from beamsim.scenario.excitation import (
     AppliedTo,
     Excitation,
@@ -24,6 +25,7 @@ from beamsim.scenario.excitation import (
 )
 from beamsim.scenario.identification import IdentifyStiffness, Pad
 from beamsim.scenario.jsonschema import json_schema
+from beamsim.scenario.limits import Limits
 from beamsim.scenario.loading import load_scenario
 from beamsim.scenario.nnm import (
     ContinueIn,
@@ -55,10 +57,13 @@ __all__ = [
     "Excitation",
     "FrequencyContinuation",
     "GeneralSection",
+    "Grid",
     "GroundSpring",
     "HalfSine",
     "Harmonic",
     "IdentifyStiffness",
+    "LatinHypercube",
+    "Limits",
     "LinearGroundSpring",
     "ModalDamping",
     "ModeStart",
@@ -90,6 +95,7 @@ __all__ = [
     "Tone",
     "TubeSection",
     "ViscousDamping",
+    "Zipped",
     "json_schema",
     "load_scenario",
     "template",

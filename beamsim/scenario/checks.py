@@ -14,12 +14,15 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, walk
 from beamsim.scenario.beam import PointMass
 from beamsim.scenario.chain import CubicGroundSpring, LinearGroundSpring
+from beamsim.scenario.designs import design_problems
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.identification_checks import identification_problems
+from beamsim.scenario.limits import limit_problems
 from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, OneOfTwoPlaces, Probe
 from beamsim.scenario.quantities import LevelValue
 from beamsim.scenario.run import ModeStart, PolynomialStart
 from beamsim.scenario.snubber import ChainSnubber, Snubber
+from beamsim.scenario.sweep import SweptSine
 
 if TYPE_CHECKING:
     from beamsim.scenario.beam import Beam
@@ -36,7 +39,7 @@ Found = Iterator[Problem]
 
 def problems(scenario: Scenario) -> list[Problem]:
     """Return everything wrong between the parts of a scenario."""
-    checks = (_structure, _places, _names, _run, _start, _sweep, _identification, _modes)
+    checks = (_structure, _places, _names, _run, _start, _sweep, _identification, _modes, _designs, _limits)
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
 
@@ -288,6 +291,15 @@ def _sweep(scenario: Scenario) -> Found:
                 f"is given in a unit of {meant}, and the excitation's level is of {excitation.quantity}",
                 "give the levels of the sweep in the unit of excitation.level",
             )
+    if isinstance(sweep, SweptSine):
+        for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
+            for index, point in enumerate(points):
+                if point.quantity is not None and (point.quantity == "force") is excitation.on_base:
+                    yield _problem(
+                        ("sweep", name, index, "level"),
+                        f"is a level of {point.quantity}, and the excitation is of {excitation.quantity}",
+                        "give it in a unit that fits excitation.applied_to",
+                    )
 
 
 def _identification(scenario: Scenario) -> Found:
@@ -314,3 +326,13 @@ def _modes(scenario: Scenario) -> Found:
             f"= {scenario.nnm.mode}, but a chain of {count} masses has {count} modes",
             f"choose a mode from 1 to {count}",
         )
+
+
+def _designs(scenario: Scenario) -> Found:
+    if scenario.vary is not None:
+        yield from design_problems(scenario, scenario.vary)
+
+
+def _limits(scenario: Scenario) -> Found:
+    if scenario.limits is not None:
+        yield from limit_problems(scenario, scenario.limits)

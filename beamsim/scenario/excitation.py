@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
-from beamsim.scenario.place import AtMass, AtPosition, choose_place
-from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, LevelValue, Time
+from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
+from beamsim.scenario.driven import AppliedTo, Driven, Quantity, agree_on_quantity
+from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, Time
 
 __all__ = [
     "AppliedTo",
@@ -23,62 +23,6 @@ __all__ = [
     "Tone",
     "agree_on_quantity",
 ]
-
-Quantity = Literal["acceleration", "velocity", "displacement", "force"]
-
-
-def _choose_target(value: Any) -> str | None:
-    return "<base>" if value == "base" else choose_place(value)
-
-
-AppliedTo = Annotated[
-    Annotated[Literal["base"], Tag("<base>")]
-    | Annotated[AtPosition, Tag("<position>")]
-    | Annotated[AtMass, Tag("<mass>")],
-    by_key(
-        _choose_target,
-        "names neither the base nor a point",
-        "write base, {position: 270 mm} for a force on the beam, or {mass: 2} for a force on a chain",
-    ),
-]
-
-
-def agree_on_quantity(
-    levels: Sequence[tuple[tuple[str | int, ...], float]], given: str | None, on_base: bool
-) -> Quantity:
-    """Return what the levels are: as said, else as their units say, else the default of the place.
-
-    Raises what `fail` builds when units, quantity and place contradict each other.
-    """
-    quantity = given
-    for path, level in levels:
-        meant = level.quantity if isinstance(level, LevelValue) else None
-        if meant is None:
-            continue
-        if quantity is not None and meant != quantity:
-            article = "an" if quantity[0] == "a" else "a"
-            raise fail(
-                f"is given in a unit of {meant}, where {article} {quantity} is meant",
-                "give the level in another unit, or set quantity",
-                path,
-            )
-        quantity = meant
-    quantity = quantity or ("acceleration" if on_base else "force")
-    at = ("quantity",) if given is not None else levels[0][0]
-    if on_base and quantity == "force":
-        raise fail(
-            "is a force, but the base is moved, not pushed",
-            "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), "
-            "or apply the force to {position: ...} or {mass: ...}",
-            at,
-        )
-    if not on_base and quantity != "force":
-        raise fail(
-            f"is {'an' if quantity[0] == 'a' else 'a'} {quantity}, but a point is pushed by a force",
-            "give a force (1.5 N), or apply it to base",
-            at,
-        )
-    return quantity  # type: ignore[return-value]
 
 
 class NoExcitation(Schema):
@@ -98,44 +42,7 @@ class NoExcitation(Schema):
         return 0.0
 
 
-class _Driven(Schema):
-    """What all excitations share."""
-
-    applied_to: AppliedTo
-    """Base, a position of the beam, or a mass of the chain."""
-    quantity: Quantity | None = None
-    """Acceleration, velocity or displacement of the base, force at a point; as the unit of the level says."""
-
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
-        """Return the levels with their paths."""
-        raise NotImplementedError
-
-    def plain_levels(self) -> None:
-        """Forget the units of the levels once `quantity` holds what they said."""
-        self.resolve("level", float(self.levels()[0][1]))
-
-    def settle(self) -> None:
-        """Settle what the level is."""
-        self.resolve("quantity", agree_on_quantity(self.levels(), self.quantity, self.on_base))
-        self.plain_levels()
-
-    @property
-    def on_base(self) -> bool:
-        """Whether the base moves (else a point is pushed)."""
-        return self.applied_to == "base"
-
-    @property
-    def frequencies_hz(self) -> tuple[float, ...]:
-        """Frequencies of the tones, Hz."""
-        return ()
-
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Highest frequency the excitation has to say something at, Hz; a pulse of duration T counts as 1/(2 T)."""
-        return max(self.frequencies_hz, default=0.0)
-
-
-class Harmonic(_Driven):
+class Harmonic(Driven):
     """A sin(2 pi f t + phase)."""
 
     kind: Literal["harmonic"] = "harmonic"
@@ -168,7 +75,7 @@ class Tone(Schema):
     """Phase of the sine at t = 0."""
 
 
-class MultiTone(_Driven):
+class MultiTone(Driven):
     """A sum of sines."""
 
     kind: Literal["multi_tone"] = "multi_tone"
@@ -190,7 +97,7 @@ class MultiTone(_Driven):
         return tuple(tone.frequency for tone in self.tones)
 
 
-class Step(_Driven):
+class Step(Driven):
     """Zero before `time`, `level` after it."""
 
     kind: Literal["step"] = "step"
@@ -215,7 +122,7 @@ class Step(_Driven):
             )
 
 
-class HalfSine(_Driven):
+class HalfSine(Driven):
     """Half a period of a sine from `time` on, zero before and after."""
 
     kind: Literal["half_sine"] = "half_sine"
@@ -252,6 +159,9 @@ Excitation = Annotated[
     | Annotated[Harmonic, Tag("<harmonic>")]
     | Annotated[MultiTone, Tag("<multi_tone>")]
     | Annotated[Step, Tag("<step>")]
-    | Annotated[HalfSine, Tag("<half_sine>")],
+    | Annotated[HalfSine, Tag("<half_sine>")]
+    | Annotated[SweptSineInput, Tag("<swept_sine>")]
+    | Annotated[SampledInput, Tag("<sampled>")]
+    | Annotated[RandomInput, Tag("<random>")],
     BY_KIND,
 ]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Field, GetJsonSchemaHandler, Tag, model_validator
 from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from beamsim.scenario.base import Schema, fail, number_or_list
 from beamsim.scenario.quantities import (
@@ -122,6 +123,16 @@ class SoughtParameter(Schema):
         return {"parameter": data} if isinstance(data, str) else data
 
 
+class _OrItsPath:
+    """Tells editors that the path alone will do."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [{"type": "string", "minLength": 1}, handler(schema)]}
+
+
+Sought = Annotated[SoughtParameter, _OrItsPath()]
+
+
 class MeasuredShapes(Schema):
     """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
 
@@ -175,7 +186,7 @@ class MeasuredTest(Schema):
 class NonlinearFit(Schema):
     """Parameters from measured nonlinear vibrations."""
 
-    estimate: Annotated[tuple[SoughtParameter, ...], Field(min_length=1)]
+    estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
     """Numbers to be found, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[MeasuredTest, ...], Field(min_length=1)]
     """The measured vibrations."""
@@ -185,6 +196,8 @@ class NonlinearFit(Schema):
     """How far the random starting points lie from the scenario's values, relative."""
     seed: Seed = 0
     """Seed of the random starting points."""
+    profiles: bool = True
+    """Compute the profile likelihood of every parameter, for the plot."""
 
 
 class IdentifyStiffness(Schema):
@@ -212,7 +225,7 @@ class IdentifyStiffness(Schema):
     """Check of the uncertainty by random sampling."""
     parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
     """How well numbers of the structure are known."""
-    update: tuple[SoughtParameter, ...] = ()
+    update: tuple[Sought, ...] = ()
     """Numbers of the structure to be found from measured_without before the snubber is identified."""
     shapes_without: MeasuredShapes | None = None
     """Mode shapes measured without the snubber."""

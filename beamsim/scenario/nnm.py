@@ -85,8 +85,16 @@ class NonlinearMode(Schema):
     """Energy of the motion while the stiffness factor changes."""
     continue_in: ContinueIn = StiffnessFactorContinuation()
     """The parameter that changes: stiffness_factor, energy or frequency."""
+    method: Literal["shooting", "multiple_scales"] = "shooting"
+    """Exact periodic motions (shooting), or their expansion for weak springs (multiple_scales)."""
 
     def settle(self) -> None:
-        """Refuse an energy where it is what changes."""
+        """Refuse an energy where it is what changes, and an expansion in anything but the stiffness factor."""
+        if self.method == "multiple_scales" and not isinstance(self.continue_in, StiffnessFactorContinuation):
+            raise fail(
+                f"= multiple_scales expands in the stiffness factor, not in the {self.continue_in.kind}",
+                "use continue_in: stiffness_factor, or method: shooting",
+                ("method",),
+            )
         if self.energy is not None and not isinstance(self.continue_in, StiffnessFactorContinuation):
             raise fail(f"cannot be held while the {self.continue_in.kind} changes", "leave energy out", ("energy",))

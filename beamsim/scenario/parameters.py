@@ -15,15 +15,15 @@ from beamsim.scenario.base import Schema, fail, path_text
 from beamsim.scenario.quantities import FieldType
 from beamsim.scenario.scenario import Scenario
 
-__all__ = ["choices_at", "find_parameters", "read_as", "value_at", "with_values"]
+__all__ = ["choices_at", "field_type_at", "find_parameters", "read_as", "value_at", "with_values"]
 
 Path = tuple[str | int, ...]
 
 _PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]|\.")
 
 
-def find_parameters(scenario: Scenario, path: str) -> list[Path]:
-    """The places that a path names, at least one.
+def find_parameters(scenario: Scenario, path: str, more: tuple[type, ...] = ()) -> list[Path]:
+    """The places that a path names, at least one: numbers and words, and values of the types in ``more``.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def find_parameters(scenario: Scenario, path: str) -> list[Path]:
         As `fail` builds it, where the path leads nowhere; to be located by the caller.
     """
     parts = _parts(path)
-    found = _walk(scenario, parts, (), path)
+    found = _walk(scenario, parts, (), path, (int, float, str, *more))
     if not found:
         raise fail(f"= {path} names nothing: the list is empty", "add an item to it, or leave the path out")
     return found
@@ -87,6 +87,17 @@ def choices_at(scenario: Scenario, place: Path) -> tuple[str, ...]:
     return tuple(get_args(annotation)) if get_origin(annotation) is Literal else ()
 
 
+def field_type_at(scenario: Scenario, place: Path) -> FieldType | None:
+    """What reads the value at a place; None for words and plain flags."""
+    last = max(k for k, part in enumerate(place) if isinstance(part, str))
+    owner = value_at(scenario, place[:last])
+    if not isinstance(owner, Schema):
+        return None
+    field = type(owner).model_fields[_attribute(owner, str(place[last]))]
+    types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
+    return types[0] if types else None
+
+
 def _field_types(annotation: Any) -> list[FieldType]:
     from typing import get_args
 
@@ -111,23 +122,23 @@ def _parts(path: str) -> list[str | int]:
     return parts
 
 
-def _walk(value: Any, parts: list[str | int], walked: Path, path: str) -> list[Path]:
+def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:
     if not parts:
-        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        if isinstance(value, bool) or not isinstance(value, leaves):
             raise fail(f"= {path} is not a number", _keys_below(value))
         return [walked]
     part, rest = parts[0], parts[1:]
     if isinstance(value, tuple):
         if part == "*":
-            return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path)]
+            return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path, leaves)]
         if isinstance(part, int):
             if part >= len(value):
                 count = f"{len(value)} item{'' if len(value) == 1 else 's'}"
                 raise fail(f"= {path} leads nowhere: {path_text(walked)} has {count}", "items are numbered from 0")
-            return _walk(value[part], rest, (*walked, part), path)
+            return _walk(value[part], rest, (*walked, part), path, leaves)
         names = [getattr(item, "name", None) for item in value]
         if part in names:
-            return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path)
+            return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path, leaves)
         known = [name for name in names if name]
         remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
         raise fail(f"= {path} leads nowhere: {path_text(walked)} has no {part}", remedy)
@@ -144,7 +155,7 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str) -> list[P
         raise fail(
             f"= {path} has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
         )
-    return _walk(inner, rest, (*walked, part), path)
+    return _walk(inner, rest, (*walked, part), path, leaves)
 
 
 def _keys_below(value: Any) -> str:

@@ -41,6 +41,7 @@ __all__ = [
     "Modulus",
     "Name",
     "NonNegativeStiffness",
+    "NotNegativeWhole",
     "PerTime",
     "PointMassValue",
     "Position",
@@ -49,6 +50,7 @@ __all__ = [
     "Rate",
     "Ratio",
     "SecondMoment",
+    "SpectralDensity",
     "SteppedCount",
     "Stiffness",
     "SweepRate",
@@ -215,6 +217,23 @@ class RateType(FieldType):
 
 
 @dataclass(frozen=True)
+class DensityType(FieldType):
+    """A one-sided power spectral density of an acceleration or a force."""
+
+    def read(self, value: Any) -> float:
+        """Return the SI number."""
+        number, _ = units.read_level(value, (units.ACCELERATION_PSD, units.FORCE_PSD))
+        if not number >= 0:
+            raise UnitError("must not be negative", "write for example 0.01 g^2/Hz")
+        return number + 0.0
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string."""
+        text = {"type": "string", "pattern": r"^\s*(\d|\.\d)"}
+        return {"anyOf": [{"type": "number", "minimum": 0}, text], "examples": ["0.01 g^2/Hz", "0.1 N^2/Hz"]}
+
+
+@dataclass(frozen=True)
 class Whole(FieldType):
     """A whole number in a range."""
 
@@ -338,3 +357,5 @@ Energy = Annotated[float, _positive(units.ENERGY)]
 Gravity = Annotated[float, Quantity(replace(units.ACCELERATION, example="1 g"))]
 Level = Annotated[float, LevelType()]
 SweepRate = Annotated[Rate, RateType()]
+NotNegativeWhole = Annotated[int, Whole(0)]
+SpectralDensity = Annotated[float, DensityType()]

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path as FilePath
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import checks
 from beamsim.scenario.base import Schema, UnknownValueError, known
 from beamsim.scenario.beam import Beam
 from beamsim.scenario.chain import Chain
+from beamsim.scenario.designs import Vary
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.limits import Limits
 from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.place import ConstantForce, Probe
 from beamsim.scenario.quantities import Gravity, Text
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import ChainSnubber, Snubber, named
 from beamsim.scenario.sweep import Sweep
-from beamsim.scenario.tree import Node, located, path_parts
+from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
 
 __all__ = ["Scenario"]
@@ -52,6 +55,10 @@ class Scenario(Schema):
     """Identification of a snubber's stiffness (`beamsim identify-stiffness`)."""
     nnm: NonlinearMode | None = None
     """A nonlinear normal mode (`beamsim nnm`)."""
+    vary: Vary | None = None
+    """What is varied from case to case (`beamsim sweep`)."""
+    limits: Limits | None = None
+    """Allowables, for margins in the summary and `--check`."""
 
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""
@@ -96,6 +103,17 @@ class Scenario(Schema):
             return error
         root = self._text
         return ScenarioError([located(root, path_parts(problem.path), problem) for problem in error.problems])
+
+    def folder_of(self, *path: str | int) -> FilePath:
+        """Folder of the file in which a value is written; the current one where it was read from no file."""
+        file = None if self._text is None else locate(self._text, path)[0]
+        return FilePath(file).parent if file else FilePath()
+
+    @property
+    def automatic_sample_rate(self) -> bool:
+        """Whether the run's sample rate was chosen here, not by who wrote the scenario."""
+        run = None if self._text is None else self._text.plain().get("run")
+        return isinstance(run, dict) and run.get("sample_rate") is None
 
     @property
     def all_snubbers(self) -> tuple[Snubber, ...] | tuple[ChainSnubber, ...]:

@@ -7,9 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_KIND, Schema, fail
-from beamsim.scenario.quantities import Frequency, Level, SteppedCount, SweepRate
+from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
+from beamsim.scenario.quantities import Count, Frequency, Level, LevelValue, PositiveNumber, SteppedCount, SweepRate
 
 __all__ = ["Continuation", "SteppedSine", "Sweep", "SweptSine"]
+
+HIGHEST_ORDER = 64
 
 
 class _FrequencyRange(Schema):
@@ -33,9 +36,13 @@ class _UpAndDown(_FrequencyRange):
 
     direction: Literal["up", "down", "both"] = "up"
     """Up, down, or up and then down."""
+    orders: tuple[PositiveNumber, ...] = (0.5, 1.0, 2.0, 3.0, 4.0)
+    """Harmonics that are tracked: multiples of the excitation frequency, 0.5 for the first subharmonic."""
+    accelerations: bool = True
+    """Whether the probes' absolute accelerations are kept beside the relative displacements."""
 
     def settle(self) -> None:
-        """Refuse a range that contradicts the direction."""
+        """Refuse a range that contradicts the direction, and orders that no filter tracks."""
         super().settle()
         if self.from_ > self.to:
             raise fail(
@@ -43,6 +50,16 @@ class _UpAndDown(_FrequencyRange):
                 "write the lower frequency as from, and direction: down",
                 ("to",),
             )
+        from fractions import Fraction
+
+        for index, order in enumerate(self.orders):
+            if order > HIGHEST_ORDER or abs(Fraction(order).limit_denominator(12) - Fraction(order)) > 1e-3:
+                raise fail(
+                    f"= {order:g} is no order that repeats within 12 cycles",
+                    f"give whole numbers or simple fractions up to {HIGHEST_ORDER}: 0.5, 1, 1.5, 2",
+                    ("orders", index),
+                )
+        self.resolve("orders", tuple(sorted({float(Fraction(o).limit_denominator(12)) for o in self.orders})))
 
 
 class SweptSine(_UpAndDown):
@@ -52,6 +69,30 @@ class SweptSine(_UpAndDown):
     """A continuous sweep."""
     rate: SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
+    profile: tuple[ProfilePoint, ...] = ()
+    """Levels from frequencies on, instead of one level (`levels` then multiplies it by plain numbers)."""
+    between: Between = "held"
+    """Between the points of the profile: each level held, or straight lines on doubly logarithmic paper."""
+    notches: tuple[Notch, ...] = ()
+    """Ranges of frequencies in which a level is not exceeded."""
+    tolerance: PositiveNumber = 1e-12
+    """Bound on what the expansion of the sine leaves out, over its amplitude."""
+    history_rate: Frequency | None = None
+    """Sample rate of the time history; without it only what belongs to a cycle is kept."""
+
+    def settle(self) -> None:
+        """Refuse a table that does not increase, and tolerances nobody can use."""
+        super().settle()
+        check_profile(self.profile, self.between)
+        for index, level in enumerate(self.levels if self.profile else ()):
+            if isinstance(level, LevelValue) and level.quantity is not None:
+                raise fail(
+                    f"is given in a unit of {level.quantity}, but multiplies the levels of the profile",
+                    "give plain numbers: levels: [0.5, 1, 2]",
+                    ("levels", index),
+                )
+        if not 1e-13 <= self.tolerance <= 1e-3:
+            raise fail(f"= {self.tolerance:g} cannot be kept", "use 1e-13 to 1e-3", ("tolerance",))
 
 
 class SteppedSine(_UpAndDown):
@@ -63,6 +104,14 @@ class SteppedSine(_UpAndDown):
     """Number of frequencies."""
     spacing: Literal["logarithmic", "linear"] = "linear"
     """How the frequencies are spaced."""
+    steady_to: PositiveNumber = 1e-6
+    """A motion is steady when it repeats to this share of its size."""
+    most_cycles: Count = 2000
+    """Cycles after which a frequency is left although the motion is not steady."""
+    longest_period: Count = 8
+    """Longest period looked for, in cycles of the excitation."""
+    measured_cycles: Count = 8
+    """Cycles that are measured at least once the motion is steady."""
 
 
 class Continuation(_FrequencyRange):

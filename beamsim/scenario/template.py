@@ -49,6 +49,13 @@ run:
   sample_rate: 20 kHz                # of the output only; contact is found exactly
   start: static_equilibrium          # or rest, {mode: 1, amplitude: 1 mm}, ...
   spectrum: {last: 0.4 s, window: hann}
+
+# limits: {peak_force: 50 N, bending_stress: 80 MPa}         # margins in the summary; --check ends with 4 beyond them
+# vary:                              # `beamsim sweep` computes every combination (or kind: zip, latin_hypercube)
+#   kind: grid
+#   parameters:
+#     - {path: snubbers.tip.stiffness, values: [100 kN/m, 150 kN/m, 200 kN/m]}
+#     - {path: snubbers.tip.gap, from: 0 mm, to: 0.5 mm, points: 6}
 """
 
 _CHAIN = """\

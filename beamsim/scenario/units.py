@@ -20,6 +20,7 @@ from typing import Any
 
 __all__ = [
     "ACCELERATION",
+    "ACCELERATION_PSD",
     "ANGLE",
     "AREA",
     "CUBIC_STIFFNESS",
@@ -27,6 +28,7 @@ __all__ = [
     "DENSITY",
     "ENERGY",
     "FORCE",
+    "FORCE_PSD",
     "FREQUENCY",
     "LENGTH",
     "MASS",
@@ -87,6 +89,8 @@ FORCE = Dimension("force", "N", "1.5 N")
 ENERGY = Dimension("energy", "J", "1 uJ")
 VELOCITY = Dimension("velocity", "m/s", "0.2 m/s")
 ACCELERATION = Dimension("acceleration", "m/s^2", "2 g", gravity=True)
+ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", gravity=True)
+FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz")
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Letters, exponents, products, quotients and parentheses; a numeral is an exponent or a leading 1.

@@ -24,6 +24,7 @@ from beamsim.analyses.results import (
 )
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
+from beamsim.store.random_response import read_random
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -125,6 +126,7 @@ def _fields(file: h5py.File) -> dict[str, Any]:
         "beam": _beam(file),
         "energy": EnergyHistory(**_datasets(file["energy"], schema.ENERGY)),
         "modes": _modes(file["modes"]),
+        "random": read_random(file),
         "work": Work(**_attributes(file["work"])),
         "summary": schema.decode_summary(dict(file["summary"].attrs)),
     }

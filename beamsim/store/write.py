@@ -12,6 +12,7 @@ import numpy as np
 from beamsim.analyses.results import RunResult, Spectrum
 from beamsim.files import replacing
 from beamsim.store import schema
+from beamsim.store.random_response import write_random
 
 __all__ = ["write_run"]
 
@@ -36,6 +37,7 @@ def write_run(result: RunResult, path: Path | str) -> Path:
             _write_spectrum(group, spectrum)
         _write_beam(file, result)
         _write_modes(file.create_group("modes"), result)
+        write_random(file, result.random)
         file.create_group("work").attrs.update(vars(result.work))
         file.create_group("summary").attrs.update(schema.encode_summary(result.summary))
     return Path(path)

@@ -1,0 +1,123 @@
+"""What a design study hands back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+__all__ = ["CaseFailure", "CaseOutcome", "Coordinate", "DesignsResult", "Response", "is_scalar"]
+
+Value = float | str
+
+
+@dataclass(frozen=True)
+class CaseOutcome:
+    """One case: its responses, or why there are none."""
+
+    index: int  # in the order of the cases
+    values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode
+    reason: str = ""  # why it failed; empty where it did not
+    processor_time_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A varied parameter."""
+
+    path: str
+    values: NDArray[Any]  # (nk,) the axis of a grid, or (cases,) one a case; SI numbers or words
+    unit: str
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values are numbers."""
+        return self.values.dtype.kind == "f"
+
+
+@dataclass(frozen=True)
+class Response:
+    """One response of every case."""
+
+    name: str  # "snubbers/tip/peak_force", of a sweep "up_0/snubbers/tip/peak_force"
+    values: NDArray[np.float64]  # the design's shape, a last axis of modes where there are several a case; nan: failed
+    unit: str
+    long_name: str
+
+    @property
+    def quantity(self) -> str:
+        """What it is, ``peak_force``."""
+        return self.name.rpartition("/")[2]
+
+    @property
+    def place(self) -> str:
+        """Whose it is, ``tip`` or ``tip up_0``; empty for the structure as a whole."""
+        *curve, _, who, _ = ("", "", *self.name.split("/")) if "/" not in self.name else self.name.split("/")
+        return " ".join([who, *curve]).strip()
+
+
+@dataclass(frozen=True)
+class CaseFailure:
+    """A case without responses."""
+
+    case: int  # from 0
+    values: tuple[Value, ...]  # of the coordinates
+    reason: str
+
+
+@dataclass(frozen=True)
+class DesignsResult:
+    """Everything `beamsim sweep` computes of a scenario with ``vary``."""
+
+    scenario: Scenario  # resolved
+    analysis: str  # what was done with each case: "run", or the kind of sweep
+    kind: str  # "grid", "zip" or "latin_hypercube"
+    status: str  # "complete" or a sentence that says what is missing
+    shape: tuple[int, ...]  # of the design: an axis a coordinate for a grid, else (cases,)
+    coordinates: tuple[Coordinate, ...]
+    solved: NDArray[np.bool_]  # the design's shape
+    responses: Mapping[str, Response]
+    margins: Mapping[str, Response]  # limit / value - 1, by name of the limit
+    limits: Mapping[str, float]  # SI
+    failures: tuple[CaseFailure, ...]
+    summary: dict[str, Any]  # plain Python values
+    warnings: tuple[str, ...] = ()
+    wall_time_s: float = 0.0
+    created: str = ""  # ISO 8601, UTC
+    provenance: dict[str, str] = field(default_factory=dict)  # package versions
+    fingerprint: str = ""  # of all that the responses depend on
+
+    @property
+    def complete(self) -> bool:
+        """Whether every case has its responses."""
+        return self.status == "complete"
+
+    @property
+    def title(self) -> str:
+        """The scenario's title."""
+        return self.scenario.title
+
+    @property
+    def cases(self) -> int:
+        """Number of cases."""
+        return int(np.prod(self.shape))
+
+    def case_values(self, case: int) -> tuple[Value, ...]:
+        """Values of the coordinates in a case, numbered from 0."""
+        if self.kind == "grid":
+            where = np.unravel_index(case, self.shape)
+            picked = [c.values[k] for c, k in zip(self.coordinates, where, strict=True)]
+        else:
+            picked = [c.values[case] for c in self.coordinates]
+        return tuple(str(v) if isinstance(v, str) else float(v) for v in picked)
+
+
+def is_scalar(response: Response, shape: tuple[int, ...]) -> bool:
+    """Whether a response is one number a case."""
+    return response.values.shape == shape

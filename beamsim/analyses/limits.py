@@ -1,0 +1,68 @@
+"""Margins against the allowables of a scenario.
+
+The margin of safety is limit / value - 1: zero where the limit is just reached, negative beyond it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from beamsim.scenario.limits import Limits
+
+__all__ = ["LIMITED", "exceeded_limits", "margin_of", "margins"]
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+LIMITED = {
+    "peak_force": ("peak_force_n", "N"),
+    "bending_stress": ("largest_bending_stress_pa", "Pa"),
+    "peak_displacement": ("peak_displacement_m", "m"),
+    "peak_acceleration": ("peak_acceleration_g", "m/s^2"),
+    "gap": ("largest_gap_m", "m"),
+}
+"""What of a run's summary each limit is compared with, and its SI unit."""
+
+
+def margin_of(limit: float, value: float) -> float:
+    """Return limit / value - 1, infinite where the value is zero.
+
+    >>> margin_of(50.0, 40.0)
+    0.25
+    """
+    return limit / value - 1.0 if value > 0.0 else math.nan if math.isnan(value) else math.inf
+
+
+def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Compare a run's summary with the limits; by name of the limit: limit, value, margin, at, exceeded (SI)."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, limit in ({} if limits is None else limits.given).items():
+        key, _ = LIMITED[name]
+        given = summary[key]
+        if isinstance(given, Mapping):
+            at = max(given, key=lambda place: given[place])
+            value = float(given[at])
+        else:
+            at, value = f"x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
+        if key.endswith("_g"):
+            value *= STANDARD_GRAVITY
+        found[name] = {
+            "limit": limit,
+            "value": value,
+            "margin": margin_of(limit, value),
+            "at": at,
+            "exceeded": value > limit,
+        }
+    return found
+
+
+def exceeded_limits(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A phrase for every limit that is exceeded."""
+    return [
+        f"{name.replace('_', ' ')} = {item['value']:.5g} {LIMITED[name][1]} exceeds limits.{name} = "
+        f"{item['limit']:.5g} {LIMITED[name][1]}"
+        for name, item in found.items()
+        if item["exceeded"]
+    ]

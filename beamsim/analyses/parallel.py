@@ -1,0 +1,166 @@
+"""Workers: processes of this machine, or an existing Dask cluster.
+
+Results come in the order in which they are ready; who computed them makes no difference to them, since a worker gets
+plain data, and linear algebra runs on one thread in each.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any, TypeVar
+
+from beamsim.errors import NotTrustedError, ScenarioError
+
+__all__ = ["default_workers", "on_cluster", "on_this_machine"]
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_AHEAD = 3  # tasks that wait for a worker, so that none is idle
+
+
+def default_workers() -> int:
+    """Number of processors this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1
+
+
+def on_this_machine(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    workers: int,
+    prepare: Callable[[Item | None], None],
+) -> Iterator[Result]:
+    """Yield ``function(item)`` for every item, computed by processes.
+
+    Before the items, one worker calls ``prepare`` with the first of them (which fills the compiler's cache once for
+    all) while the others call it with None.
+
+    Raises
+    ------
+    NotTrustedError
+        When a worker dies.
+    """
+    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
+
+    workers = max(1, min(workers, len(items)))
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
+        done = False
+        try:
+            for future in [pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)]:
+                future.result()
+            waiting: set[Future[Result]] = set()
+            for item in items:
+                waiting.add(pool.submit(function, item))
+                if len(waiting) >= _AHEAD * workers:
+                    ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    yield from (future.result() for future in ready)
+            while waiting:
+                ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in ready)
+            done = True
+        except BrokenProcessPool:
+            raise NotTrustedError(
+                "a worker process died (killed, or out of memory); go on with --resume, perhaps with fewer --workers"
+            ) from None
+        finally:
+            if not done:
+                for process in list((getattr(pool, "_processes", None) or {}).values()):
+                    process.terminate()  # a long case would keep the user waiting
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def on_cluster(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    address: str,
+    prepare: Callable[[Item | None], None],
+) -> Iterator[Result]:
+    """Yield ``function(item)`` for every item, computed by the workers of a Dask scheduler.
+
+    Raises
+    ------
+    ScenarioError
+        When Dask is not installed, nobody answers at the address, or the cluster has no workers.
+    NotTrustedError
+        When the cluster goes away.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise ScenarioError(
+            "--scheduler needs Dask distributed, which is not installed; pip install 'beamsim[cluster]'"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=10, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ScenarioError(
+            f"--scheduler {address}: nobody answers there ({reason}); start one with `dask scheduler`"
+        ) from None
+    try:
+        threads = sum(client.nthreads().values())
+        if threads == 0:
+            raise ScenarioError(f"--scheduler {address}: has no workers; start some with `dask worker {address}`")
+        client.submit(prepare, items[0], pure=False).result()
+        remaining = iter(items)
+        first = [item for _, item in zip(range(_AHEAD * threads), remaining, strict=False)]
+        queue = distributed.as_completed(
+            [client.submit(function, item, pure=False) for item in first], loop=client.loop
+        )
+        for future in queue:
+            yield future.result()
+            for item in remaining:
+                queue.add(client.submit(function, item, pure=False))
+                break
+    except (OSError, TimeoutError) as error:
+        raise NotTrustedError(f"the cluster at {address} went away ({error}); go on with --resume") from None
+    except Exception as error:
+        if type(error).__module__.split(".")[0] != "distributed":
+            raise
+        raise NotTrustedError(
+            f"the cluster at {address} gave up ({type(error).__name__}); go on with --resume"
+        ) from None
+    finally:
+        client.close()
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that are started now use one thread for linear algebra."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _begin_worker() -> None:
+    """Leave interrupts to the parent, and never outlive it."""
+    import signal
+    import threading
+    from multiprocessing import parent_process
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+
+    def end_with_parent() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()

@@ -1,0 +1,289 @@
+"""``beamsim sweep`` of a scenario with ``vary``: many cases, kept as they come."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamsim.cli.failures import say
+from beamsim.cli.progress import progress_bar
+from beamsim.errors import LimitExceededError, NotTrustedError, Problem, ScenarioError
+
+if TYPE_CHECKING:
+    from beamsim.analyses.designs import DesignPlan
+    from beamsim.analyses.designs_results import DesignsResult
+    from beamsim.scenario import Scenario
+
+__all__ = [
+    "Check",
+    "StudyOptions",
+    "check_limits",
+    "export_designs_table",
+    "inform_about_designs",
+    "need_limits",
+    "print_designs",
+    "refuse_study_options",
+    "sweep_designs",
+]
+
+Check = Annotated[bool, typer.Option("--check", help="End with exit code 4 when one of the limits is exceeded.")]
+
+SAVED_EVERY_S = 30.0  # how often the result file is brought up to date
+TOLD_EVERY_S = 30.0  # how often progress is told where there is no terminal
+MOST_ROWS = 24
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """How a study is computed and shown."""
+
+    workers: int | None = None
+    scheduler: str | None = None
+    resume: bool = False
+    check: bool = False
+    plots: bool = True
+    json: bool = False
+    quiet: bool = False
+
+
+def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions) -> None:
+    """Compute all cases (or those that are missing), save, print.
+
+    Raises
+    ------
+    ScenarioError, ResultFileError
+        Before anything is computed.
+    NotTrustedError
+        When cases failed or workers died; what there is was saved.
+    LimitExceededError
+        With ``check``.
+    """
+    from beamsim.analyses.designs import check_cases, plan_designs, unchecked_limits
+
+    if options.check:
+        need_limits(scenario)
+    plan = plan_designs(scenario)
+    if options.check and (unchecked := unchecked_limits(plan)):
+        raise scenario.located(ScenarioError(unchecked))
+    check_cases(plan)
+    result, files = _finished(plan, target, options) or _computed(plan, target, options)
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if options.json or not options.quiet:
+        print_designs(result, files, as_json=options.json)
+    if not result.complete:
+        raise NotTrustedError(f"{result.status}; the other cases are in {target}")
+    if options.check:
+        check_limits(result.summary.get("margins", {}))
+
+
+def refuse_study_options(**given: object) -> None:
+    """Refuse options of a study where there is none, instead of ignoring them."""
+    for name, value in given.items():
+        if value:
+            raise ScenarioError(
+                Problem("vary", f"is missing, and --{name} is about its cases", "leave the option out, or add vary")
+            )
+
+
+def need_limits(scenario: Scenario) -> None:
+    """Refuse ``--check`` without anything to check."""
+    if scenario.limits is None:
+        raise ScenarioError(
+            Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
+        )
+
+
+def check_limits(margins: dict[str, Any]) -> None:
+    """End with exit code 4 where a limit is exceeded."""
+    from beamsim.analyses.limits import exceeded_limits
+
+    exceeded = exceeded_limits(margins)
+    if exceeded:
+        raise LimitExceededError("; ".join(exceeded))
+
+
+def print_designs(result: DesignsResult, files: Sequence[Path], *, as_json: bool) -> None:
+    """Summary of a study and the files it left."""
+    from beamsim.cli.report import print_json, print_table
+
+    if as_json:
+        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
+    else:
+        rows = [*_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
+        print_table(result.title, rows)
+
+
+def inform_about_designs(path: Path, *, as_json: bool) -> None:
+    """Print what the result file of a study holds."""
+    from beamsim.cli.report import print_json, print_table
+    from beamsim.store.designs import open_designs
+
+    stored = open_designs(path)
+    if as_json:
+        print_json({**stored.summary, "wall_time_s": stored.wall_time_s, "created": stored.created})
+        return
+    written = ("written", f"{stored.created} by beamsim {stored.beamsim_version} sweep")
+    warnings = (("warning", warning) for warning in stored.warnings)
+    print_table(f"{path}: {stored.title}", [written, *_rows(stored), *warnings])
+
+
+def export_designs_table(path: Path, output: Path | None, form: str) -> Path:
+    """Write the table of a study's result file as CSV; returns the file.
+
+    Raises
+    ------
+    ScenarioError
+        For a format that holds time histories only.
+    """
+    from beamsim.cli.output import output_file
+    from beamsim.store.designs import export_designs, open_designs
+
+    if form != "csv":
+        raise ScenarioError(f"--format {form}: the table of a study is exported as csv")
+    return export_designs(open_designs(path), output_file(output, path.stem, ".csv"))
+
+
+def _finished(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]] | None:
+    """The result, where ``--resume`` finds that nothing is left to do."""
+    from beamsim import __version__
+    from beamsim.store.designs import holds_designs, open_designs
+    from beamsim.store.journal import journal_path
+
+    if not options.resume or journal_path(target).exists() or not holds_designs(target):
+        return None
+    stored = open_designs(target)
+    same = stored.fingerprint == plan.fingerprint and stored.beamsim_version == __version__
+    if not (same and stored.complete and dict(stored.limits) == _limits(plan.scenario)):
+        return None
+    if not options.quiet:
+        say(f"beamsim: {target} is complete; nothing is left to compute")
+    return stored, [target]
+
+
+def _limits(scenario: Scenario) -> dict[str, float]:
+    return {} if scenario.limits is None else scenario.limits.given
+
+
+def _computed(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]]:
+    from beamsim.analyses.designs import design_study, gather
+    from beamsim.store.designs import write_designs
+    from beamsim.store.journal import Journal, journal_path
+
+    cases = len(plan.tasks)
+    with Journal(journal_path(target), plan.fingerprint, resume=options.resume) as journal:
+        if journal.dropped:
+            say(f"beamsim: warning: beginning anew; --resume would have kept {journal.dropped} of {cases} cases")
+        elif journal.known and not options.quiet:
+            say(f"beamsim: {len(journal.known)} of {cases} cases are known already")
+        outcomes = {outcome.index: outcome for outcome in journal.known}
+        begin = saved = clock.monotonic()
+
+        def keep(outcome: Any) -> None:
+            nonlocal saved
+            journal.add(outcome)
+            outcomes[outcome.index] = outcome
+            if clock.monotonic() - saved > SAVED_EVERY_S:
+                write_designs(gather(plan, outcomes, clock.monotonic() - begin), target)
+                saved = clock.monotonic()
+
+        try:
+            with _progress(len(outcomes), cases, options) as progress:
+                result = design_study(
+                    plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=keep,
+                    progress=progress,
+                )  # fmt: skip
+        except BaseException:
+            if outcomes:
+                write_designs(gather(plan, outcomes, clock.monotonic() - begin), target)
+                say(f"beamsim: {len(outcomes)} of {cases} cases are in {target}; --resume computes the others")
+            else:
+                journal.remove()
+            raise
+        files = [write_designs(result, target)]
+        journal.remove()
+    if options.plots:
+        from beamsim.plots.designs import save_design_plots
+
+        files += save_design_plots(result, target.parent, target.stem)
+    return result, files
+
+
+@contextmanager
+def _progress(known: int, cases: int, options: StudyOptions) -> Iterator[Callable[[float], None] | None]:
+    """A bar with the time that remains on a terminal; elsewhere a line from time to time."""
+    with progress_bar(f"{cases} cases", wanted=not (options.json or options.quiet)) as bar:
+        if bar is not None:
+            yield bar
+            return
+        begin = told = clock.monotonic()
+
+        def tell(fraction: float) -> None:
+            nonlocal told
+            now, done = clock.monotonic(), round(fraction * cases)
+            if options.quiet or now - told < TOLD_EVERY_S or done <= known:
+                return
+            told = now
+            left = (now - begin) * (cases - done) / (done - known)
+            say(f"beamsim: {done} of {cases} cases, about {_duration(left)} remain")
+
+        yield tell
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _rows(result: DesignsResult) -> Iterator[tuple[str, str]]:
+    from beamsim.cli.report import _si, margin_rows
+
+    s = result.summary
+    if not result.complete:
+        yield "status", result.status
+    failed = f", {s['failed']} failed" if s["failed"] else ""
+    of = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of "}[result.kind]
+    size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(s["cases"])
+    yield "cases", f"{of}{size}, each a {result.analysis.replace('_', ' ')}{failed}"
+    for coordinate in result.coordinates:
+        yield "varied", f"{coordinate.path}: {_extent(coordinate)}"
+    yield from margin_rows(s.get("margins", {}))
+    for name, item in s.get("margins", {}).items():
+        if item["exceeded"]:
+            units = {c.path: c.unit for c in result.coordinates}
+            worst = ", ".join(f"{p} = {_number(v, units.get(p, '1'))}" for p, v in item["parameters"].items())
+            share = f"{item['cases_exceeding']} of {s['cases']} cases"
+            yield "", f"{name.replace('_', ' ')} exceeded in {share}, most with {worst}"
+    for count, (name, item) in enumerate(s["responses"].items()):
+        if count == MOST_ROWS:
+            yield "", f"and {len(s['responses']) - MOST_ROWS} more responses in the file"
+            break
+        unit = result.responses[name].unit if name in result.responses else "1"
+        spread = f", mean {_number(item['mean'], unit)}" if "mean" in item else ""
+        label = name.removeprefix("probes/").removeprefix("snubbers/").replace("/", " ").removesuffix("_hz")
+        yield label.replace("_", " "), f"{_number(item['smallest'], unit)} to {_number(item['largest'], unit)}{spread}"
+    yield "processor time", _si(s["processor_time_s"], "s")
+    yield "wall time", _si(result.wall_time_s, "s")
+
+
+def _extent(coordinate: Any) -> str:
+    values = coordinate.values
+    if not coordinate.numeric:
+        return ", ".join(dict.fromkeys(map(str, values)))
+    low, high = (_number(float(value), coordinate.unit) for value in (values.min(), values.max()))
+    return f"{low} to {high}, {len(values)} values"
+
+
+def _number(value: float | str, unit: str) -> str:
+    from beamsim.cli.report import _si
+
+    if isinstance(value, str):
+        return value
+    return f"{value:.4g}" if unit == "1" else _si(value, unit)

@@ -1,0 +1,84 @@
+"""The commands that compare with measurements: ``identify-stiffness`` and ``compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from beamsim.cli.failures import guarded, say
+from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    app.command("identify-stiffness")(identify_stiffness)
+    app.command("compare")(compare)
+
+
+@guarded
+def identify_stiffness(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Find a snubber's stiffness, damping and the beam's own parameters from measurements."""
+    from beamsim.cli.identification_report import print_identification, save_identification
+    from beamsim.cli.output import output_file
+    from beamsim.cli.progress import progress_bar
+    from beamsim.errors import NotTrustedError
+    from beamsim.scenario import load_scenario
+    from beamsim.store.measurement import read_tests
+
+    scenario = load_scenario(case, set_ or ())
+    target = output_file(output, case.stem, ".h5", ".hdf5")
+    with progress_bar("identifying", wanted=not (json or quiet)) as progress:
+        from beamsim.analyses.identify import identify_stiffness as identify
+
+        result = identify(scenario, read_tests(scenario, case.parent), progress)
+    files = save_identification(result, target, plots=not no_plots)
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if json or not quiet:
+        print_identification(result, files, as_json=json)
+    if not result.complete:
+        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+
+
+@guarded
+def compare(
+    result: Stored,
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv or .h5.")],
+    channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
+    probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
+    quantity: Annotated[str | None, typer.Option("--quantity", help="E.g. absolute_acceleration, force.")] = None,
+    unit: Annotated[str | None, typer.Option("--unit", help="Unit of the measurement, e.g. g.")] = None,
+    harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Harmonics in the table.")] = 10,
+    last: Annotated[float | None, typer.Option("--last", min=0.0, help="Use the last seconds measured.")] = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    debug: Debug = False,
+) -> None:
+    """Overlay a run with measured signals. Prints harmonic differences in dB, phase aligned."""
+    from beamsim.analyses.compare import compare as compare_with
+    from beamsim.cli.identification_report import print_comparison, save_comparison
+    from beamsim.cli.output import output_file
+    from beamsim.store.comparison import pair_channels
+    from beamsim.store.read import open_result
+
+    stored = open_result(result)
+    target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
+    pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
+    found = compare_with(stored, pairs, harmonics=harmonics, last=last)
+    files = save_comparison(found, stored, target, plots=not no_plots)
+    for warning in found.warnings:
+        say(f"beamsim: warning: {warning}")
+    print_comparison(found, files, as_json=json)

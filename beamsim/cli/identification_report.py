@@ -1,0 +1,179 @@
+"""What an identification prints and saves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from beamsim.analyses.compare import Comparison
+from beamsim.analyses.identification_results import (
+    FrequencyTable,
+    IdentificationResult,
+    ParameterEstimate,
+    StiffnessEstimate,
+)
+from beamsim.analyses.results import RunResult
+from beamsim.cli.report import print_json, print_table
+from beamsim.plots.style import scale_for
+
+__all__ = ["print_comparison", "print_identification", "save_comparison", "save_identification"]
+
+Row = tuple[str, str]
+SENSITIVITIES_SHOWN = 6
+
+
+def save_identification(result: IdentificationResult, target: Path, *, plots: bool) -> list[Path]:
+    """Write the result file and, beside it, the plots; returns the files."""
+    from beamsim.store.identification import write_identification
+
+    files = [write_identification(result, target)]
+    if plots:
+        from beamsim.plots.identification import save_identification_plots
+
+        files += save_identification_plots(result, target.parent, target.stem)
+    return files
+
+
+def print_identification(result: IdentificationResult, files: Sequence[Path], *, as_json: bool) -> None:
+    """Summary of an identification and the files it left."""
+    if as_json:
+        print_json(
+            {
+                **result.summary,
+                "status": result.status,
+                "warnings": list(result.warnings),
+                "wall_time_s": result.wall_time_s,
+                "files": [str(path) for path in files],
+            }
+        )
+        return
+    rows = [*_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
+    print_table(result.title, rows)
+
+
+def save_comparison(comparison: Comparison, result: RunResult, target: Path, *, plots: bool) -> list[Path]:
+    """Write the comparison and, beside it, the plots; returns the files."""
+    from beamsim.store.comparison import write_comparison
+
+    files = [write_comparison(comparison, result, target)]
+    if plots:
+        from beamsim.plots.comparison import save_comparison_plots
+
+        files += save_comparison_plots(comparison, target.parent, target.stem)
+    return files
+
+
+def print_comparison(comparison: Comparison, files: Sequence[Path], *, as_json: bool) -> None:
+    """Table of harmonic differences and the files left."""
+    if as_json:
+        print_json({**comparison.summary, "files": [str(path) for path in files]})
+        return
+    rows: list[Row] = []
+    for c in comparison.channels:
+        rows.append((f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}"))
+        if math.isfinite(c.rms_difference):
+            negligible = abs(c.delay_s) * (c.excitation_hz if math.isfinite(c.excitation_hz) else 1.0) < 1e-9
+            delay = "no delay" if negligible else f"a delay of {_si(c.delay_s, 's')}"
+            rows.append(("  histories", f"differ by {100 * c.rms_difference:.3g} % rms after {delay}"))
+        scale = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
+        for n, p, m, d, a in zip(
+            c.order, c.predicted, c.measured, c.difference_db, c.phase_difference_deg, strict=True
+        ):
+            text = f"predicted {abs(p) * scale.factor:9.4g}, measured {abs(m) * scale.factor:9.4g} {scale.unit}"
+            phase = f", {a:+.1f} deg" if math.isfinite(a) else ""
+            rows.append((f"  harmonic {n}", f"{text}, difference {d:+.2f} dB{phase}"))
+    rows += [("files" if k == 0 else "", str(path)) for k, path in enumerate(files)]
+    print_table(comparison.title, rows)
+
+
+def _rows(result: IdentificationResult) -> Iterator[Row]:
+    if not result.complete:
+        yield "status", result.status
+    if result.update is not None:
+        for k, parameter in enumerate(result.update.parameters):
+            yield "" if k else "updated", _parameter(parameter)
+        for path, choice in result.update.choices.items():
+            yield "", f"{path}: {choice}"
+        for text, misfit in result.update.alternatives[:4]:
+            yield "  supports tried", f"{text}: misfit {misfit:.4g}"
+        yield "  misfit", f"{result.update.misfit_before:.4g} before, {result.update.misfit_after:.4g} after"
+        yield from _table("without, before", result.update.before)
+    yield from _table("without the snubber", result.without_snubber)
+    if result.mac is not None:
+        for i, row in enumerate(result.mac):
+            yield "MAC" if i == 0 else "", f"shape {i + 1}: " + ", ".join(f"{value:.3f}" for value in row)
+    if result.estimate is not None and result.with_snubber is not None:
+        yield from _stiffness(result.estimate, result)
+        yield from _table("with permanent contact", result.with_snubber)
+        for k, s in enumerate(result.sensitivities[:SENSITIVITIES_SHOWN]):
+            part = f", adds {100 * s.contribution:.2g} % to k" if math.isfinite(s.contribution) else ""
+            yield "sensitivity" if k == 0 else "", f"1 % of {s.parameter} is {s.relative:+.3g} % of k{part}"
+    if result.nonlinear is not None:
+        found = result.nonlinear
+        for k, parameter in enumerate(found.parameters):
+            yield "" if k else "estimated", _parameter(parameter)
+        yield (
+            "  misfit",
+            f"{found.misfit_before:.4g} before, {found.misfit:.4g} after, {found.degrees_of_freedom} degrees free",
+        )
+        yield "  starts", f"{found.starts_agreeing} of {found.starts} found the same minimum"
+    yield "processor time", f"{1e3 * result.processor_time_s:.3g} ms"
+
+
+def _stiffness(estimate: StiffnessEstimate, result: IdentificationResult) -> Iterator[Row]:
+    modes = ", ".join(str(mode) for mode in estimate.fit_to)
+    yield f"stiffness of {estimate.snubber}", f"{_si(estimate.stiffness, 'N/m')} (mode {modes}, {estimate.method})"
+    if math.isfinite(estimate.standard_deviation):
+        low, high = estimate.interval
+        source = "" if estimate.uncertainty_from == "given" else ", from the scatter of the modes"
+        yield "  standard deviation", f"{_si(estimate.standard_deviation, 'N/m')}{source}"
+        yield f"  {100 * estimate.coverage:g} % interval", f"{_si(low, 'N/m')} to {_si(high, 'N/m')}"
+        yield (
+            "  Monte Carlo",
+            f"{_si(estimate.monte_carlo_standard_deviation, 'N/m')}, {_si(estimate.monte_carlo_interval[0], 'N/m')} to "
+            f"{_si(estimate.monte_carlo_interval[1], 'N/m')} ({estimate.monte_carlo_samples} samples)",
+        )
+    if estimate.total_standard_deviation > estimate.standard_deviation or (
+        math.isnan(estimate.standard_deviation) and math.isfinite(estimate.total_standard_deviation)
+    ):
+        yield "  with the structure's", f"{_si(estimate.total_standard_deviation, 'N/m')} standard deviation"
+    if len(estimate.fit_to) > 1:
+        each = (
+            f"mode {mode}: {_si(k, 'N/m') if math.isfinite(k) else 'out of reach'}"
+            for mode, k in zip(estimate.fit_to, estimate.individual, strict=True)
+        )
+        yield "  each mode alone", ", ".join(each)
+    for mode, (low, high) in zip(estimate.fit_to, estimate.reach_hz, strict=True):
+        yield f"  reach of mode {mode}", f"{low:.5g} Hz (free) to {high:.5g} Hz (pinned)"
+    if math.isfinite(result.pad_modulus):
+        yield "  pad's Young's modulus", _si(result.pad_modulus, "Pa")
+    yield "  eigenvalue solutions", str(estimate.eigenvalue_solutions)
+
+
+def _table(label: str, table: FrequencyTable) -> Iterator[Row]:
+    for k, (mode, measured, predicted, difference) in enumerate(
+        zip(table.mode, table.measured_hz, table.predicted_hz, table.difference_percent, strict=True)
+    ):
+        text = f"mode {mode}: predicted {predicted:.5g} Hz"
+        if np.isfinite(measured):
+            text += f", measured {measured:.5g} Hz, difference {difference:+.2f} %"
+        yield label if k == 0 else "", text
+
+
+def _parameter(p: ParameterEstimate) -> str:
+    text = f"{p.parameter}: {p.before:.5g} -> {p.value:.5g}"
+    if math.isfinite(p.standard_deviation):
+        text += f" +- {p.standard_deviation:.2g} ({p.interval[0]:.5g} to {p.interval[1]:.5g})"
+    return text + (" on its bound" if p.at_bound else "")
+
+
+def _si(value: float, unit: str) -> str:
+    if math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "infinity"
+    scale = scale_for(unit, np.array([value]))
+    return f"{value * scale.factor:.5g} {scale.unit}"

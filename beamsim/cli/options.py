@@ -1,0 +1,25 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["Case", "Debug", "Json", "NoPlots", "Output", "Overrides", "Quiet", "Stored"]
+
+Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
+Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file of `beamsim run`.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Override a value, e.g. beam.thickness='4 mm'; repeatable."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="PATH", help="File or folder for the results (default: current folder)."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
+NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

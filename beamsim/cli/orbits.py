@@ -1,0 +1,142 @@
+"""The command ``nnm``, and ``sweep`` of kind continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from beamsim.cli.failures import guarded, say
+from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
+
+if TYPE_CHECKING:
+    from beamsim.analyses.orbit_results import FrequencyResponse, NormalModeResult
+    from beamsim.scenario import Scenario
+
+__all__ = ["continue_response", "register"]
+
+SHOWN = 12  # special points in a table
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command("nnm")(nnm)
+
+
+@guarded
+def nnm(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Follow a nonlinear normal mode in stiffness, energy or frequency. Writes a result file and plots."""
+    from beamsim.cli.output import output_file
+    from beamsim.cli.progress import progress_bar
+    from beamsim.errors import NotTrustedError
+    from beamsim.scenario import load_scenario
+
+    scenario = load_scenario(case, set_ or ())
+    target = output_file(output, case.stem, ".h5", ".hdf5")
+    with progress_bar(f"following the mode of {case.name}", wanted=not (json or quiet)) as progress:
+        from beamsim.analyses.nnm import nnm as follow
+
+        result = follow(scenario, progress)
+    from beamsim.store.orbits import write_nnm
+
+    files = [write_nnm(result, target)]
+    if not no_plots:
+        from beamsim.plots.orbits import nnm_figures, save_figures
+
+        files += save_figures(nnm_figures(result), target.parent, target.stem)
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if json or not quiet:
+        _print(result, nnm_rows(result), files, as_json=json)
+    if not result.complete:
+        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+
+
+def continue_response(scenario: Scenario, target: Path, *, json: bool, plots: bool, quiet: bool) -> None:
+    """What ``beamsim sweep`` does with ``kind: continuation``."""
+    from beamsim.cli.progress import progress_bar
+    from beamsim.errors import NotTrustedError
+
+    with progress_bar("following the response", wanted=not (json or quiet)) as progress:
+        from beamsim.analyses.frequency_response import frequency_response
+
+        result = frequency_response(scenario, progress)
+    from beamsim.store.orbits import write_frequency_response
+
+    files = [write_frequency_response(result, target)]
+    if plots:
+        from beamsim.plots.orbits import frequency_response_figures, save_figures
+
+        files += save_figures(frequency_response_figures(result), target.parent, target.stem)
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if json or not quiet:
+        _print(result, response_rows(result), files, as_json=json)
+    if not result.complete:
+        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+
+
+def _print(
+    result: NormalModeResult | FrequencyResponse,
+    rows: Iterator[tuple[str, str]],
+    files: Sequence[Path],
+    *,
+    as_json: bool,
+) -> None:
+    from beamsim.cli.report import print_json, print_table
+
+    if as_json:
+        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
+        return
+    print_table(result.title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
+
+
+def nnm_rows(result: NormalModeResult) -> Iterator[tuple[str, str]]:
+    """Label and text of every row of the table of a nonlinear mode."""
+    s = result.summary
+    if not result.complete:
+        yield "status", result.status
+    what = result.parameter.replace("_", " ")
+    yield "backbone", f"mode {s['mode']}, {s['points']} points in {what}, {s['stable_points']} of them stable"
+    for name in ("start", "end"):
+        end = s[name]
+        yield name, f"{what} {end['parameter']:.6g}: {end['frequency_hz']:.6g} Hz, energy {end['energy_j']:.4g} J"
+    yield "linear frequency", f"{s['linear_frequency_hz']:.6g} Hz"
+    for k, found in enumerate(s["internal_resonances"]):
+        yield (
+            "" if k else "internal resonances",
+            f"{found['ratio']}:1 with mode {found['mode']} at {found['parameter']:.4g}, {found['points']} points",
+        )
+    if s["jumps"]:
+        yield "jumps", ", ".join(f"{j['start']:.4g} to {j['end']:.4g}" for j in s["jumps"][:SHOWN])
+    yield "grazings", str(s["grazings"])
+    yield "largest residual", f"{s['largest_residual']:.2g}"
+    yield "solver", f"half-period shooting, processor time {s['processor_time_s']:.3g} s"
+
+
+def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
+    """Label and text of every row of the table of a response curve."""
+    if not result.complete:
+        yield "status", result.status
+    for branch in result.branches:
+        stable = int(branch.stable.sum())
+        yield (
+            f"level {branch.level:.4g}, period {branch.period_multiple}",
+            f"{branch.frequency_hz.size} points, {stable} of them stable; {branch.status}",
+        )
+        for event in branch.special[:SHOWN]:
+            of = f" of {event.snubber}" if event.snubber else ""
+            yield "", f"{event.kind.replace('_', ' ')}{of} at {event.frequency_hz:.8g} Hz"
+    for peak in result.summary["peaks"]:
+        yield "largest", f"{peak['probe']}: {peak['value_m']:.5g} m at {peak['frequency_hz']:.6g} Hz ({peak['kind']})"
+    yield "solver", f"shooting, processor time {result.summary['processor_time_s']:.3g} s"

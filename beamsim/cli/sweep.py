@@ -1,0 +1,82 @@
+"""The command ``sweep``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from beamsim.cli.failures import guarded, say
+from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
+
+__all__ = ["register", "sweep"]
+
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with what an interrupted sweep left in the result file.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command("sweep")(sweep)
+
+
+@guarded
+def sweep(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    resume: Resume = False,
+    json: Json = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes for vary (default: one a core).")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="End with exit code 4 where a limit is exceeded.")] = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Sweep the excitation's frequency, up and down, at several levels. Writes a result file and plots."""
+    from beamsim.cli.output import output_file
+    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.sweep_report import print_sweep, save_sweep
+    from beamsim.errors import NotTrustedError
+    from beamsim.scenario import load_scenario
+
+    scenario = load_scenario(case, set_ or ())
+    target = output_file(output, case.stem, ".h5", ".hdf5")
+    if scenario.vary is not None:
+        from beamsim.cli.designs import StudyOptions, sweep_designs
+
+        sweep_designs(scenario, target, StudyOptions(workers, scheduler, resume, check, not no_plots, json, quiet))
+        return
+    from beamsim.cli.designs import refuse_study_options
+
+    refuse_study_options(workers=workers, scheduler=scheduler)
+    if check:
+        from beamsim.cli.designs import need_limits
+
+        need_limits(scenario)
+    if scenario.sweep is not None and scenario.sweep.kind == "continuation":
+        from beamsim.cli.orbits import continue_response
+
+        continue_response(scenario, target, json=json, plots=not no_plots, quiet=quiet)
+        return
+    with progress_bar(f"sweeping {case.name}", wanted=not (json or quiet)) as progress:
+        from beamsim.analyses.sweep import sweep as compute
+        from beamsim.store.sweep import earlier_sweep, write_sweep
+
+        earlier = earlier_sweep(target, scenario) if resume else None
+        result = compute(scenario, progress, save=lambda part: write_sweep(part, target), resume=earlier)
+    files = save_sweep(result, target, plots=not no_plots)
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if json or not quiet:
+        print_sweep(result, files, as_json=json)
+    if not result.complete:
+        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+    if check:
+        from beamsim.cli.designs import check_limits
+
+        check_limits(result.summary["margins"])

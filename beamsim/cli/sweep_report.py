@@ -1,0 +1,71 @@
+"""A sweep's summary as people read it, and as programs do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+
+from beamsim.analyses.sweep_results import ResponsePeak, SweepResult
+from beamsim.cli.report import Row, _si, margin_rows, print_json, print_table
+
+__all__ = ["print_sweep", "save_sweep", "sweep_rows"]
+
+PEAKS_SHOWN = 6
+
+
+def save_sweep(result: SweepResult, target: Path, *, plots: bool) -> list[Path]:
+    """Write the result file and, beside it, the plots; returns the files."""
+    from beamsim.store.sweep import write_sweep
+
+    files = [write_sweep(result, target)]
+    if plots:
+        from beamsim.plots.sweep import save_sweep_plots
+
+        files += save_sweep_plots(result, target.parent, target.stem)
+    return files
+
+
+def print_sweep(result: SweepResult, files: Sequence[Path], *, as_json: bool) -> None:
+    """Summary of a sweep and the files it left."""
+    if as_json:
+        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
+    else:
+        rows = [*sweep_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
+        print_table(result.title, rows)
+
+
+def sweep_rows(result: SweepResult) -> Iterator[Row]:
+    """Label and text of every row of the table."""
+    if not result.complete:
+        yield "status", result.status
+    for curve in result.curves.values():
+        first = next(iter(curve.displacement), "")
+        yield f"{curve.direction}, level {curve.level:.4g}", f"{curve.frequency_hz.size} points, peaks of {first}:"
+        own = [p for p in result.peaks if p.curve == curve.name and p.probe == first]
+        for peak in own[:PEAKS_SHOWN]:
+            yield "", _peak(peak)
+        for name, envelope in curve.force.items():
+            yield "", f"largest force of {name}: {_si(float(envelope.peak.max(initial=0.0)), 'N')}"
+        if curve.steady is not None:
+            kinds = curve.steady.kind
+            counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+            yield "", f"steady states: {counted}"
+    yield from margin_rows(result.summary.get("margins", {}))
+    frequencies = ", ".join(f"{f:.4g}" for f in result.modes.open_frequencies_hz[:4])
+    yield "natural frequencies", f"open {frequencies}, … Hz"
+    frequencies = ", ".join(f"{f:.4g}" for f in result.modes.closed_frequencies_hz[:4])
+    yield "", f"closed {frequencies}, … Hz"
+    work = result.work
+    yield (
+        "solver",
+        f"{work.cycles} cycles, {work.events} contact events, processor time {_si(work.processor_time_s, 's')}",
+    )
+    yield "wall time", _si(result.wall_time_s, "s")
+
+
+def _peak(peak: ResponsePeak) -> str:
+    name = peak.kind
+    if peak.order != 1.0:
+        name += f" of order {Fraction(peak.order).limit_denominator(12)}"
+    return f"{peak.frequency_hz:8.2f} Hz  {_si(peak.value_m, 'm'):>10}  {name}"

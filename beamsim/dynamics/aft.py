@@ -1,0 +1,203 @@
+r"""Forces of nonlinear springs over a period in harmonics, with exact derivatives: alternating frequency–time, without
+aliasing.
+
+A deflection is :math:`w(\tau) = \mathrm{Re} \sum_{h=0}^{H} W_h e^{ih\tau}`. A one-sided spring is closed where the
+trigonometric
+polynomial :math:`\delta(\tau)` is positive. Its zeros are found in time, and between them the integrals
+
+.. math:: \chi_k = \frac1{2\pi} \int_{\delta > 0} e^{-ik\tau} d\tau, \qquad
+          [\delta_+]_h = \sum_l \chi_{h-l}\, [\delta]_l
+
+(two-sided coefficients) are exact, and so is the derivative, the Toeplitz matrix of :math:`\chi`. Products of
+polynomials (cubic
+springs) are exact on enough samples. So the balance is Galerkin's: its only error is the number of harmonics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Contact", "close_intervals", "cubic", "indicator", "one_sided", "to_complex", "to_real", "toeplitz"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+SAMPLES_A_HARMONIC = 8
+LEAST_SAMPLES = 128
+POLISHING = 60
+
+
+def to_complex(x: Floats) -> Complexes:
+    """(H + 1, …) harmonics from the real coefficients (2 H + 1, …) ordered 0, Re 1, Im 1, Re 2, …."""
+    out = np.empty(((x.shape[0] + 1) // 2, *x.shape[1:]), dtype=complex)
+    out[0] = x[0]
+    out[1:] = x[1::2] + 1j * x[2::2]
+    return out
+
+
+def to_real(W: Complexes) -> Floats:
+    """The reverse of :func:`to_complex` along the first axis (the imaginary part of harmonic 0 is dropped)."""
+    out = np.empty((2 * W.shape[0] - 1, *W.shape[1:]))
+    out[0] = W[0].real
+    out[1::2], out[2::2] = W[1:].real, W[1:].imag
+    return out
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The positive part of a trigonometric polynomial."""
+
+    positive: Complexes  # (Hout + 1,) one-sided harmonics of delta_+
+    chi: Complexes  # (Hout + H + 1,) two-sided coefficients 0, 1, … of the indicator of delta > 0
+    closed: Floats  # (c, 2) intervals in which delta > 0, radians; the end may exceed 2 pi
+
+
+def _value(D: Complexes, tau: Floats) -> tuple[Floats, Floats]:
+    """A polynomial and its derivative at angles."""
+    h = np.arange(D.size)
+    e = D * np.exp(1j * np.multiply.outer(tau, h))
+    return e.sum(axis=-1).real, (1j * h * e).sum(axis=-1).real
+
+
+def _samples(D: Complexes, count: int) -> Floats:
+    """Values at ``count`` equidistant angles."""
+    two_sided = D * (0.5 * count)
+    two_sided[0] = D[0] * count
+    return np.asarray(np.fft.irfft(two_sided, count))
+
+
+def _polish(D: Complexes, left: Floats, right: Floats, derivative: bool = False) -> Floats:
+    """Zeros of a polynomial (or of its derivative) in brackets: Newton's method kept inside by bisection."""
+    if derivative:
+        D = 1j * np.arange(D.size) * D
+    f_left, _ = _value(D, left)
+    left, right = left.copy(), right.copy()
+    x = 0.5 * (left + right)
+    floor = 4e-16 * float(np.abs(D).sum())
+    for _ in range(POLISHING):
+        f, slope = _value(D, x)
+        below = f * f_left > 0
+        left, right = np.where(below, x, left), np.where(below, right, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            new = x - f / slope
+        bad = ~((new > left) & (new < right))
+        new = np.where(np.abs(f) <= floor, x, np.where(bad, 0.5 * (left + right), new))
+        if np.all(np.abs(new - x) <= 1e-15 * (1.0 + np.abs(x))):
+            return new
+        x = new
+    return x
+
+
+def close_intervals(D: Complexes) -> Floats:
+    """(c, 2) the intervals of angle in which ``Re sum D_h e^{ih tau}`` is positive.
+
+    Samples bracket the zeros; between samples that come close to zero the extreme is looked up as well, so a contact
+    shorter than
+    a sample is seen.
+    """
+    count = max(LEAST_SAMPLES, 1 << int(np.ceil(np.log2(max(SAMPLES_A_HARMONIC * D.size, 2)))))
+    values = _samples(D, count)
+    step = 2 * np.pi / count
+    angle = np.arange(count) * step
+    before, after = np.roll(values, 1), np.roll(values, -1)
+    positive = values > 0
+    # extremes towards zero that the samples show but do not cross
+    near = (
+        (positive == (before > 0)) & (positive == (after > 0)) & (np.abs(values) <= np.abs(before))
+        & (np.abs(values) < np.abs(after)) & (np.abs(values) < np.abs(before - 2 * values + after))
+    )  # fmt: skip
+    points, signs = angle, positive
+    if np.any(near):
+        a: Floats = np.asarray(angle[near] - step, dtype=float)
+        slopes = _value(D, a)[1], _value(D, a + 2 * step)[1]
+        turns = slopes[0] * slopes[1] < 0
+        extreme = _polish(D, a[turns], np.asarray(a[turns] + 2 * step), derivative=True)
+        crossed = (_value(D, extreme)[0] > 0) != positive[near][turns]
+        if np.any(crossed):
+            order = np.concatenate([angle, extreme[crossed]])
+            sorting = np.argsort(order % (2 * np.pi), kind="stable")
+            points = (order % (2 * np.pi))[sorting]
+            signs = np.concatenate([positive, ~positive[near][turns][crossed]])[sorting]
+    following = np.roll(signs, -1)
+    change = np.flatnonzero(signs != following)
+    if change.size == 0:
+        return np.array([[0.0, 2 * np.pi]]) if signs[0] else np.zeros((0, 2))
+    ends = np.append(points[1:], points[0] + 2 * np.pi)
+    zeros = _polish(D, np.asarray(points[change], dtype=float), np.asarray(ends[change], dtype=float))
+    opening = signs[change]  # positive before the zero
+    if opening[0]:
+        zeros = np.append(zeros[1:], zeros[0] + 2 * np.pi)
+    return np.asarray(zeros.reshape(-1, 2))
+
+
+def indicator(closed: Floats, highest: int) -> Complexes:
+    """(highest + 1,) two-sided Fourier coefficients of the indicator of some intervals of angle."""
+    k = np.arange(1, highest + 1)
+    out = np.zeros(highest + 1, dtype=complex)
+    out[0] = float(np.sum(closed[:, 1] - closed[:, 0])) / (2 * np.pi)
+    for a, b in closed:
+        # by sin(k (b - a) / 2) to keep short intervals precise
+        out[1:] += np.sin(0.5 * k * (b - a)) * np.exp(-0.5j * k * (a + b)) / (np.pi * k)
+    return out
+
+
+def one_sided(D: Complexes, highest: int | None = None) -> Contact:
+    """The positive part of ``delta = Re sum D_h e^{ih tau}``.
+
+    Parameters
+    ----------
+    D : (H + 1,) harmonics of the penetration (that of harmonic 0 real).
+    highest : highest harmonic wanted of the positive part (default H).
+    """
+    H = D.size - 1
+    highest = H if highest is None else highest
+    closed = close_intervals(D)
+    chi = indicator(closed, highest + H)
+    two = np.concatenate([np.conj(chi[:0:-1]), chi])  # index k + highest + H
+    d = np.concatenate([0.5 * np.conj(D[:0:-1]), [D[0]], 0.5 * D[1:]])
+    p = np.convolve(two, d)[2 * H + highest : 2 * H + 2 * highest + 1]
+    positive = 2.0 * p
+    positive[0] = p[0].real
+    return Contact(np.asarray(positive, dtype=complex), chi, closed)
+
+
+def cubic(W: Complexes, highest: int | None = None) -> tuple[Complexes, Complexes]:
+    """Harmonics of w³ and two-sided coefficients of its derivative 3 w², both exact.
+
+    Parameters
+    ----------
+    W : (H + 1,) harmonics of w.
+    highest : highest harmonic wanted of w³ (default H).
+    """
+    H = W.size - 1
+    highest = H if highest is None else highest
+    count = 1 << int(np.ceil(np.log2(max(3 * H + highest, 2 * highest + H, 4) + 4)))
+    w = _samples(W, count)
+    force = np.fft.rfft(w**3)[: highest + 1] * (2.0 / count)
+    force[0] = 0.5 * force[0].real
+    slope = np.zeros(highest + H + 1, dtype=complex)
+    found = np.fft.rfft(3.0 * w**2) / count
+    used = min(slope.size, 2 * H + 1, found.size)
+    slope[:used] = found[:used]
+    return force, slope
+
+
+def toeplitz(e: Complexes, rows: int, columns: int) -> Complexes:
+    r"""(rows + 1, 2 columns + 1) harmonics of :math:`e(\tau) x(\tau)` by the real coefficients of x.
+
+    ``e`` holds two-sided coefficients 0, 1, … (at least rows + columns of them) of a real function.
+    """
+    h = np.arange(rows + 1)[:, None]
+    col = np.arange(1, columns + 1)[None, :]
+    difference = h - col
+    below = np.where(difference >= 0, e[np.abs(difference)], np.conj(e[np.abs(difference)]))
+    above = e[h + col]
+    out = np.empty((rows + 1, 2 * columns + 1), dtype=complex)
+    out[:, 0] = 2.0 * e[: rows + 1]
+    out[:, 1::2] = below + above
+    out[:, 2::2] = 1j * (below - above)
+    out[0] = 0.5 * out[0].real
+    return out

@@ -1,0 +1,106 @@
+"""Folds of a frequency response curve followed in a second parameter.
+
+Unknowns are the state, the frequency and the second parameter; to the shooting equations :math:`R = 0` comes :math:`g
+= 0` from the bordered system
+
+.. math:: \\begin{pmatrix} M - I & b \\\\ c^T & 0 \\end{pmatrix} \\begin{pmatrix} v \\\\ g \\end{pmatrix} =
+          \\begin{pmatrix} 0 \\\\ 1 \\end{pmatrix},
+
+which vanishes exactly where M has a multiplier 1 (W. Govaerts, *Numerical Methods for Bifurcations of Dynamical
+Equilibria*, 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.dynamics.continuation import BranchPoint, Settings, solve_at
+from beamsim.dynamics.shooting import ForcedOrbits, SpecialPoint
+from beamsim.dynamics.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
+
+__all__ = ["FoldCurve", "start_of_fold_curve"]
+
+Floats = NDArray[np.float64]
+
+DIFFERENCE = 1e-6  # step of the differences of g, against the unknowns' scale
+
+
+@dataclass
+class FoldCurve:
+    """Folds as a continuation problem; the unknowns are the shooting problem's (state, omega) and the second
+    parameter."""
+
+    orbits: ForcedOrbits  # in frequency
+    second: Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
+    border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
+
+    def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
+        """The passage at u, its scaled M - I, and the residual's columns by both parameters."""
+        omega, value = float(u[-2]), float(u[-1])
+        if omega <= 0:
+            raise ArithmeticError("the frequency became negative")
+        parameter: Level | ContactDirection
+        if self.second == "level":
+            flow, parameter = self.orbits.flow, Level()
+            flow.set(omega, value)
+        else:
+            flow, parameter = self.second(value)
+            flow.set(omega, self.orbits.level)
+        k = self.orbits.kept
+        period = 2 * np.pi * self.orbits.multiple / omega
+        passage = flow.carry(self.orbits.full(u[:-1]), period, (Frequency(), parameter))
+        columns = passage.parameters[k].copy()
+        columns[:, 0] -= passage.slope[k] * (period / omega)
+        return passage, passage.transition[np.ix_(k, k)] - np.eye(k.size), columns
+
+    def _test(self, A: Floats, scale: Floats) -> float:
+        b, c = self.border
+        s = scale[: A.shape[0]]
+        bordered = np.zeros((A.shape[0] + 1,) * 2)
+        bordered[:-1, :-1] = A * s / s[:, None]
+        bordered[:-1, -1], bordered[-1, :-1] = b, c
+        right = np.zeros(A.shape[0] + 1)
+        right[-1] = 1.0
+        return float(np.linalg.solve(bordered, right)[-1])
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual and g; the row of g by central differences of the exact monodromy matrix."""
+        passage, A, columns = self._passage(u)
+        scale = self.scale(u)[0]
+        k = A.shape[0]
+        J = np.zeros((k + 1, k + 2))
+        J[:k, :k], J[:k, k:] = A, columns
+        for i in range(k + 2):
+            h = np.zeros(k + 2)
+            h[i] = DIFFERENCE * scale[i]
+            up = self._test(self._passage(u + h)[1], scale)
+            down = self._test(self._passage(u - h)[1], scale)
+            J[k, i] = (up - down) / (2 * h[i])
+        R = np.append((passage.end - passage.start)[self.orbits.kept], self._test(A, scale))
+        return R, J, passage
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As the shooting problem's."""
+        scale, residual = self.orbits.scale(u[:-1])
+        return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
+
+
+def start_of_fold_curve(
+    orbits: ForcedOrbits,
+    fold: SpecialPoint,
+    second: Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]],
+    value: float,
+    forward: float = 1.0,
+) -> tuple[FoldCurve, BranchPoint] | None:
+    """The curve of folds through one that was located, from its value of the second parameter on."""
+    scale = orbits.scale(fold.point.u)[0][:-1]
+    A = orbits.monodromy(fold.point) - np.eye(orbits.kept.size)
+    U, _, V = np.linalg.svd(A * scale / scale[:, None])
+    curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
+    point = solve_at(curve, np.append(fold.point.u, value), Settings(tolerance=1e-9, iterations=12), value, forward)
+    return None if point is None else (curve, point)

@@ -1,0 +1,441 @@
+"""Compiled Taylor series of structures with cubic springs: motion, variational equations, contacts.
+
+.. math:: \\ddot q + C \\dot q + \\Omega^2 q = f_0 + f(t) - \\sum_c \\psi_c\\, \\gamma_c\\, (\\psi_c^T q)^3 +
+\\text{closed contacts}
+
+is polynomial, so that the Taylor coefficients of q and of every derivative of q follow from recursions (products of
+series are Cauchy sums). Steps are as long as the last coefficients allow at round-off (À. Jorba and M. Zou,
+*Experimental Mathematics* 14, 2005). Between the ends of a step the series itself is the dense output, on which
+contacts are located.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+__all__ = ["ORDER", "SmoothSystem", "carry_smooth", "sample_smooth"]
+
+ORDER = 26
+LOOKS = 24  # places in a step at which the gaps are looked at
+DONE, FULL, STUCK = 0, 1, 2
+
+
+class SmoothSystem(NamedTuple):
+    """Arrays of the structure, its cubic springs, contacts and periodic loads."""
+
+    omega2: Any  # (n,)
+    damping: Any  # (n, n)
+    load: Any  # (n,) constant
+    cubic_shape: Any  # (nc, n)
+    cubic: Any  # (nc,) N/m^3
+    shape: Any  # (m, n)
+    sign: Any  # (m,)
+    stiffness: Any  # (m,)
+    dashpot: Any  # (m,)
+    gap: Any  # (m,)
+    frequency: Any  # (H,) rad/s
+    force: Any  # (H, n) complex
+    d_force: Any  # (P, H, n) derivative by each parameter
+    d_frequency: Any  # (P, H) derivative of the frequencies by each parameter
+    d_cubic: Any  # (P, nc)
+    d_stiffness: Any  # (P, m)
+    d_gap: Any  # (P, m)
+
+
+@njit(cache=True, error_model="numpy")
+def _series(s, closed, t, q, v, x, x2, x3):  # type: ignore[no-untyped-def]
+    """Taylor coefficients (ORDER + 1, n) of q and v from their values in row 0; those of the cubic springs' stretch."""
+    n = s.omega2.size
+    nc = s.cubic.size
+    m = s.sign.size
+    H = s.frequency.size
+    phase = np.empty(H, dtype=np.complex128)
+    for h in range(H):
+        a = s.frequency[h] * t
+        phase[h] = complex(math.cos(a), math.sin(a))
+    damped = False
+    for i in range(n):
+        for j in range(n):
+            if s.damping[i, j] != 0.0:
+                damped = True
+    for k in range(ORDER):
+        for c in range(nc):
+            total = 0.0
+            for i in range(n):
+                total += s.cubic_shape[c, i] * q[k, i]
+            x[c, k] = total
+            total = 0.0
+            for a in range(k + 1):
+                total += x[c, a] * x[c, k - a]
+            x2[c, k] = total
+            total = 0.0
+            for a in range(k + 1):
+                total += x[c, a] * x2[c, k - a]
+            x3[c, k] = total
+        for i in range(n):
+            a = -s.omega2[i] * q[k, i]
+            if k == 0:
+                a += s.load[i]
+            if damped:
+                for j in range(n):
+                    a -= s.damping[i, j] * v[k, j]
+            for h in range(H):
+                a += (s.force[h, i] * phase[h]).real
+            for c in range(nc):
+                a -= s.cubic_shape[c, i] * s.cubic[c] * x3[c, k]
+            v[k + 1, i] = a
+        for j in range(m):
+            if closed[j]:
+                delta = -s.gap[j] if k == 0 else 0.0
+                rate = 0.0
+                for i in range(n):
+                    delta -= s.sign[j] * s.shape[j, i] * q[k, i]
+                    rate -= s.sign[j] * s.shape[j, i] * v[k, i]
+                push = s.sign[j] * (s.stiffness[j] * delta + s.dashpot[j] * rate)
+                for i in range(n):
+                    v[k + 1, i] += push * s.shape[j, i]
+        for i in range(n):
+            v[k + 1, i] /= k + 1
+            q[k + 1, i] = v[k, i] / (k + 1)
+        for h in range(H):
+            phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _varied(s, closed, t, q, v, x2, x3, p, dq, dv, dx):  # type: ignore[no-untyped-def]
+    """The same of a derivative of the motion; p is the parameter's number, -1 for a derivative by the start."""
+    n = s.omega2.size
+    nc = s.cubic.size
+    m = s.sign.size
+    H = s.frequency.size
+    phase = np.empty(H, dtype=np.complex128)
+    before = np.zeros(H, dtype=np.complex128)
+    for h in range(H):
+        a = s.frequency[h] * t
+        phase[h] = complex(math.cos(a), math.sin(a))
+    damped = False
+    for i in range(n):
+        for j in range(n):
+            if s.damping[i, j] != 0.0:
+                damped = True
+    for k in range(ORDER):
+        for c in range(nc):
+            total = 0.0
+            for i in range(n):
+                total += s.cubic_shape[c, i] * dq[k, i]
+            dx[c, k] = total
+        for i in range(n):
+            a = -s.omega2[i] * dq[k, i]
+            if damped:
+                for j in range(n):
+                    a -= s.damping[i, j] * dv[k, j]
+            dv[k + 1, i] = a
+        for c in range(nc):
+            total = 0.0
+            for a in range(k + 1):
+                total += x2[c, a] * dx[c, k - a]
+            push = 3.0 * s.cubic[c] * total
+            if p >= 0:
+                push += s.d_cubic[p, c] * x3[c, k]
+            for i in range(n):
+                dv[k + 1, i] -= s.cubic_shape[c, i] * push
+        for j in range(m):
+            if closed[j]:
+                delta = 0.0
+                rate = 0.0
+                for i in range(n):
+                    delta -= s.sign[j] * s.shape[j, i] * dq[k, i]
+                    rate -= s.sign[j] * s.shape[j, i] * dv[k, i]
+                push = s.stiffness[j] * delta + s.dashpot[j] * rate
+                if p >= 0:
+                    own = -s.gap[j] if k == 0 else 0.0
+                    for i in range(n):
+                        own -= s.sign[j] * s.shape[j, i] * q[k, i]
+                    push += s.d_stiffness[p, j] * own
+                    if k == 0:
+                        push -= s.stiffness[j] * s.d_gap[p, j]
+                for i in range(n):
+                    dv[k + 1, i] += s.sign[j] * push * s.shape[j, i]
+        if p >= 0:
+            for h in range(H):
+                # d/dp (f e^{i w t}) = (df + i dw t f) e^{i w t}; t e^{i w t} has the coefficients t e_k + e_{k-1}
+                timed = complex(0.0, s.d_frequency[p, h]) * (t * phase[h] + before[h])
+                for i in range(n):
+                    dv[k + 1, i] += (s.d_force[p, h, i] * phase[h] + timed * s.force[h, i]).real
+        for i in range(n):
+            dv[k + 1, i] /= k + 1
+            dq[k + 1, i] = dv[k, i] / (k + 1)
+        for h in range(H):
+            before[h] = phase[h]
+            phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _penetration(s, j, q, h):  # type: ignore[no-untyped-def]
+    """Penetration of contact j and its first two derivatives at h into a step."""
+    n = s.omega2.size
+    value = 0.0
+    rate = 0.0
+    bend = 0.0
+    for k in range(ORDER, -1, -1):
+        c = -s.gap[j] if k == 0 else 0.0
+        for i in range(n):
+            c -= s.sign[j] * s.shape[j, i] * q[k, i]
+        bend = bend * h + 2.0 * rate
+        rate = rate * h + value
+        value = value * h + c
+    return value, rate, bend
+
+
+@njit(cache=True, error_model="numpy")
+def _first_event(s, closed, toggled, q, h):  # type: ignore[no-untyped-def]
+    """First (time, contact) within (0, h) at which a contact changes, (h, -1) without one."""
+    best = h
+    which = -1
+    for j in range(s.sign.size):
+        side = -1.0 if closed[j] else 1.0
+        before = 0.0
+        # just after an own event the gap is zero to round-off: the first look lies inside the step
+        g0, r0, _b0 = _penetration(s, j, q, 0.0)
+        g0 *= -side
+        r0 *= -side
+        g_before, r_before = g0, r0
+        if j == toggled:
+            g_before = 0.0
+        for look in range(1, LOOKS + 1):
+            tau = best * look / LOOKS
+            g, r, _b = _penetration(s, j, q, tau)
+            g *= -side
+            r *= -side
+            lower, upper = before, tau
+            hit = g < 0.0
+            if not hit and r_before < 0.0 and r > 0.0:
+                # the gap has a smallest value in between: look there
+                a, c, ra, rc = before, tau, r_before, r
+                low = g
+                where = tau
+                for _ in range(60):
+                    mid = 0.5 * (a + c)
+                    if rc != ra:
+                        guess = c - rc * (c - a) / (rc - ra)
+                        if a < guess < c and _ % 3 != 2:
+                            mid = guess
+                    gm, rm, _bm = _penetration(s, j, q, mid)
+                    gm *= -side
+                    rm *= -side
+                    low = gm
+                    where = mid
+                    if gm < 0.0 or c - a < 1e-15 * h:
+                        break
+                    if rm < 0.0:
+                        a, ra = mid, rm
+                    else:
+                        c, rc = mid, rm
+                if low < 0.0:
+                    hit = True
+                    upper = where
+            if hit and j == toggled and lower == 0.0 and r0 <= 0.0 and look == 1:
+                # it leaves the wrong way at once (grazing): changes back at the event itself
+                best = 0.0
+                which = j
+                break
+            if hit:
+                if lower == 0.0 and g_before <= 0.0 and j == toggled:
+                    # find a place inside where the gap is open, to bracket the next root
+                    inner = upper
+                    for _ in range(60):
+                        inner *= 0.5
+                        gi, _ri, _bi = _penetration(s, j, q, inner)
+                        if -side * gi > 0.0:
+                            lower = inner
+                            break
+                root = upper
+                for _ in range(80):
+                    gr, rr, _br = _penetration(s, j, q, root)
+                    gr *= -side
+                    rr *= -side
+                    if gr < 0.0:
+                        upper = root
+                    else:
+                        lower = root
+                    step = -gr / rr if rr != 0.0 else 0.0
+                    new = root + step
+                    if not lower < new < upper:
+                        new = 0.5 * (lower + upper)
+                    if abs(new - root) <= 1e-16 * h or new == root:
+                        root = new
+                        break
+                    root = new
+                if root < best:
+                    best = root
+                    which = j
+                break
+            before = tau
+            g_before, r_before = g, r
+    return best, which
+
+
+@njit(cache=True, error_model="numpy")
+def _length(q, v, scale):  # type: ignore[no-untyped-def]
+    """Step at which the last two terms are at round-off against the motion."""
+    n = q.shape[1]
+    first = 0.0
+    for i in range(n):
+        first = max(first, abs(q[0, i]) * scale, abs(v[0, i]))
+    if first == 0.0:
+        first = 1e-300
+    h = np.inf
+    for k in (ORDER - 1, ORDER):
+        size = 0.0
+        for i in range(n):
+            size = max(size, abs(q[k, i]) * scale, abs(v[k, i]))
+        if size > 0.0:
+            h = min(h, (1e-17 * first / size) ** (1.0 / k))
+    return h
+
+
+@njit(cache=True, error_model="numpy")
+def _add_up(c, h, out):  # type: ignore[no-untyped-def]
+    n = out.size
+    for i in range(n):
+        total = c[ORDER, i]
+        for k in range(ORDER - 1, -1, -1):
+            total = total * h + c[k, i]
+        out[i] = total
+
+
+@njit(cache=True, error_model="numpy")
+def carry_smooth(  # type: ignore[no-untyped-def]
+    s, t, t_end, closed, y, sens, parameters, longest, log_time, log_length, log_closed, log_y, ev_time, ev_contact,
+    ev_closing, slope,
+):  # fmt: skip
+    """Carry y (2n,), the contacts' state ``closed`` and ``sens`` (2n, columns), all in place, from t to t_end.
+
+    The last ``parameters`` columns are derivatives by parameters. Returns (status, steps, events, smallest event
+    speed).
+    """
+    n = s.omega2.size
+    nc = s.cubic.size
+    m = s.sign.size
+    columns = sens.shape[1]
+    q = np.zeros((ORDER + 1, n))
+    v = np.zeros((ORDER + 1, n))
+    dq = np.zeros((ORDER + 1, n))
+    dv = np.zeros((ORDER + 1, n))
+    x = np.zeros((nc, ORDER + 1))
+    x2 = np.zeros((nc, ORDER + 1))
+    x3 = np.zeros((nc, ORDER + 1))
+    dx = np.zeros((nc, ORDER + 1))
+    out = np.zeros(n)
+    rates = np.zeros(m)
+    scale = 0.0
+    for i in range(n):
+        scale = max(scale, math.sqrt(abs(s.omega2[i])))
+    steps = 0
+    events = 0
+    toggled = -1
+    smallest = np.inf
+    stalled = 0
+    while t < t_end:
+        if steps == log_time.size or events == ev_time.size:
+            return FULL, steps, events, smallest
+        for i in range(n):
+            q[0, i] = y[i]
+            v[0, i] = y[n + i]
+        _series(s, closed, t, q, v, x, x2, x3)
+        h = min(_length(q, v, scale), longest, t_end - t)
+        ends = h == t_end - t
+        which = -1
+        if m > 0:
+            h, which = _first_event(s, closed, toggled, q, h)
+        log_time[steps] = t
+        log_length[steps] = h
+        for i in range(2 * n):
+            log_y[steps, i] = y[i]
+        for j in range(m):
+            log_closed[steps, j] = closed[j]
+        steps += 1
+        _add_up(q, h, out)
+        y[:n] = out
+        _add_up(v, h, out)
+        y[n:] = out
+        for k in range(columns):
+            for i in range(n):
+                dq[0, i] = sens[i, k]
+                dv[0, i] = sens[n + i, k]
+            p = k - (columns - parameters)
+            _varied(s, closed, t, q, v, x2, x3, p if p >= 0 else -1, dq, dv, dx)
+            _add_up(dq, h, out)
+            sens[:n, k] = out
+            _add_up(dv, h, out)
+            sens[n:, k] = out
+        for i in range(n):
+            total = 0.0
+            for k in range(ORDER, 0, -1):
+                total = total * h + k * v[k, i]
+            slope[i] = y[n + i]
+            slope[n + i] = total
+        toggled = which
+        if which >= 0:
+            t = t + h
+            stalled = stalled + 1 if h == 0.0 else 0
+            if stalled > 4:
+                return STUCK, steps, events, smallest
+            j = which
+            ev_time[events] = t
+            ev_contact[events] = j
+            ev_closing[events] = not closed[j]
+            events += 1
+            rate = 0.0
+            for i in range(n):
+                rate -= s.sign[j] * s.shape[j, i] * y[n + i]
+            rates[j] = rate
+            jump = s.dashpot[j] * rate
+            if jump != 0.0:
+                smallest = min(smallest, abs(rate))
+                factor = (1.0 if not closed[j] else -1.0) * s.dashpot[j] * s.sign[j]
+                for k in range(columns):
+                    change = 0.0
+                    for i in range(n):
+                        change -= s.sign[j] * s.shape[j, i] * sens[i, k]
+                    p = k - (columns - parameters)
+                    if p >= 0:
+                        change -= s.d_gap[p, j]
+                    for i in range(n):
+                        sens[n + i, k] += s.shape[j, i] * factor * change
+            closed[j] = not closed[j]
+        else:
+            t = t_end if ends else t + h
+    return DONE, steps, events, smallest
+
+
+@njit(cache=True, error_model="numpy")
+def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[no-untyped-def]
+    """(nt, 2n) states at increasing times from a log of steps."""
+    n = s.omega2.size
+    nc = s.cubic.size
+    q = np.zeros((ORDER + 1, n))
+    v = np.zeros((ORDER + 1, n))
+    x = np.zeros((nc, ORDER + 1))
+    x2 = np.zeros((nc, ORDER + 1))
+    x3 = np.zeros((nc, ORDER + 1))
+    row = np.zeros(n)
+    g = 0
+    current = -1
+    for i in range(times.size):
+        while g < log_time.size - 1 and log_time[g + 1] <= times[i]:
+            g += 1
+        if g != current:
+            q[0] = log_y[g, :n]
+            v[0] = log_y[g, n:]
+            _series(s, log_closed[g], log_time[g], q, v, x, x2, x3)
+            current = g
+        h = times[i] - log_time[g]
+        _add_up(q, h, row)
+        out[i, :n] = row
+        _add_up(v, h, row)
+        out[i, n:] = row

@@ -1,0 +1,598 @@
+"""The flow with its derivatives: what shooting and continuation ask of a system, at compiled speed.
+
+A :class:`VariationalFlow` keeps the eigenvalue problems of the contact states and rewrites only the periodic loads'
+responses when the frequency or the level changes. :meth:`VariationalFlow.carry` maps a state over a time and returns
+the exact derivatives with respect to the initial state, the duration and any parameters.
+
+For periodic loads :math:`f(t) = A\\,\\mathrm{Re} \\sum_h f_h (\\omega/\\omega_0)^{r_h} e^{i k_h \\omega t}` and, for
+contacts on the ground, a base displacement of the same form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.dynamics.contact_state import ContactState, build_state
+from beamsim.dynamics.sources import compile_sources
+from beamsim.model.signal import Signal
+from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+
+if TYPE_CHECKING:
+    from beamsim.dynamics.transient import ExactFlow
+
+__all__ = [
+    "ContactDirection",
+    "Frequency",
+    "Level",
+    "Passage",
+    "PeriodicForcing",
+    "VariationalFlow",
+    "WorkExceeded",
+    "floquet_multipliers",
+    "moved_system",
+]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+MOST_EVALUATIONS = 20_000_000
+FIRST_LOG = 64
+LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
+LARGEST_LOG = 65536
+
+
+class WorkExceeded(ArithmeticError):
+    """A passage needed more events or evaluations than allowed (chattering)."""
+
+
+@dataclass(frozen=True)
+class PeriodicForcing:
+    """H periodic loads, each ``level * Re(force (omega/reference)^power e^{i multiple omega t})``."""
+
+    multiple: Ints  # (H,) of the fundamental frequency, from 1
+    force: Complexes  # (H, n) generalised force for level 1 at the reference frequency
+    force_power: Floats  # (H,) r_h
+    base: Complexes  # (H,) base displacement, m, for level 1 at the reference frequency
+    base_power: Floats  # (H,)
+    reference: float  # omega_0, rad/s
+
+    @classmethod
+    def none(cls, size: int) -> PeriodicForcing:
+        """No excitation."""
+        nothing = np.zeros(0)
+        return cls(
+            np.zeros(0, dtype=np.int64), np.zeros((0, size), dtype=complex), nothing, nothing.astype(complex),
+            nothing, 1.0
+        )  # fmt: skip
+
+    @classmethod
+    def harmonic(cls, force: Floats, reference: float = 1.0) -> PeriodicForcing:
+        """One load vector times ``sin(omega t)``."""
+        return cls(
+            np.ones(1, dtype=np.int64), -1j * np.asarray(force, dtype=complex)[None, :], np.zeros(1),
+            np.zeros(1, dtype=complex), np.zeros(1), reference,
+        )  # fmt: skip
+
+    @property
+    def count(self) -> int:
+        """H."""
+        return int(self.multiple.size)
+
+    def at(self, omega: float, level: float) -> tuple[Complexes, Complexes, Complexes, Complexes]:
+        """Loads and base displacements at a frequency and level, and their derivatives by the frequency."""
+        force = self.force * (level * (omega / self.reference) ** self.force_power)[:, None]
+        base = self.base * (level * (omega / self.reference) ** self.base_power)
+        return force, base, force * (self.force_power / omega)[:, None], base * (self.base_power / omega)
+
+    def signals(self, omega: float, level: float) -> Forcing:
+        """The same loads for :class:`beamsim.dynamics.transient.ExactFlow`."""
+        force, base, _, _ = self.at(omega, level)
+        load: list[Floats] = []
+        signal: list[Signal] = []
+        for h in range(self.count):
+            w = float(self.multiple[h]) * omega
+            load += [force[h].real, force[h].imag]
+            signal += [Signal.harmonic(1.0, w, np.pi / 2), Signal.harmonic(-1.0, w)]
+        displacement = None
+        if np.any(base):
+            displacement = Signal.harmonic(np.abs(base), self.multiple * omega, np.angle(base) + np.pi / 2)
+        n = self.force.shape[1]
+        return Forcing(np.array(load).reshape(len(load), n), tuple(signal), displacement)
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """The parameter omega, rad/s."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """The parameter that multiplies all periodic loads."""
+
+
+@dataclass(frozen=True)
+class ContactDirection:
+    """A parameter p along which the contacts' numbers change: their derivatives by p (shape by its vector)."""
+
+    stiffness: Floats  # (m,)
+    dashpot: Floats  # (m,)
+    gap: Floats  # (m,)
+    shape: Floats  # (m, n)
+
+    @classmethod
+    def of(
+        cls,
+        contacts: Contacts,
+        stiffness: Any = 0.0,
+        dashpot: Any = 0.0,
+        gap: Any = 0.0,
+        shape: Any = 0.0,
+    ) -> ContactDirection:
+        """Broadcast numbers to all contacts."""
+
+        def spread(value: Any, like: Floats) -> Floats:
+            return np.array(np.broadcast_to(np.asarray(value, dtype=float), like.shape))
+
+        return cls(
+            spread(stiffness, contacts.stiffness),
+            spread(dashpot, contacts.stiffness),
+            spread(gap, contacts.stiffness),
+            spread(shape, contacts.shape),
+        )
+
+
+Parameter = Frequency | Level | ContactDirection
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One carried state: where it ended, what happened, and the derivatives."""
+
+    start: Floats  # (N + m,) y and faces
+    end: Floats  # (N + m,)
+    transition: Floats  # (N + m, N + m) derivative by the start
+    parameters: Floats  # (N + m, P) derivative by the parameters at fixed times
+    slope: Floats  # (N + m,) time derivative at the end
+    duration: float  # s
+    time: Floats  # (G,) start of each segment, s
+    length: Floats  # (G,) s
+    state: Ints  # (G,) contact state of each segment
+    y: Floats  # (G, N) at each segment's start
+    face: Floats  # (G, m)
+    event_time: Floats  # (E,) s
+    event_contact: Ints  # (E,)
+    event_closing: Bools  # (E,)
+    smallest_event_speed: float  # |dg/dt| at events whose force jumps, infinite without one
+
+    @property
+    def signature(self) -> tuple[tuple[int, bool], ...]:
+        """Order of contacts closing and opening."""
+        return tuple(zip(self.event_contact.tolist(), self.event_closing.tolist(), strict=True))
+
+
+@dataclass
+class VariationalFlow:
+    """A system under periodic loads, ready to be carried over a time with all derivatives.
+
+    Parameters
+    ----------
+    system : the structure.
+    forcing : its periodic loads (default: none).
+    omega, level : where to begin; change them by :meth:`set`.
+    twin : a flow of the same structure with other contacts: its open state is shared, and the states it visited are
+        expected here.
+    """
+
+    system: PiecewiseLinearSystem
+    forcing: PeriodicForcing | None = None
+    omega: float = 1.0
+    level: float = 1.0
+    twin: VariationalFlow | None = None
+    passages: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        n, m = self.system.size, self.system.contacts.count
+        self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
+        H = self.loads.count
+        self.size = 2 * n + m
+        self._grounded = bool(H) and bool(np.any(self.system.contacts.on_ground))
+        self._sources = compile_sources(())
+        self._constant = Forcing(np.zeros((0, n)), ())
+        self._states: list[ContactState] = []
+        self._index: dict[bytes, int] = {}
+        self._follower = np.full((0, m), -1, dtype=np.int64)
+        self._tables: Any = None
+        self._log: tuple[Any, ...] = ()
+        self._event_log: tuple[Any, ...] = ()
+        self._room(FIRST_LOG)
+        contacts = self.system.contacts
+        from beamsim.dynamics.kernels import Inputs
+        from beamsim.dynamics.orbit_kernels import ContactArrays
+
+        def plain(a: Any) -> Any:
+            return np.ascontiguousarray(a)
+
+        self._contacts = ContactArrays(
+            plain(contacts.shape), plain(contacts.sign), plain(contacts.stiffness), plain(contacts.dashpot),
+            plain(contacts.gap), plain(contacts.on_ground),
+        )  # fmt: skip
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.where(contacts.dashpot > 0, contacts.stiffness / contacts.dashpot, 0.0)
+        self._has_face = np.asarray(contacts.no_tension & (contacts.dashpot > 0))
+        self._inputs = Inputs(
+            np.zeros(1), np.ones((1, 1 + H), dtype=complex), np.zeros(1 + H, dtype=complex),
+            np.zeros(1 + H, dtype=np.int64), np.arange(1 + H), self._has_face, rate,
+        )  # fmt: skip
+        rates = np.concatenate([self.system.stiffness, contacts.stiffness * (contacts.shape**2).sum(axis=1)])
+        slowest = float(np.sqrt(rates[rates > 0].min())) if np.any(rates > 0) else 1.0
+        self._window = LONGEST_WINDOW_RADIANS / slowest
+        if self.twin is not None:
+            for state in self.twin._states:
+                if not state.closed.any() and not self._has_face.any() and state.horizon <= self._window:
+                    self._keep(state)
+                else:
+                    self.state_index(state.closed)
+            self.twin = None
+        self.free = np.concatenate([np.ones(2 * n, dtype=bool), self._has_face])
+
+    # -- contact states ------------------------------------------------------------------------------------------
+
+    @property
+    def reversible(self) -> bool:
+        """Undamped and unforced: motions run backwards as well."""
+        return self.loads.count == 0 and not np.any(self.system.damping) and not np.any(self.system.contacts.dashpot)
+
+    def state_index(self, closed: Bools) -> int:
+        """Number of the contact state, diagonalised when it is first asked for."""
+        key = closed.tobytes()
+        found = self._index.get(key)
+        if found is None:
+            state = build_state(self.system, self._constant, self._sources, -1, closed, self._window)
+            found = self._keep(state)
+        return found
+
+    def _keep(self, state: ContactState) -> int:
+        """Number a new state and connect it with those it follows."""
+        found, closed = len(self._states), state.closed
+        self._index[closed.tobytes()] = found
+        self._follower = np.vstack([self._follower, np.full((1, closed.size), -1, dtype=np.int64)])
+        for index, other in enumerate(self._states):
+            different = np.flatnonzero(other.closed != closed)
+            if different.size == 1:
+                self._follower[index, different[0]] = found
+                self._follower[found, different[0]] = index
+        self._states.append(state)
+        self._tables = None
+        return found
+
+    def _prepare(self) -> None:
+        """Pad the states' tables to one size, with room for the periodic loads."""
+        from beamsim.dynamics.kernels import Tables
+        from beamsim.dynamics.orbit_kernels import Variation
+
+        n, m, H = self.system.size, self.system.contacts.count, self.loads.count
+        S, N = len(self._states), 2 * n
+        B = max(s.exponent.size for s in self._states) + H
+        T = max(s.term_basis.size for s in self._states) + H
+        Z = max(s.projector.shape[0] for s in self._states)
+        exponent = np.zeros((S, B), dtype=complex)
+        power = np.zeros((S, B), dtype=np.int64)
+        projector = np.zeros((S, Z, N), dtype=complex)
+        term_basis = np.zeros((S, T), dtype=np.int64)
+        term_source = np.zeros((S, T), dtype=np.int64)
+        term_vector = np.zeros((S, T, N), dtype=complex)
+        watch = np.zeros((S, T, 2 * m), dtype=complex)
+        free: list[tuple[Ints, Ints, Complexes]] = []
+        first_forced, first_basis = np.zeros(S, dtype=np.int64), np.zeros(S, dtype=np.int64)
+        simple = True
+        for i, s in enumerate(self._states):
+            nb, nt, nz = s.exponent.size, s.term_basis.size, s.projector.shape[0]
+            exponent[i, :nb], power[i, :nb] = s.exponent, s.power
+            projector[i, :nz] = s.projector
+            term_basis[i, :nt] = s.term_basis
+            term_source[i, :nt] = s.term_source + np.where(s.term_source > 0, H, 0)
+            term_vector[i, :nt] = s.term_vector
+            term_basis[i, nt : nt + H] = nb + np.arange(H)
+            term_source[i, nt : nt + H] = 1 + np.arange(H)
+            watch[i, :nt] = self._watch(s)
+            first_forced[i], first_basis[i] = nt, nb
+            own = np.flatnonzero(s.term_source >= 1 + m)
+            free.append((s.term_basis[own], s.term_source[own] - 1 - m, s.term_vector[own]))
+            simple = simple and own.size == nz and not np.any(s.power)
+        self._simple = simple
+        Tf = max(f[0].size for f in free)
+        left = np.zeros((S, 2 * Z, N))
+        right = np.zeros((S, N, 2 * Tf))
+        free_basis, free_source = np.zeros((S, Tf), dtype=np.int64), np.zeros((S, Tf), dtype=np.int64)
+        for i, (basis, source, vector) in enumerate(free):
+            left[i, 0::2], left[i, 1::2] = projector[i].real, projector[i].imag
+            k = basis.size
+            free_basis[i, :k], free_source[i, :k] = basis, source
+            right[i, :, 0 : 2 * k : 2] = vector.real.T
+            right[i, :, 1 : 2 * k : 2] = -vector.imag.T
+        count = [(s.exponent.size + H, s.projector.shape[0], s.term_basis.size + H) for s in self._states]
+        self._tables = Tables(
+            np.array([c[0] for c in count]), exponent, power, np.array([c[1] for c in count]), projector,
+            np.array([c[2] for c in count]), term_basis, term_source, term_vector, watch,
+            np.abs(watch[:, :, :m]), np.array([s.horizon for s in self._states]), np.array([s.closed for s in
+            self._states]).reshape(S, m), self._follower.copy(),
+        )  # fmt: skip
+        self._variation = Variation(
+            left, right, np.array([f[0].size for f in free]), free_basis, free_source, first_forced,
+            self.loads.multiple.astype(float), np.zeros(H, dtype=complex),
+        )  # fmt: skip
+        self._first_basis = first_basis
+        self._K = np.array([s.stiffness for s in self._states])
+        self._C = np.array([s.damping for s in self._states])
+        self._derivative = np.zeros((2, S, H, N), dtype=complex)
+        self._force()
+
+    def _watch(self, s: ContactState) -> Complexes:
+        """(T, 2 m) watched functions and penetrations of the state's terms, without the periodic loads'."""
+        n, contacts = self.system.size, self.system.contacts
+        m = contacts.count
+        shape = -contacts.sign[:, None] * contacts.shape
+        delta = s.term_vector[:, :n] @ shape.T
+        rate = s.term_vector[:, n:] @ shape.T
+        constant = int(np.flatnonzero((s.term_source == 0) & (s.power[s.term_basis] == 0))[0])
+        delta[constant] -= contacts.gap
+        watched = np.where(s.closed, delta, -delta)
+        by_force = self._has_face & s.closed
+        watched = np.where(by_force, contacts.stiffness * delta + contacts.dashpot * rate, watched)
+        for t in np.flatnonzero((s.term_source >= 1) & (s.term_source < 1 + m)):
+            watched[t, s.term_source[t] - 1] += 1.0
+        return np.asarray(np.concatenate([watched, delta], axis=1))
+
+    def _force(self) -> None:
+        """Rewrite the periodic loads' responses at the present frequency and level."""
+        if self.loads.count == 0:
+            return
+        from beamsim.dynamics.orbit_kernels import force_terms
+
+        force, base, dforce, dbase = self.loads.at(self.omega, self.level)
+        unit, unit_base, _, _ = self.loads.at(self.omega, 1.0)
+        self._dbase = np.array([dbase, unit_base])
+        self._variation.base[:] = base
+        force_terms(
+            self._tables, self._inputs, self._contacts, self._variation.first_forced, self._first_basis, self._K,
+            self._C, self.omega, self._variation.multiple, force, base, dforce, dbase, unit, unit_base,
+            self._derivative,
+        )  # fmt: skip
+
+    def set(self, omega: float | None = None, level: float | None = None) -> None:
+        """Change frequency and level; contact states are kept."""
+        omega = self.omega if omega is None else float(omega)
+        level = self.level if level is None else float(level)
+        if omega == self.omega and level == self.level:
+            return
+        self.omega, self.level = omega, level
+        if self._tables is not None:
+            self._force()
+
+    def moved(self, direction: ContactDirection, amount: float) -> VariationalFlow:
+        """A flow of the same structure with its contacts moved along a direction."""
+        moved = moved_system(self.system, direction, amount)
+        return VariationalFlow(moved, self.forcing, self.omega, self.level, twin=self)
+
+    # -- motion --------------------------------------------------------------------------------------------------
+
+    def _room(self, length: int) -> None:
+        N, m = 2 * self.system.size, self.system.contacts.count
+        self._log = (
+            np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
+            np.empty((length, N)), np.empty((length, m)),
+        )  # fmt: skip
+        self._event_log = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
+
+    def base_motion(self, t: float) -> tuple[float, float]:
+        """Displacement and velocity of the base."""
+        if self.loads.count == 0:
+            return 0.0, 0.0
+        base = self.loads.at(self.omega, self.level)[1]
+        iw = 1j * self.loads.multiple * self.omega
+        moving = base * np.exp(iw * t)
+        return float(moving.sum().real), float((iw * moving).sum().real)
+
+    def starting_state(self, z: Floats, t: float = 0.0) -> Bools:
+        """Which contacts are closed at a motion (y and faces); at zero gap the sign of rate, then acceleration."""
+        from beamsim.dynamics.orbit_kernels import signs_at_start
+
+        n, m = self.system.size, self.system.contacts.count
+        closed = np.zeros(m, dtype=bool)
+        if m == 0:
+            return closed
+        d, dv = self.base_motion(t) if self._grounded else (0.0, 0.0)
+        if not signs_at_start(self._contacts, z[: 2 * n], z[2 * n :], d, dv, closed):
+            contacts = self.system.contacts
+            load = self.system.constant_load.astype(float)
+            force = self.loads.at(self.omega, self.level)[0]
+            load = load + (force * np.exp(1j * self.loads.multiple * self.omega * t)[:, None]).sum(axis=0).real
+            q, v = z[:n], z[n : 2 * n]
+            delta = -contacts.gap - contacts.sign * (contacts.shape @ q + np.where(contacts.on_ground, d, 0.0))
+            at_zero = np.abs(delta - z[2 * n :]) <= 1e-12 * (np.abs(contacts.gap) + np.abs(contacts.shape) @ np.abs(q))
+            push = contacts.shape.T @ (contacts.sign * contacts.stiffness * delta * (closed & ~at_zero))
+            acceleration = load - self.system.stiffness * q - self.system.damping @ v + push
+            closed |= at_zero & (contacts.shape @ v == 0.0) & (-contacts.sign * (contacts.shape @ acceleration) > 0.0)
+        return closed
+
+    def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
+        """The state after ``duration``, with its derivatives.
+
+        Parameters
+        ----------
+        start : (N + m,) state (q, q') followed by the compression of the contacts' faces, m (zero where closed).
+        duration : s, positive.
+        parameters : what to take derivatives by, besides the start; at most one that is not exact costs two more
+            passages.
+        t : time at the start, s (the periodic loads' phase).
+
+        Raises
+        ------
+        WorkExceeded : too many events (chattering).
+        """
+        from beamsim.dynamics import kernels
+        from beamsim.dynamics.orbit_kernels import carry_sensitivity
+
+        n, m = self.system.size, self.system.contacts.count
+        N = 2 * n
+        self.passages += 1
+        index = self.state_index(self.starting_state(start, t))
+        while True:
+            if self._tables is None:
+                self._prepare()
+            y, face = start[:N].copy(), start[N:].copy()
+            code, now, last, n_seg, n_ev, _, contact = kernels.advance(  # type: ignore[call-arg]
+                self._tables, self._inputs, t, t + duration, index, -1, y, face, *self._log, *self._event_log,
+                MOST_EVALUATIONS,
+            )  # fmt: skip
+            if code == kernels.DONE:
+                break
+            if code == kernels.NEED_STATE:
+                following = self._states[last].closed.copy()
+                following[contact] = ~following[contact]
+                self.state_index(following)
+            elif code == kernels.FULL and self._log[0].size < LARGEST_LOG:
+                self._room(4 * self._log[0].size)
+            else:
+                raise WorkExceeded(f"no end after {n_ev} contact events in {now - t:.6g} of {duration:.6g} s")
+        exact = [p for p in parameters if not isinstance(p, ContactDirection) or self._simple]
+        P = len(exact)
+        sens = np.zeros((N + m, N + m + P))
+        sens[np.arange(N + m), np.arange(N + m)] = self.free
+        slope = np.zeros(N)
+        seg = tuple(a[:n_seg] for a in self._log)
+        smallest = carry_sensitivity(  # type: ignore[call-arg]
+            self._tables, self._inputs, self._contacts, self._variation, self._parameters(exact), n_seg, *seg,
+            self._event_log[1], sens, slope,
+        )  # fmt: skip
+        closed_end = self._tables.closed[last]
+        end = np.concatenate([y, np.where(closed_end | ~self._has_face, 0.0, face)])
+        face_slope = -self._inputs.face_rate * end[N:]
+        passage = Passage(
+            start, end, sens[:, : N + m], sens[:, N + m :], np.concatenate([slope, face_slope]), duration,
+            seg[0].copy(), seg[1].copy(), seg[2].copy(), seg[4].copy(), seg[5].copy(),
+            self._event_log[0][:n_ev].copy(), self._event_log[1][:n_ev].copy(), self._event_log[2][:n_ev].copy(),
+            float(smallest),
+        )  # fmt: skip
+        if len(parameters) > P:
+            columns, k = [], 0
+            for p in parameters:
+                if isinstance(p, ContactDirection):
+                    columns.append(self._by_difference(start, duration, p, t))
+                else:
+                    columns.append(passage.parameters[:, k])
+                    k += 1
+            passage = replace(passage, parameters=np.array(columns).T)
+        return passage
+
+    def _parameters(self, parameters: Sequence[Parameter]) -> Any:
+        from beamsim.dynamics.orbit_kernels import Parameters
+
+        n, m, H = self.system.size, self.system.contacts.count, self.loads.count
+        P, S = len(parameters), len(self._states)
+        if P == 0:
+            cached = getattr(self, "_no_parameters", None)
+            if cached is not None and cached.terms.shape[1] == S:
+                return cached
+        out = Parameters(
+            np.zeros(P, dtype=bool), np.zeros((P, S, H, 2 * n), dtype=complex), np.zeros((P, H), dtype=complex),
+            np.zeros(P, dtype=bool), np.zeros((P, m)), np.zeros((P, m)), np.zeros((P, m)), np.zeros((P, m, n)),
+        )  # fmt: skip
+        if P == 0:
+            self._no_parameters = out
+        for i, p in enumerate(parameters):
+            if isinstance(p, ContactDirection):
+                out.moves_contacts[i] = True
+                out.stiffness[i], out.dashpot[i], out.gap[i], out.shape[i] = p.stiffness, p.dashpot, p.gap, p.shape
+            elif H:
+                which = 0 if isinstance(p, Frequency) else 1
+                out.moves_frequency[i] = which == 0
+                out.terms[i] = self._derivative[which]
+                out.base[i] = self._dbase[which]
+        return out
+
+    def _by_difference(self, start: Floats, duration: float, direction: ContactDirection, t: float) -> Floats:
+        """Central difference by a contact direction, for states whose motion isn't made of pure exponentials."""
+        contacts = self.system.contacts
+        scale = max(
+            (
+                float(np.max(np.abs(rate), initial=0.0)) / max(float(np.max(np.abs(value), initial=0.0)), 1e-12)
+                for rate, value in (
+                    (direction.stiffness, contacts.stiffness), (direction.dashpot, contacts.dashpot),
+                    (direction.shape, contacts.shape),
+                )
+            ),
+            default=0.0,
+        )  # fmt: skip
+        gap = float(np.max(np.abs(direction.gap), initial=0.0))
+        if gap > 0:
+            scale = max(scale, gap / max(float(np.max(np.abs(start[: self.system.size] @ contacts.shape.T))), 1e-9))
+        h = 1e-6 / scale if scale > 0 else 1e-6
+        up = self.moved(direction, h).carry(start, duration, (), t).end
+        down = self.moved(direction, -h).carry(start, duration, (), t).end
+        return np.asarray((up - down) / (2 * h))
+
+    def exact_flow(self, duration: float) -> ExactFlow:
+        """The same structure and loads for long runs and outputs."""
+        from beamsim.dynamics.transient import ExactFlow
+
+        return ExactFlow(self.system, self.loads.signals(self.omega, self.level), duration)
+
+    def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
+        """Penetration and penetration rate of every contact, (nt, m) each, at times of a passage."""
+        n, contacts = self.system.size, self.system.contacts
+        y = self.states_at(passage, times)
+        shape = -contacts.sign[:, None] * contacts.shape
+        delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n:] @ shape.T
+        if self._grounded:
+            base = self.loads.at(self.omega, self.level)[1]
+            iw = 1j * self.loads.multiple * self.omega
+            moving = base * np.exp(np.multiply.outer(times, iw))
+            sign = -contacts.sign * contacts.on_ground
+            delta = delta + np.multiply.outer(moving.sum(axis=1).real, sign)
+            rate = rate + np.multiply.outer((moving * iw).sum(axis=1).real, sign)
+        return delta, rate
+
+    def states_at(self, passage: Passage, times: Floats) -> Floats:
+        """(nt, N) the state (q, q') at increasing times within a passage."""
+        from beamsim.dynamics import kernels
+
+        N = 2 * self.system.size
+        if self._tables is None:
+            self._prepare()
+        out = np.empty((times.size, N))
+        table = np.ascontiguousarray(self._tables.term_vector)
+        piece = np.zeros(passage.time.size, dtype=np.int64)
+        kernels.sample(
+            self._tables, self._inputs, table, passage.time, passage.state, piece, passage.y, passage.face,
+            np.ascontiguousarray(times), out,
+        )  # fmt: skip
+        return out
+
+
+def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
+    """The system with its contacts' numbers moved by ``amount`` along a direction."""
+    c = system.contacts
+    return replace(
+        system,
+        contacts=replace(
+            c,
+            stiffness=c.stiffness + amount * direction.stiffness,
+            dashpot=c.dashpot + amount * direction.dashpot,
+            gap=c.gap + amount * direction.gap,
+            shape=c.shape + amount * direction.shape,
+        ),
+    )
+
+
+def floquet_multipliers(monodromy: Floats) -> Complexes:
+    """Eigenvalues of a monodromy matrix, the largest first."""
+    values = np.linalg.eigvals(monodromy).astype(complex)
+    return np.asarray(values[np.lexsort((-values.imag, -np.abs(values)))])

@@ -1,0 +1,131 @@
+"""The level of a sweep against its frequency, as a test specification gives it.
+
+Between two break frequencies the level is a power of the frequency, :math:`A(f) = A_p (f/f_p)^{s_p}`: for a base
+acceleration s = 0 holds the acceleration, s = 1 the velocity, s = 2 the displacement; a straight line on doubly
+logarithmic paper is any s.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Profile", "acceleration_amplitude", "power_of"]
+
+Floats = NDArray[np.float64]
+
+_POWER = {"acceleration": 0.0, "force": 0.0, "velocity": 1.0, "displacement": 2.0}
+
+
+def power_of(quantity: str) -> float:
+    """Power of the frequency with which the acceleration (or force) grows while ``quantity`` is held."""
+    return _POWER[quantity]
+
+
+def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> float:
+    """Amplitude of the acceleration (of the force, for a force) of a sine with the given level."""
+    return float(level * (2 * np.pi * frequency_hz) ** power_of(quantity))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Pieces of powers of the frequency; the first and last piece reach to 0 and to infinity.
+
+    Parameters
+    ----------
+    edge : (P,) Hz, increasing; piece p begins at ``edge[p]``.
+    amplitude : (P,) at ``edge[p]``, m/s^2 of a base, N of a force.
+    power : (P,).
+    """
+
+    edge: Floats
+    amplitude: Floats
+    power: Floats
+
+    @classmethod
+    def constant(cls, level: float, quantity: str = "acceleration") -> Profile:
+        """One level at all frequencies."""
+        amplitude = acceleration_amplitude(level, quantity, 1.0)
+        return cls(np.ones(1), np.array([amplitude]), np.array([power_of(quantity)]))
+
+    @classmethod
+    def held(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
+        """From points (frequency in Hz, level, quantity): each level is held until the next point."""
+        edge = np.array([f for f, _, _ in points])
+        amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
+        return cls(edge, amplitude, np.array([power_of(quantity) for _, _, quantity in points]))
+
+    @classmethod
+    def interpolated(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
+        """From the same points: straight lines between them on doubly logarithmic paper, constant outside.
+
+        Every level has to be positive.
+        """
+        edge = np.array([f for f, _, _ in points])
+        amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
+        slope = np.diff(np.log(amplitude)) / np.diff(np.log(edge)) if edge.size > 1 else np.zeros(0)
+        if edge.size == 1:
+            return cls(edge, amplitude, np.zeros(1))
+        first = np.array([edge[0] * 0.5])
+        return cls(
+            np.concatenate([first, edge]),
+            np.concatenate([amplitude[:1], amplitude]),
+            np.concatenate([[0.0], slope, [0.0]]),
+        )
+
+    def __call__(self, frequency_hz: ArrayLike) -> Floats:
+        """Amplitude at frequencies of any shape."""
+        f = np.asarray(frequency_hz, dtype=float)
+        p = self.piece(f)
+        return np.asarray(self.amplitude[p] * (f / self.edge[p]) ** self.power[p])
+
+    def piece(self, frequency_hz: Floats) -> NDArray[np.int64]:
+        """Index of the piece that holds at each frequency."""
+        return np.clip(np.searchsorted(self.edge, frequency_hz, side="right") - 1, 0, None)
+
+    def scaled(self, factor: float) -> Profile:
+        """Every level times a factor."""
+        return Profile(self.edge, self.amplitude * factor, self.power)
+
+    def notched(self, lower_hz: float, upper_hz: float, level: float, quantity: str) -> Profile:
+        """Never above ``level`` of ``quantity`` between two frequencies."""
+        power = power_of(quantity)
+
+        def limit(f: float) -> float:
+            return acceleration_amplitude(level, quantity, f)
+
+        inside = [float(e) for e in self.edge if lower_hz < e < upper_hz]
+        cuts = [lower_hz, *inside, upper_hz]
+        edges: list[float] = []
+        for left, right in itertools.pairwise(cuts):
+            edges.append(left)
+            p = int(self.piece(np.array(left)))
+            # the two powers of the frequency cross at most once
+            if self.power[p] != power and self.amplitude[p] > 0 and level > 0:
+                ratio = limit(1.0) / (self.amplitude[p] / self.edge[p] ** self.power[p])
+                crossing = float(ratio ** (1.0 / (self.power[p] - power)))
+                if left < crossing < right:
+                    edges.append(crossing)
+        below = [(float(e), float(a), float(s)) for e, a, s in zip(self.edge, self.amplitude, self.power, strict=True)]
+        pieces = [piece for piece in below if piece[0] < lower_hz]
+        if not pieces:
+            pieces.append(
+                (min(lower_hz * 0.5, below[0][0]), float(self(min(lower_hz * 0.5, below[0][0]))), below[0][2])
+            )
+        for k, left in enumerate(edges):
+            right = edges[k + 1] if k + 1 < len(edges) else upper_hz
+            middle = 0.5 * (left + right)
+            p = int(self.piece(np.array(middle)))
+            if limit(middle) < float(self(middle)):
+                pieces.append((left, limit(left), power))
+            else:
+                own = float(self.amplitude[p] * (left / self.edge[p]) ** self.power[p])
+                pieces.append((left, own, float(self.power[p])))
+        p = int(self.piece(np.array(upper_hz)))
+        pieces.append((upper_hz, float(self(upper_hz)), float(self.power[p])))
+        pieces += [piece for piece in below if piece[0] > upper_hz]
+        return Profile(*(np.array(column) for column in zip(*pieces, strict=True)))

@@ -1,0 +1,81 @@
+"""Predicted (solid) and measured (dashed) motion and spectrum in one picture, as in the thesis's figures 1.5 to 1.8."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.compare import ChannelComparison, Comparison
+from beamsim.files import replacing
+from beamsim.plots.style import finish, scale_for, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_histories", "plot_spectra", "save_comparison_plots"]
+
+_PREDICTED: dict[str, Any] = {"color": "#0b3c5d", "linestyle": "-", "linewidth": 1.2}
+_MEASURED: dict[str, Any] = {"color": "#d1495b", "linestyle": (0, (4, 2)), "linewidth": 1.2}
+_HIGHEST_ORDER = 12.5
+_DEEPEST_DB = 100.0
+_STANDARD_GRAVITY = 9.80665  # m/s^2
+
+
+def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
+    """Both histories, phase aligned, on the predicted clock."""
+    if c.quantity == "absolute_acceleration":
+        factor, unit = 1 / _STANDARD_GRAVITY, "g"
+    else:
+        factor, unit = scale_for(c.unit, c.predicted_history, c.measured_history)
+    ax.plot(*thinned(c.predicted_time, c.predicted_history * factor), label="predicted", **_PREDICTED)
+    if c.measured_time.size:
+        ax.plot(*thinned(c.measured_time, c.measured_history * factor), label="measured", **_MEASURED)
+    finish(ax, "Time (s)", f"{c.quantity.replace('_', ' ').capitalize()} ({unit})")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize="small")
+    return ax
+
+
+def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
+    """Both spectra in dB re the own maximum against frequency over excitation frequency."""
+    forced = bool(np.isfinite(c.excitation_hz))
+    unit = c.excitation_hz if forced else 1.0
+    top = 0.0
+    for spectrum, style, label in (
+        (c.predicted_spectrum, _PREDICTED, "predicted"),
+        (c.measured_spectrum, _MEASURED, "measured"),
+    ):
+        ax.plot(*thinned(spectrum.frequency_hz / unit, spectrum.amplitude_db), label=label, **style)
+        top = max(top, float(spectrum.amplitude_db.max()))
+    if forced:
+        ax.set_xlim(0.0, min(_HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit))
+    ax.set_ylim(top - _DEEPEST_DB, top + 6)
+    finish(ax, "Frequency / excitation frequency" if forced else "Frequency (Hz)", "Level (dB re max)")
+    return ax
+
+
+def save_comparison_plots(
+    comparison: Comparison, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """A picture a channel, ``<stem>_<place>_<quantity>.<form>``; returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    written = []
+    for c in comparison.channels:
+        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+        figure.suptitle(f"{comparison.title}: {c.place}", x=0.012, ha="left", fontsize="medium", color="0.3")
+        above, below = figure.subplots(2)
+        plot_histories(c, above)
+        plot_spectra(c, below)
+        path = Path(folder) / f"{stem}_{c.place}_{c.quantity}.{form}".replace(" ", "_")
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=form, dpi=dots_per_inch)
+        written.append(path)
+    return written

@@ -1,0 +1,212 @@
+"""Pictures of an identification: frequency against stiffness, residuals, profile likelihoods, harmonics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.identification_results import FrequencyTable, IdentificationResult, Profile, TestFit
+from beamsim.files import replacing
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "identification_figures",
+    "plot_frequency_curves",
+    "plot_harmonic_residuals",
+    "plot_harmonics",
+    "plot_profile",
+    "plot_residuals",
+    "save_identification_plots",
+]
+
+Floats = NDArray[np.float64]
+
+_MEASURED, _FOUND, _PALE = "0.45", "#d1495b", "0.8"
+
+
+def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
+    """Natural frequencies against the snubber's stiffness, with the measured ones and the root."""
+    estimate = result.estimate
+    if estimate is None or result.with_snubber is None:
+        raise ValueError("no stiffness was identified from frequencies")
+    for k, curve in enumerate(result.curves[:MOST_CURVES]):
+        ax.plot(curve.stiffness / 1e3, curve.frequency_hz, label=f"mode {curve.mode}", **curve_style(k))
+    table = result.with_snubber
+    for k, measured in enumerate(table.measured_hz[: len(result.curves)]):
+        if np.isfinite(measured):
+            used = table.mode[k] in estimate.fit_to
+            ax.axhline(
+                measured, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.2 if used else 0.7,
+                label="measured" if k == 0 else "_nolegend_",
+            )  # fmt: skip
+    ax.axvline(estimate.stiffness / 1e3, color=_FOUND, linewidth=0.9, label=f"k = {estimate.stiffness / 1e3:.5g} kN/m")
+    low, high = estimate.interval
+    if np.isfinite(low) and np.isfinite(high):
+        ax.axvspan(low / 1e3, high / 1e3, color=_FOUND, alpha=0.12, linewidth=0)
+    for mode in estimate.fit_to:
+        ax.plot(
+            [estimate.stiffness / 1e3], [table.predicted_hz[mode - 1]], marker="o", markersize=5, color=_FOUND,
+            markerfacecolor="white", linestyle="none",
+        )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    finish(ax, "Stiffness of the snubber (kN/m)", "Natural frequency (Hz)")
+    ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
+    return ax
+
+
+def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axes, names: tuple[str, str]) -> Axes:
+    """Difference between predicted and measured frequencies, in percent of the measured one."""
+    known = np.isfinite(before.measured_hz)
+    mode = before.mode[known].astype(float)
+    width = 0.36 if after is not None else 0.5
+    shift = width / 2 if after is not None else 0.0
+    ax.axhline(0.0, color="0.4", linewidth=0.8)
+    ax.bar(mode - shift, before.difference_percent[known], width, color=_PALE, edgecolor="0.3", label=names[0])
+    if after is not None:
+        values = after.difference_percent[np.isfinite(after.measured_hz)]
+        ax.bar(mode + shift, values, width, color="#0b3c5d", edgecolor="#0b3c5d", label=names[1])
+        ax.legend(loc="best", frameon=False, fontsize="small")
+    ax.set_xticks(mode, [f"{m:.0f}" for m in mode])
+    finish(ax, "Mode", "Predicted - measured (%)")
+    return ax
+
+
+def plot_profile(profile: Profile, ax: Axes, coverage: float, unit: str = "") -> Axes:
+    """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval."""
+    scale = scale_for(unit, profile.value) if unit else None
+    x = profile.value if scale is None else profile.value * scale.factor
+    ax.plot(x, profile.misfit, color="#0b3c5d", linewidth=1.2, marker="." if x.size < 40 else "")
+    level = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
+    ax.axhline(level, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.0)
+    ax.annotate(f"{100 * coverage:g} %", (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
+                fontsize="small", color="0.3")  # fmt: skip
+    ax.set_ylim(0.0, max(3 * level, 1e-12))
+    finish(ax, f"{profile.parameter}{f' ({scale.unit})' if scale is not None else ' (SI)'}", "Misfit above its minimum")
+    return ax
+
+
+def plot_harmonics(test: TestFit, ax: Axes) -> Axes:
+    """Measured and predicted harmonic amplitudes of one test, dB re the largest measured one."""
+    for values, label, mark, colour in (
+        (test.measured, "measured", "o", "0.2"),
+        (test.before, "predicted before", "x", "0.6"),
+        (test.predicted, "predicted after", "+", _FOUND),
+    ):
+        ax.plot(test.order, _level(test, np.abs(values)), mark, color=colour, label=label, markerfacecolor="none")
+    return _finish_harmonics(test, ax, f"{Path(test.name).stem}\nAmplitude (dB re largest)")
+
+
+def plot_harmonic_residuals(test: TestFit, ax: Axes) -> Axes:
+    """Distance of predicted harmonics from measured ones, phases included, before and after the fit, over the noise."""
+    ax.plot(test.order, _level(test, np.abs(test.before - test.measured)), "x", color="0.6", label="before")
+    ax.plot(test.order, _level(test, np.abs(test.predicted - test.measured)), "+", color=_FOUND, label="after")
+    ax.plot(test.order, _level(test, test.noise * np.sqrt(2)), "_", color="0.3", label="noise")
+    return _finish_harmonics(test, ax, "Residual (dB re largest)")
+
+
+def _level(test: TestFit, values: Floats) -> Floats:
+    reference = float(np.max(np.abs(test.measured))) or 1.0
+    return np.asarray(20 * np.log10(np.maximum(values / reference, 1e-9)))
+
+
+def _finish_harmonics(test: TestFit, ax: Axes, label: str) -> Axes:
+    ax.set_xticks(test.order)
+    finish(ax, "Frequency / excitation frequency", label)
+    ax.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize="small", borderaxespad=0.1,
+        handlelength=1.2,
+    )  # fmt: skip
+    return ax
+
+
+def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
+    """All pictures that this result allows, by the name that ends their file's."""
+    figures: dict[str, Figure] = {}
+    if result.estimate is not None and result.with_snubber is not None:
+        figure, (ax,) = _panels(result.title, 1)
+        plot_frequency_curves(result, ax)
+        figures["frequencies"] = figure
+        figure, axes = _panels(result.title, 2, height=5.6)
+        update = result.update
+        if update is not None:
+            plot_residuals(update.before, update.after, axes[0], ("before updating", "after"))
+        elif np.isfinite(result.without_snubber.measured_hz).any():
+            plot_residuals(result.without_snubber, None, axes[0], ("", ""))
+        else:
+            axes[0].set_visible(False)
+        axes[0].set_title("without the snubber", fontsize="small", loc="left")
+        plot_residuals(result.with_snubber, None, axes[1], ("", ""))
+        axes[1].set_title("with permanent contact", fontsize="small", loc="left")
+        figures["residuals"] = figure
+    elif result.update is not None:
+        figure, (ax,) = _panels(result.title, 1)
+        plot_residuals(result.update.before, result.update.after, ax, ("before updating", "after"))
+        figures["residuals"] = figure
+    profiles = _profiles(result)
+    if profiles:
+        columns = min(len(profiles), 3)
+        rows = -(-len(profiles) // columns)
+        figure, axes = _panels(result.title, rows, columns, 3.4 * rows)
+        for ax, (profile, coverage, unit) in zip(axes, profiles, strict=False):
+            plot_profile(profile, ax, coverage, unit)
+        for ax in axes[len(profiles) :]:
+            ax.set_visible(False)
+        figures["profiles"] = figure
+    if result.nonlinear is not None:
+        tests = result.nonlinear.tests
+        figure, axes = _panels(result.title, len(tests), 2, height=0.6 + 3.0 * len(tests))
+        for k, test in enumerate(tests):
+            plot_harmonics(test, axes[2 * k])
+            plot_harmonic_residuals(test, axes[2 * k + 1])
+        figures["harmonics"] = figure
+    return figures
+
+
+def save_identification_plots(
+    result: IdentificationResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    written = []
+    for name, figure in identification_figures(result).items():
+        path = Path(folder) / f"{stem}_{name}.{form}"
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=form, dpi=dots_per_inch)
+        written.append(path)
+    return written
+
+
+def _profiles(result: IdentificationResult) -> list[tuple[Profile, float, str]]:
+    found: list[tuple[Profile, float, str]] = []
+    if result.profile is not None and result.estimate is not None:
+        found.append((result.profile, result.estimate.coverage, "N/m"))
+    section = result.scenario.identify_stiffness
+    coverage = 0.95 if section is None else section.coverage
+    if result.update is not None:
+        found += [(profile, coverage, "") for profile in result.update.profiles]
+    if result.nonlinear is not None:
+        found += [(profile, result.nonlinear.coverage, "") for profile in result.nonlinear.profiles]
+    return found
+
+
+def _panels(title: str, rows: int, columns: int = 1, height: float = 4.6) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, height), layout="constrained")
+    if title:
+        figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())

@@ -1,0 +1,51 @@
+"""Pictures of the response to a random or measured input."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.analyses.random_response import RandomResponse
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_density", "plot_transmissibility"]
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+
+def plot_density(response: RandomResponse, ax: Axes) -> Axes:
+    """Spectral densities of the input and of the probes' absolute accelerations (displacements under a force)."""
+    on_base = response.input.unit == "m/s^2"
+    wanted = "absolute_acceleration" if on_base else "displacement"
+    drawn = [response.input, *(s for s in response.signals if s.quantity == wanted)] if on_base else [
+        s for s in response.signals if s.quantity == wanted
+    ]  # fmt: skip
+    factor = STANDARD_GRAVITY**-2 if on_base else 1.0
+    for k, signal in enumerate(drawn[:MOST_CURVES]):
+        ax.plot(response.frequency_hz[1:], signal.density[1:] * factor, label=signal.name, **curve_style(k))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
+    if top > 0:
+        ax.set_ylim(top * 1e-8, top * 3)
+    finish(ax, "Frequency (Hz)", f"Spectral density of {wanted.replace('_', ' ')} ({'g²' if on_base else 'm²'}/Hz)")
+    legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "signals")
+    return ax
+
+
+def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
+    """Modulus of response over input, drawn where the input has power."""
+    power = response.input.density
+    shown = power > 1e-6 * power.max()
+    for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):
+        ax.plot(response.frequency_hz[shown], np.abs(value[shown]), label=name, **curve_style(k))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    finish(ax, "Frequency (Hz)", "Transmissibility" if response.input.unit == "m/s^2" else "Displacement / force (m/N)")
+    count = len(response.transmissibility)
+    legend(ax, min(count, MOST_CURVES), count, "probes")
+    return ax

@@ -1,0 +1,326 @@
+"""Pictures of a sweep: response against frequency, waterfall, level family, energy in the harmonics, contact."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.sweep_results import SweepCurve, SweepResult
+from beamsim.files import replacing
+from beamsim.plots.style import curve_style, finish, legend, scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "plot_contact",
+    "plot_contact_force_curve",
+    "plot_contact_levels",
+    "plot_harmonic_energy",
+    "plot_level_family",
+    "plot_poincare",
+    "plot_preload_needed",
+    "plot_response",
+    "plot_steady_states",
+    "plot_waterfall",
+    "save_sweep_plots",
+    "sweep_figures",
+]
+
+Floats = NDArray[np.float64]
+
+STRETCHES = 700  # of frequency, over which a curve's cycles are drawn as one point
+MOST_MARKS = 8  # peaks named in one picture
+_MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v"}
+
+
+def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 0) -> Axes:
+    """Peak displacement against frequency, up and down, over the linear structure without snubbers."""
+    curves = [c for c in result.curves.values() if c.level_index == level_index]
+    scale = scale_for("m", *(c.displacement[probe].peak for c in curves))
+    if curves:
+        linear = result.linear
+        amplitude = np.interp(linear.frequency_hz, *_by_frequency(curves[0], curves[0].excitation_amplitude))
+        ax.plot(
+            linear.frequency_hz,
+            np.abs(linear.displacement[probe]) * amplitude * scale.factor,
+            color="0.6",
+            linewidth=1.0,
+            label="without snubbers (linear)",
+            zorder=1,
+        )
+    for k, curve in enumerate(curves):
+        f, peak = _envelope(curve, curve.displacement[probe].peak)
+        ax.plot(f, peak * scale.factor, label=f"sweep {curve.direction}", **curve_style(k))
+    names = {c.name for c in curves}
+    named = [p for p in result.peaks if p.curve in names and p.probe == probe][:MOST_MARKS]
+    for kind in dict.fromkeys(p.kind for p in named):
+        own = [p for p in named if p.kind == kind]
+        ax.plot(
+            [p.frequency_hz for p in own],
+            [p.value_m * scale.factor for p in own],
+            linestyle="none",
+            marker=_MARKS[kind],
+            markersize=5,
+            markerfacecolor="white" if "harmonic" in kind else "0.2",
+            color="0.2",
+            label=kind,
+        )
+    _frequency_axis(result, ax)
+    ax.set_yscale("log")
+    finish(ax, "Excitation frequency (Hz)", f"Peak displacement of {probe} ({scale.unit})")
+    ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
+    return ax
+
+
+def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0) -> Axes:
+    """Peak contact forces against frequency."""
+    curves = [c for c in result.curves.values() if c.level_index == level_index]
+    drawn = [(c, name) for c in curves for name in c.force]
+    scale = scale_for("N", *(c.force[name].peak for c, name in drawn))
+    for k, (curve, name) in enumerate(drawn[:6]):
+        f, peak = _envelope(curve, curve.force[name].peak)
+        ax.plot(f, peak * scale.factor, label=f"{name}, {curve.direction}", **curve_style(k))
+    _frequency_axis(result, ax)
+    finish(ax, "Excitation frequency (Hz)", f"Peak contact force ({scale.unit})")
+    legend(ax, min(len(drawn), 6), len(drawn), "curves")
+    return ax
+
+
+def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -> Axes:
+    """Tracked harmonics: response frequency against excitation frequency, shaded by amplitude in dB."""
+    curve = result.curves[curve_name]
+    amplitude = np.abs(curve.displacement[probe].harmonics)
+    top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
+    step = max(1, curve.frequency_hz.size // 1500)
+    drawn = None
+    for r, order in enumerate(curve.orders):
+        level = 20 * np.log10(np.maximum(amplitude[r, ::step], 1e-30) / top)
+        drawn = ax.scatter(
+            curve.frequency_hz[::step], order * curve.frequency_hz[::step], c=level, s=5, marker="s", linewidths=0,
+            cmap="cividis", vmin=-60, vmax=0,
+        )  # fmt: skip
+        fraction = Fraction(float(order)).limit_denominator(12)
+        ax.annotate(f"{fraction}", (curve.frequency_hz.max(), order * curve.frequency_hz.max()), fontsize="small")
+    for f in result.modes.open_frequencies_hz:
+        if f <= curve.orders.max(initial=1.0) * curve.frequency_hz.max():
+            ax.axhline(f, color="0.75", linewidth=0.6, zorder=0)
+    if drawn is not None and ax.figure is not None:
+        ax.figure.colorbar(drawn, ax=ax, label="Amplitude (dB re largest)")
+    finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
+    return ax
+
+
+def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
+    """Peak displacement over the excitation's amplitude, a curve a level: one curve where the structure is linear."""
+    curves = [c for c in result.curves.values() if c.direction == direction]
+    for k, curve in enumerate(curves[:6]):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = curve.displacement[probe].peak / curve.excitation_amplitude
+        f, value = _envelope(curve, ratio)
+        ax.plot(f, value, label=f"level {curve.level:.4g}", **curve_style(k))
+    _frequency_axis(result, ax)
+    ax.set_yscale("log")
+    unit = "m/N" if curves and curves[0].quantity == "force" else "m per m/s²"
+    finish(ax, f"Excitation frequency (Hz), {direction}", f"Peak displacement of {probe} / level ({unit})")
+    legend(ax, min(len(curves), 6), len(curves), "levels")
+    return ax
+
+
+def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
+    """Mean-square response in each harmonic over mean-square excitation, the levels side by side."""
+    curves = [c for c in result.curves.values() if c.direction == direction]
+    orders = curves[0].orders if curves else np.zeros(0)
+    for r, order in enumerate(orders[:6]):
+        for k, curve in enumerate(curves[:4]):
+            ratio = np.abs(curve.displacement[probe].harmonics[r]) ** 2 / curve.excitation_amplitude**2
+            f, value = _envelope(curve, ratio, mean=True)
+            style = {**curve_style(r), "alpha": 1.0 - 0.2 * k}
+            label = f"order {Fraction(float(order)).limit_denominator(12)}" if k == 0 else "_nolegend_"
+            ax.plot(f, value, label=label, **style)
+    _frequency_axis(result, ax)
+    ax.set_yscale("log")
+    finish(ax, f"Excitation frequency (Hz), {direction}", f"Mean square of {probe} / mean-square excitation")
+    legend(ax, min(orders.size, 6), orders.size, "orders")
+    return ax
+
+
+def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
+    """Share of the time in contact against frequency: 0 where contact is lost, 1 where it is never lost."""
+    curves = [c for c in result.curves.values() if c.direction == direction]
+    drawn = [(c, name) for c in curves for name in c.contact_share]
+    for k, (curve, name) in enumerate(drawn[:6]):
+        stretch = max(1, curve.frequency_hz.size // 600)
+        whole = curve.frequency_hz.size // stretch * stretch
+        f = curve.frequency_hz[:whole].reshape(-1, stretch).mean(axis=1)
+        share = curve.contact_share[name][:whole].reshape(-1, stretch).mean(axis=1)
+        ax.plot(f, 100 * share, label=f"{name}, level {curve.level:.4g}", **curve_style(k))
+    _frequency_axis(result, ax)
+    ax.set_ylim(-2, 102)
+    finish(ax, f"Excitation frequency (Hz), {direction}", "Time in contact (%)")
+    legend(ax, min(len(drawn), 6), len(drawn), "curves")
+    return ax
+
+
+def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
+    """Level at which contact begins or is lost against frequency, over the levels of the sweep."""
+    linear = result.linear
+    for k, (name, levels) in enumerate(linear.contact.items()):
+        opened = bool(np.all(np.isnan(levels.loss)))
+        what = "contact begins" if opened else "contact is lost"
+        ax.plot(linear.frequency_hz, levels.onset if opened else levels.loss, label=f"{name}: {what}", **curve_style(k))
+    for level in dict.fromkeys(c.level for c in result.curves.values()):
+        ax.axhline(level, color="0.6", linewidth=0.8, zorder=0)
+    _frequency_axis(result, ax)
+    ax.set_yscale("log")
+    force = any(c.quantity == "force" for c in result.curves.values())
+    finish(ax, "Excitation frequency (Hz)", f"Level ({'N' if force else 'm/s²'})")
+    ax.legend(loc="best", frameon=False, fontsize="small")
+    return ax
+
+
+def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
+    """Preload that just keeps contact at the sweep's highest excitation, against frequency."""
+    linear = result.linear
+    curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
+    amplitude = np.interp(linear.frequency_hz, *_by_frequency(curve, curve.excitation_amplitude))
+    needed = {name: levels.preload_needed * amplitude for name, levels in linear.contact.items()}
+    scale = scale_for("N", *needed.values())
+    for k, (name, values) in enumerate(needed.items()):
+        ax.plot(linear.frequency_hz, values * scale.factor, label=name, **curve_style(k))
+    _frequency_axis(result, ax)
+    ax.set_yscale("log")
+    finish(ax, "Excitation frequency (Hz)", f"Preload that keeps contact ({scale.unit})")
+    legend(ax, min(len(needed), 6), len(needed), "snubbers")
+    return ax
+
+
+def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
+    """Period of the steady motion in cycles of the excitation; crosses where it is not periodic."""
+    curve = result.curves[curve_name]
+    assert curve.steady is not None
+    kind = np.array(curve.steady.kind)
+    periodic = kind == "periodic"
+    ax.plot(curve.frequency_hz[periodic], curve.steady.period_cycles[periodic], "o", markersize=3, color="#0b3c5d",
+            label="periodic")  # fmt: skip
+    for k, name in enumerate(("quasi-periodic", "chaotic", "not settled")):
+        here = kind == name
+        if here.any():
+            ax.plot(curve.frequency_hz[here], np.zeros(here.sum()), "x+1"[k], markersize=6, color="#d1495b", label=name)
+    finish(ax, f"Excitation frequency (Hz), {curve.direction}", "Period (cycles of the excitation)")
+    ax.legend(loc="best", frameon=False, fontsize="small")
+    return ax
+
+
+def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) -> Axes:
+    """Poincare sections of the motions that are not periodic: displacement at phase 0 against frequency."""
+    curve = result.curves[curve_name]
+    assert curve.steady is not None
+    index = list(curve.displacement).index(probe)
+    scale = scale_for("m", curve.steady.poincare_displacement[:, index])
+    ax.plot(curve.steady.poincare_frequency_hz, curve.steady.poincare_displacement[:, index] * scale.factor, ",k")
+    finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Displacement of {probe} at phase 0 ({scale.unit})")
+    return ax
+
+
+def sweep_figures(result: SweepResult) -> dict[str, Figure]:
+    """All pictures that this result allows, by the name that ends their file's."""
+    from matplotlib.figure import Figure
+
+    def page(height: float = 4.8, rows: int = 1) -> tuple[Figure, list[Axes]]:
+        figure = Figure(figsize=(8.0, height), layout="constrained")
+        if result.title:
+            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        return figure, list(figure.subplots(rows, 1, squeeze=False).ravel())
+
+    figures: dict[str, Figure] = {}
+    if not result.curves:
+        return figures
+    last = list(result.curves.values())[-1]
+    probe = next(iter(last.displacement))
+    direction = next(iter(result.curves.values())).direction
+    for index in sorted({c.level_index for c in result.curves.values()}):
+        figure, (ax,) = page()
+        plot_response(result, ax, probe, index)
+        figures[f"response_{index}"] = figure
+    figure, (ax,) = page()
+    plot_waterfall(result, ax, probe, last.name)
+    figures["waterfall"] = figure
+    if last.force:
+        figure, (above, below) = page(6.4, 2)
+        plot_contact_force_curve(result, above, last.level_index)
+        plot_contact(result, below, direction)
+        figures["contact"] = figure
+    if result.linear.contact:
+        figure, (above, below) = page(6.4, 2)
+        plot_contact_levels(result, above)
+        plot_preload_needed(result, below)
+        figures["contact_levels"] = figure
+    if len({c.level_index for c in result.curves.values()}) > 1:
+        figure, (ax,) = page()
+        plot_level_family(result, ax, probe, direction)
+        figures["levels"] = figure
+        figure, (ax,) = page()
+        plot_harmonic_energy(result, ax, probe, direction)
+        figures["harmonic_energy"] = figure
+    if last.steady is not None:
+        figure, (above, below) = page(6.4, 2)
+        plot_steady_states(result, above, last.name)
+        plot_poincare(result, below, last.name, probe)
+        figures["steady_states"] = figure
+    return figures
+
+
+def save_sweep_plots(
+    result: SweepResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    written = []
+    for name, figure in sweep_figures(result).items():
+        path = Path(folder) / f"{stem}_{name}.{form}"
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=form, dpi=dots_per_inch)
+        written.append(path)
+    return written
+
+
+def _by_frequency(curve: SweepCurve, values: Floats) -> tuple[Floats, Floats]:
+    order = np.argsort(curve.frequency_hz)
+    return curve.frequency_hz[order], values[order]
+
+
+def _envelope(curve: SweepCurve, values: Floats, *, mean: bool = False) -> tuple[Floats, Floats]:
+    """By increasing frequency; where there are many cycles the largest (or mean) value of each stretch."""
+    f, v = _by_frequency(curve, values)
+    if f.size <= 2 * STRETCHES:
+        return f, v
+    edges = np.geomspace(f[0], f[-1], STRETCHES + 1)
+    first = np.unique(np.searchsorted(f, edges[:-1]))
+    count = np.diff(np.append(first, f.size))
+    middle = np.add.reduceat(f, first) / count
+    return middle, np.add.reduceat(v, first) / count if mean else np.maximum.reduceat(v, first)
+
+
+def _frequency_axis(result: SweepResult, ax: Axes) -> None:
+    lows = [float(c.frequency_hz.min()) for c in result.curves.values() if c.frequency_hz.size]
+    highs = [float(c.frequency_hz.max()) for c in result.curves.values() if c.frequency_hz.size]
+    if lows:
+        ax.set_xlim(min(lows), max(highs))
+        if max(highs) > 8 * min(lows):
+            ax.set_xscale("log")
+            from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+            ax.xaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+            ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            ax.xaxis.set_minor_formatter(NullFormatter())

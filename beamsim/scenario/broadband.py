@@ -1,0 +1,197 @@
+"""Inputs with more than a few frequencies: swept sine, sampled, random."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from beamsim.scenario.base import Schema, fail
+from beamsim.scenario.driven import Driven
+from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
+from beamsim.scenario.quantities import (
+    Angle,
+    Duration,
+    Frequency,
+    Level,
+    NotNegativeWhole,
+    PositiveNumber,
+    SpectralDensity,
+    SweepRate,
+    Text,
+    Time,
+)
+
+__all__ = ["PsdPoint", "RandomInput", "SampledInput", "SweptSineInput"]
+
+
+class SweptSineInput(Driven):
+    """A sine whose frequency grows or falls; use it with `beamsim run` (`beamsim sweep` has its own section)."""
+
+    kind: Literal["swept_sine"] = "swept_sine"
+    """A swept sine."""
+    level: Level | None = None
+    """Amplitude, zero to peak, if it is the same at all frequencies."""
+    profile: tuple[ProfilePoint, ...] = ()
+    """Instead of level: levels from frequencies on."""
+    between: Between = "held"
+    """Between the points of the profile: each level held, or straight lines on doubly logarithmic paper."""
+    notches: tuple[Notch, ...] = ()
+    """Ranges of frequencies with a lower level."""
+    from_: Frequency = Field(alias="from")
+    """Frequency at the start."""
+    to: Frequency
+    """Frequency at the end; the lower one for a sweep down."""
+    rate: SweepRate
+    """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
+    phase: Angle = 0.0
+    """Phase of the sine at t = 0."""
+
+    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+        """Return the level with its path."""
+        return [] if self.level is None else [(("level",), self.level)]
+
+    def settle(self) -> None:
+        """Settle what the level is, and refuse an empty range."""
+        if (self.level is None) == (not self.profile):
+            raise fail("needs either level or profile", "give one of the two")
+        if self.from_ == self.to:
+            raise fail(f"= {self.to:g} Hz is where the sweep begins", "give a range, from 20 Hz to 400 Hz", ("to",))
+        check_profile(self.profile, self.between)
+        if self.level is not None:
+            super().settle()
+            return
+        for index, point in enumerate(self.profile):
+            if point.quantity is not None and (point.quantity == "force") is self.on_base:
+                where = "the base is moved, not pushed" if self.on_base else "a point is pushed by a force"
+                raise fail(
+                    f"is a level of {point.quantity}, but {where}", "change its unit", ("profile", index, "level")
+                )
+        self.resolve("quantity", self.quantity or ("acceleration" if self.on_base else "force"))
+
+    def plain_levels(self) -> None:
+        """Forget the unit of the level."""
+        if self.level is not None:
+            self.resolve("level", float(self.level))
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """The higher end of the sweep, Hz."""
+        return max(self.from_, self.to)
+
+
+class SampledInput(Driven):
+    """A measured motion of the base, or force."""
+
+    kind: Literal["sampled"] = "sampled"
+    """Samples from a file."""
+    file: Text
+    """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; relative to the scenario's folder."""
+    column: Text | None = None
+    """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set."""
+    time_column: Text | None = None
+    """CSV: number or heading of the column with the times; HDF5: path of their dataset. The first one by default."""
+    sample_rate: Frequency | None = None
+    """Where the file has no times: samples a second."""
+    unit: Text | None = None
+    """Unit of the values in the file (g, mm, N, ...); SI by default."""
+    factor: PositiveNumber = 1.0
+    """The values are multiplied by it."""
+    interpolation: Literal["linear", "cubic"] = "cubic"
+    """Between the samples: straight lines, or a smooth piecewise cubic."""
+    resample: Frequency | None = None
+    """Rate to which the samples are interpolated first, where they are too fine for the run."""
+
+    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+        """Return nothing: the levels are in the file."""
+        return []
+
+    def settle(self) -> None:
+        """Settle what is given."""
+        if self.unit is not None:
+            from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+            from beamsim.scenario.units import UnitError, read_level
+
+            try:
+                _, dimension = read_level(f"1 {self.unit}", tuple(LEVEL_DIMENSIONS.values()))
+            except UnitError as error:
+                raise fail(error.message, error.remedy, ("unit",)) from None
+            meant = next(name for name, known in LEVEL_DIMENSIONS.items() if known is dimension)
+            if self.quantity not in (None, meant):
+                raise fail(f"is a unit of {meant}, where {self.quantity} is meant", "change one of them", ("unit",))
+            self.resolve("quantity", meant)
+        quantity = self.quantity or ("acceleration" if self.on_base else "force")
+        if (quantity == "force") is self.on_base:
+            raise fail(f"is {quantity}, which cannot act there", "a base is moved, a point is pushed", ("quantity",))
+        if quantity != "acceleration" and self.on_base and self.interpolation == "linear":
+            raise fail(
+                f"= linear of the base's {quantity} has corners, which are infinite accelerations",
+                "use interpolation: cubic, or give the acceleration",
+                ("interpolation",),
+            )
+        self.resolve("quantity", quantity)
+
+    @property
+    def factor_to_si(self) -> float:
+        """SI value of one in the file."""
+        if self.unit is None:
+            return self.factor
+        from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+        from beamsim.scenario.units import read_level
+
+        return self.factor * read_level(f"1 {self.unit}", tuple(LEVEL_DIMENSIONS.values()))[0]
+
+
+class PsdPoint(Schema):
+    """A point of a table of power spectral density."""
+
+    frequency: Frequency
+    """Frequency."""
+    density: SpectralDensity
+    """One-sided density: g^2/Hz of an acceleration, N^2/Hz of a force."""
+
+
+class RandomInput(Driven):
+    """Gaussian noise with a given power spectral density."""
+
+    kind: Literal["random"] = "random"
+    """Random input."""
+    psd: Annotated[tuple[PsdPoint, ...], Field(min_length=2)]
+    """Density against frequency; straight lines on doubly logarithmic paper between the points, nothing outside."""
+    seed: NotNegativeWhole = 0
+    """Seed of the random numbers: the same seed gives the same input."""
+    period: Duration | None = None
+    """The noise is a sum of sines that repeats after this time; the run's duration by default."""
+    sample_rate: Frequency | None = None
+    """Rate at which it is sampled for interpolation; 20 times the highest frequency by default."""
+    ramp: Time = 0.0
+    """Time over which the level rises at the beginning."""
+
+    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+        """Return nothing: the levels are densities."""
+        return []
+
+    def settle(self) -> None:
+        """Check the table."""
+        for index, (one, two) in enumerate(zip(self.psd, self.psd[1:], strict=False)):
+            if two.frequency <= one.frequency:
+                raise fail(
+                    f"= {two.frequency:g} Hz does not lie above the point before it ({one.frequency:g} Hz)",
+                    "list the points by increasing frequency",
+                    ("psd", index + 1, "frequency"),
+                )
+        highest = self.psd[-1].frequency
+        if self.sample_rate is not None and self.sample_rate < 4 * highest:
+            raise fail(
+                f"= {self.sample_rate:g} Hz is too low for noise up to {highest:g} Hz",
+                f"use {20 * highest:g} Hz, or leave it out",
+                ("sample_rate",),
+            )
+        self.resolve("quantity", self.quantity or ("acceleration" if self.on_base else "force"))
+        if self.quantity not in ("acceleration", "force") or (self.quantity == "force") is self.on_base:
+            raise fail("must be acceleration of the base or force at a point", "leave it out", ("quantity",))
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """End of the table, Hz."""
+        return self.psd[-1].frequency

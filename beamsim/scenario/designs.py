@@ -1,0 +1,439 @@
+"""What is varied: lists, ranges and tolerances of any numbers of a scenario, as a grid, zipped or sampled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, Tag
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import PydanticCustomError
+
+from beamsim.errors import Problem
+from beamsim.scenario.base import BY_KIND, Schema, by_key, fail, path_text
+from beamsim.scenario.quantities import (
+    LEVEL_DIMENSIONS,
+    FieldType,
+    LevelType,
+    LevelValue,
+    Quantity,
+    Rate,
+    SteppedCount,
+    Text,
+    Whole,
+)
+from beamsim.scenario.units import UnitError
+
+if TYPE_CHECKING:
+    from beamsim.scenario.scenario import Scenario
+
+__all__ = [
+    "MOST_CASES",
+    "Axis",
+    "Grid",
+    "LatinHypercube",
+    "Vary",
+    "Zipped",
+    "axes",
+    "case_count",
+    "design_problems",
+]
+
+MOST_CASES = 200_000
+"""A study of more cases than this is refused."""
+
+Path = tuple[str | int, ...]
+Value = float | str
+
+_SECTIONS = ("vary", "limits", "title")  # no case depends on them
+_LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
+
+
+@dataclass(frozen=True)
+class _NumberOrText(FieldType):
+    """A number, or text that the field it is meant for will read."""
+
+    @property
+    def example(self) -> str:
+        """How to write one."""
+        return "150 kN/m"
+
+    def read(self, value: Any) -> float | str:
+        """Return it as it is."""
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            raise UnitError("must be a number, with or without unit, or a word", "write for example 150 kN/m")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise UnitError("must be finite", "write for example 150 kN/m")
+        return value
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string."""
+        return {"anyOf": [{"type": "number"}, {"type": "string"}]}
+
+
+AnyValue = Annotated[float | str, _NumberOrText()]
+Spacing = Literal["linear", "logarithmic"]
+
+
+class _Parameter(Schema):
+    """What all varied parameters share."""
+
+    path: Text
+    """Path of the number or word, for example beam.thickness, snubbers.tip.gap or beam.point_masses[*].mass."""
+    also: tuple[Text, ...] = ()
+    """Other paths that take the same value, such as a probe that moves with a snubber."""
+
+
+class ListedParameter(_Parameter):
+    """A list of values."""
+
+    values: Annotated[tuple[AnyValue, ...], Field(min_length=1)]
+    """The values, with or without unit; or words, as supports."""
+
+
+class RangedParameter(_Parameter):
+    """Evenly spaced values of a range."""
+
+    from_: AnyValue = Field(alias="from")
+    """First value."""
+    to: AnyValue
+    """Last value."""
+    points: SteppedCount
+    """Number of values."""
+    spacing: Spacing = "linear"
+    """How the values are spaced."""
+
+
+class TolerancedParameter(_Parameter):
+    """The scenario's own value and its tolerance."""
+
+    tolerance: AnyValue
+    """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
+    points: SteppedCount = 3
+    """Number of values from the lowest to the highest."""
+
+
+class SampledRange(_Parameter):
+    """Any value of a range."""
+
+    from_: AnyValue = Field(alias="from")
+    """Lowest value."""
+    to: AnyValue
+    """Highest value."""
+    spacing: Spacing = "linear"
+    """Whether the values or their logarithms are uniformly distributed."""
+
+
+class SampledTolerance(_Parameter):
+    """Any value within the tolerance of the scenario's own."""
+
+    tolerance: AnyValue
+    """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
+    distribution: Literal["uniform", "normal"] = "uniform"
+    """Uniform within the tolerance; or normal, the tolerance being three standard deviations, cut off there."""
+
+
+def _choose_listed(value: Any) -> str | None:
+    keys = value if isinstance(value, dict) else type(value).keys() if isinstance(value, _Parameter) else ()
+    return next((f"<{key}>" for key in ("values", "tolerance", "from") if key in keys), None)
+
+
+def _choose_sampled(value: Any) -> str | None:
+    keys = value if isinstance(value, dict) else type(value).keys() if isinstance(value, _Parameter) else ()
+    return next((f"<{key}>" for key in ("tolerance", "from") if key in keys), None)
+
+
+AnyParameter = Annotated[
+    Annotated[ListedParameter, Tag("<values>")]
+    | Annotated[RangedParameter, Tag("<from>")]
+    | Annotated[TolerancedParameter, Tag("<tolerance>")],
+    by_key(
+        _choose_listed,
+        "names no values",
+        "give path with values: [...], with from, to and points, or with a tolerance",
+    ),
+]
+SampledParameter = Annotated[
+    Annotated[SampledRange, Tag("<from>")] | Annotated[SampledTolerance, Tag("<tolerance>")],
+    by_key(_choose_sampled, "names no range to sample", "give path with from and to, or with a tolerance"),
+]
+
+
+class Grid(Schema):
+    """Every combination of the parameters' values."""
+
+    kind: Literal["grid"] = "grid"
+    """Every combination."""
+    parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
+    """What is varied."""
+
+
+class Zipped(Schema):
+    """First values together, second values together, and so on."""
+
+    kind: Literal["zip"] = "zip"
+    """Values one by one, together."""
+    parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
+    """What is varied; all have equally many values."""
+
+
+class LatinHypercube(Schema):
+    """A Latin-hypercube sample: of every parameter one value in each of as many equally likely parts as samples."""
+
+    kind: Literal["latin_hypercube"] = "latin_hypercube"
+    """A Latin-hypercube sample."""
+    samples: SteppedCount
+    """Number of cases."""
+    seed: Annotated[int, Whole(0)] = 0
+    """Seed of the random generator."""
+    parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
+    """What is varied."""
+
+
+Vary = Annotated[
+    Annotated[Grid, Tag("<grid>")]
+    | Annotated[Zipped, Tag("<zip>")]
+    | Annotated[LatinHypercube, Tag("<latin_hypercube>")],
+    BY_KIND,
+]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A varied parameter in SI units."""
+
+    path: str
+    places: tuple[Path, ...]  # where its value goes
+    unit: str  # SI unit, "1" for plain numbers and words
+    nominal: Value  # in the scenario
+    values: tuple[Value, ...]  # as listed; empty for a range
+    low: float = math.nan
+    high: float = math.nan
+    points: int = 0  # of a range
+    spacing: str = "linear"
+    distribution: str = "uniform"
+    whole: bool = False  # only whole numbers
+
+    @property
+    def count(self) -> int:
+        """Number of values."""
+        return len(self.values) or self.points
+
+
+def axes(scenario: Scenario) -> tuple[Axis, ...]:
+    """The varied parameters of a scenario that passed its checks."""
+    assert scenario.vary is not None
+    return tuple(_axis(scenario, parameter) for parameter in scenario.vary.parameters)
+
+
+def case_count(scenario: Scenario) -> int:
+    """Number of cases."""
+    vary = scenario.vary
+    if vary is None:
+        return 1
+    if isinstance(vary, LatinHypercube):
+        return vary.samples
+    counts = [_count(parameter) for parameter in vary.parameters]
+    return counts[0] if isinstance(vary, Zipped) else math.prod(counts)
+
+
+def design_problems(scenario: Scenario, vary: Grid | Zipped | LatinHypercube) -> Iterator[Problem]:
+    """Paths that lead nowhere, values their fields refuse, too many cases."""
+    taken: dict[Path, int] = {}
+    for index, parameter in enumerate(vary.parameters):
+        at: Path = ("vary", "parameters", index)
+        try:
+            axis = _axis(scenario, parameter)
+        except PydanticCustomError as error:
+            context = error.context or {}
+            yield Problem(path_text((*at, *context["at"])), context["message"], context["remedy"])
+            continue
+        for place in axis.places:
+            if taken.setdefault(place, index) != index:
+                yield Problem(
+                    path_text((*at, "path")),
+                    f"= {axis.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
+                    "name every number once",
+                )
+                break
+    if isinstance(vary, Zipped):
+        counts = [_count(parameter) for parameter in vary.parameters]
+        if len(set(counts)) > 1:
+            yield Problem(
+                "vary.parameters",
+                f"have {', '.join(map(str, counts))} values, which cannot be zipped",
+                "give all of them equally many, or write kind: grid",
+            )
+    count = case_count(scenario)
+    if count > MOST_CASES:
+        yield Problem(
+            "vary",
+            f"asks for {count:.3g} cases (at most {MOST_CASES:,} are computed)".replace(",", " "),
+            "take fewer values of each parameter, or sample: kind: latin_hypercube with samples: 1000",
+        )
+
+
+def _count(parameter: Schema) -> int:
+    if isinstance(parameter, ListedParameter):
+        return len(parameter.values)
+    assert isinstance(parameter, (RangedParameter, TolerancedParameter))
+    return parameter.points
+
+
+def _axis(scenario: Scenario, parameter: Any) -> Axis:
+    """Resolve a parameter; raises what `fail` builds, ``at`` being relative to the parameter."""
+    from beamsim.scenario.parameters import choices_at, field_type_at, value_at
+
+    places = _places(scenario, parameter.path, ("path",))
+    for k, path in enumerate(parameter.also):
+        places += _places(scenario, path, ("also", k))
+    first = places[0]
+    field = field_type_at(scenario, first)
+    choices = choices_at(scenario, first)
+    nominal = value_at(scenario, first)
+    nominal = str(nominal) if isinstance(nominal, Rate) else nominal  # with its unit, like a word
+    common: dict[str, Any] = {
+        "path": parameter.path,
+        "places": tuple(places),
+        "unit": _unit(scenario, field),
+        "nominal": nominal if isinstance(nominal, str) else float(nominal),
+        "whole": isinstance(field, Whole) or (field is None and isinstance(nominal, int)),
+    }
+
+    def read(value: Value, at: Path, place: Path = first) -> Value:
+        return _read(scenario, place, value, at)
+
+    if isinstance(parameter, ListedParameter):
+        values = tuple(read(value, ("values", k)) for k, value in enumerate(parameter.values))
+        for k, value in enumerate(parameter.values):
+            for place in places[1:]:
+                read(value, ("values", k), place)
+        if len(set(values)) < len(values):
+            raise fail("holds a value twice", "name every value once", ("values",))
+        return Axis(**common, values=values)
+    if choices or isinstance(nominal, str):
+        raise fail(f"= {parameter.path} is a word, which has no range", _LIST_EXAMPLE, ("path",))
+    points = getattr(parameter, "points", 0)
+    if isinstance(parameter, (RangedParameter, SampledRange)):
+        low, high = (float(read(v, (key,))) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
+        if low == high:
+            raise fail(f"= {high:g} is where the range begins", "give a range, or values: [...]", ("to",))
+        if isinstance(parameter, SampledRange) and low > high:
+            raise fail(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
+        if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
+            key = "from" if low <= 0.0 else "to"
+            raise fail(
+                "must be positive where the spacing is logarithmic", "give a positive value, or spacing: linear", (key,)
+            )
+        spacing = parameter.spacing
+    else:
+        if any(value_at(scenario, place) != nominal for place in places):
+            raise fail(
+                "needs one value to deviate from, and these paths have different ones",
+                "vary them one by one",
+                ("path",),
+            )
+        deviation = _deviation(scenario, first, parameter.tolerance, float(nominal))
+        low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
+    for end in (low, high):
+        for place in places:
+            read(end, ("tolerance" if hasattr(parameter, "tolerance") else "from",), place)
+    if common["whole"] and points and abs(high - low) + 1 < points:
+        raise fail(
+            f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
+        )
+    distribution = getattr(parameter, "distribution", "uniform")
+    return Axis(**common, values=(), low=low, high=high, points=points, spacing=spacing, distribution=distribution)
+
+
+def _places(scenario: Scenario, path: str, at: Path) -> list[Path]:
+    from beamsim.scenario.parameters import choices_at, find_parameters, value_at
+
+    try:
+        places = find_parameters(scenario, path, (Rate,))
+    except PydanticCustomError as error:
+        context = error.context or {}
+        raise fail(context["message"], context["remedy"], at) from None
+    for place in places:
+        if place[0] in _SECTIONS:
+            raise fail(
+                f"= {path} makes no difference to a case", "vary a number of the structure or what drives it", at
+            )
+        free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
+        if place[-1] == "kind" or (free_text and not _takes_words(scenario, place)):
+            raise fail(f"= {path} is no number and no choice", "vary a number, or a word such as a support", at)
+    return places
+
+
+def _takes_words(scenario: Scenario, place: Path) -> bool:
+    from beamsim.scenario.parameters import field_type_at
+
+    return isinstance(field_type_at(scenario, place), Whole)  # reduction.modes: all
+
+
+def _read(scenario: Scenario, place: Path, value: Value, at: Path) -> Value:
+    """Read a value as the field at a place does."""
+    from beamsim.scenario.parameters import choices_at, field_type_at
+
+    choices = choices_at(scenario, place)
+    if choices:
+        if value not in choices:
+            raise fail(f"= {value} is not one of {', '.join(choices)}", "choose one of these", at)
+        return value
+    field = field_type_at(scenario, place)
+    if field is None:
+        if isinstance(value, str):
+            raise fail(f"= {value} must be a number", f"write the SI value for {path_text(place)}", at)
+        return float(value)
+    try:
+        number = field.read(value)
+    except UnitError as error:
+        shown = f"{value:.12g}" if isinstance(value, float) else value
+        raise fail(f"= {shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
+    if isinstance(number, LevelValue):
+        wanted = getattr(scenario.excitation, "quantity", None)
+        if number.quantity not in (None, wanted):
+            raise fail(
+                f"= {value} is given in a unit of {number.quantity}, and the excitation's level is of {wanted}",
+                "give it in the unit of excitation.level",
+                at,
+            )
+        return float(number)
+    if isinstance(number, Rate):
+        return str(number)
+    return number if isinstance(number, (int, float, str)) else float(number)
+
+
+def _deviation(scenario: Scenario, place: Path, tolerance: Value, nominal: float) -> float:
+    """Deviation in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
+    from beamsim.scenario.parameters import field_type_at
+    from beamsim.scenario.units import RATIO, read_level, read_quantity
+
+    at: Path = ("tolerance",)
+    field = field_type_at(scenario, place)
+    try:
+        if isinstance(tolerance, str) and tolerance.rstrip().endswith("%"):
+            deviation = abs(nominal) * read_quantity(tolerance, RATIO)
+        elif isinstance(field, Quantity) and field.dimension.unit:
+            deviation = read_quantity(tolerance, field.dimension)
+        elif isinstance(field, LevelType):
+            quantity = getattr(scenario.excitation, "quantity", "acceleration")
+            deviation = read_level(tolerance, (LEVEL_DIMENSIONS[quantity],))[0]
+        else:
+            deviation = read_quantity(tolerance, RATIO)
+    except UnitError as error:
+        raise fail(f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at) from None
+    if not deviation > 0.0:
+        remedy = "give it in the quantity's own unit" if nominal == 0.0 else "write for example 2 %"
+        raise fail(f"= {tolerance} of {nominal:g} leaves nothing to vary", remedy, at)
+    return deviation
+
+
+def _unit(scenario: Scenario, field: FieldType | None) -> str:
+    if isinstance(field, Quantity):
+        return field.dimension.unit or "1"
+    if isinstance(field, LevelType):
+        return LEVEL_DIMENSIONS[getattr(scenario.excitation, "quantity", "acceleration")].unit
+    return "1"

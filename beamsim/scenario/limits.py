@@ -1,0 +1,58 @@
+"""Allowables, which results are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+from beamsim.errors import Problem
+from beamsim.scenario import units
+from beamsim.scenario.base import Schema, fail
+from beamsim.scenario.quantities import Length, PositiveForce, Quantity
+
+if TYPE_CHECKING:
+    from beamsim.scenario.scenario import Scenario
+
+__all__ = ["Limits", "limit_problems"]
+
+_STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
+_ACCELERATION = replace(units.ACCELERATION, example="20 g")
+
+Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
+PositiveAcceleration = Annotated[float, Quantity(_ACCELERATION, above=0.0)]
+
+
+class Limits(Schema):
+    """Allowables: margins against them are in the summary, and `--check` ends with code 4 where one is exceeded."""
+
+    peak_force: PositiveForce | None = None
+    """Largest contact force of any snubber."""
+    bending_stress: Stress | None = None
+    """Largest bending stress anywhere on the beam."""
+    peak_displacement: Length | None = None
+    """Largest displacement of any probe, relative to the base."""
+    peak_acceleration: PositiveAcceleration | None = None
+    """Largest absolute acceleration of any probe."""
+    gap: Length | None = None
+    """Largest opening between the structure and any snubber (how far it lifts off)."""
+
+    def settle(self) -> None:
+        """Refuse a section that limits nothing."""
+        if not self.given:
+            raise fail("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits there are, SI, by name."""
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+def limit_problems(scenario: Scenario, limits: Limits) -> Iterator[Problem]:
+    """Limits of what this structure does not have."""
+    if limits.bending_stress is not None and scenario.beam is None:
+        yield Problem("limits.bending_stress", "belongs to a beam, and this is a chain", "leave it out")
+    for name in ("peak_force", "gap"):
+        if getattr(limits, name) is not None and not scenario.all_snubbers:
+            yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")

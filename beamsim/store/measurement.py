@@ -1,0 +1,326 @@
+"""Measured signals from files of other programs: CSV, HDF5 (also beamsim's own), UFF dataset 58."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.measured import MeasuredSignal
+from beamsim.errors import Problem, ScenarioError
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+__all__ = ["channel_named", "read_signals", "read_tests"]
+
+Floats = NDArray[np.float64]
+
+_TIME_NAMES = ("time", "t", "time_s", "zeit", "temps", "time (s)", "time [s]")
+_FREQUENCY_NAMES = ("frequency", "f", "frequency_hz", "freq", "frequency (hz)", "frequency [hz]")
+_UFF_UNITS = {12: "m/s^2", 11: "m/s", 8: "m", 13: "N"}
+_UNIT_ENDINGS = {
+    "_m_per_s2": "m/s^2",
+    "_m_per_s": "m/s",
+    "_m/s^2": "m/s^2",
+    "_m": "m",
+    "_m/s": "m/s",
+    "_n": "N",
+    "_g": "g",
+    "_mm": "mm",
+}
+
+
+def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
+    """The signal of every test of ``identify_stiffness.nonlinear``, in SI units; paths are relative to a folder.
+
+    Raises
+    ------
+    ScenarioError
+        For every file that is missing, empty, not finite or has no such channel.
+    """
+    section = scenario.identify_stiffness
+    if section is None or section.nonlinear is None:
+        return []
+    signals: list[MeasuredSignal] = []
+    problems: list[Problem] = []
+    default = scenario.effective_probes[0].name
+    for index, test in enumerate(section.nonlinear.tests):
+        at = f"identify_stiffness.nonlinear.tests[{index}]"
+        path = Path(test.file) if Path(test.file).is_absolute() else Path(folder) / test.file
+        try:
+            wanted = test.channel or test.probe or default
+            found = channel_named(
+                read_signals(path), wanted, test.quantity, path, required=test.channel is not None, at=f"{at}.channel"
+            )
+            signals.append(in_si(found, test.unit, test.quantity, f"{at}.unit"))
+        except ScenarioError as error:
+            problems += [
+                p if p.path else Problem(f"{at}.file", f"= {test.file}: {p.message}", p.remedy) for p in error.problems
+            ]
+    if problems:
+        raise scenario.located(ScenarioError(problems))
+    return signals
+
+
+def read_signals(path: Path) -> list[MeasuredSignal]:
+    """Every channel of a file, finite and with increasing abscissa.
+
+    Raises
+    ------
+    ScenarioError
+        Where the file is missing, empty, of an unknown kind, or has values that are not numbers.
+    """
+    if not path.is_file():
+        raise _wrong(f"{path} does not exist", "check the path; it is relative to the case's file")
+    if path.stat().st_size == 0:
+        raise _wrong(f"{path} is empty", "export the measurement again")
+    suffix = path.suffix.lower()
+    if suffix in (".csv", ".txt", ".tsv", ".dat"):
+        signals = _read_csv(path)
+    elif suffix in (".h5", ".hdf5", ".hdf"):
+        signals = _read_hdf5(path)
+    elif suffix in (".uff", ".unv", ".uf", ".58"):
+        signals = _read_uff(path)
+    else:
+        raise _wrong(f"{path} is of an unknown kind", "give .csv, .h5 or .uff")
+    if not signals:
+        raise _wrong(f"{path} holds no signal", "it needs a time or frequency axis and at least one channel")
+    return signals
+
+
+def channel_named(
+    signals: Sequence[MeasuredSignal],
+    wanted: str,
+    quantity: str,
+    path: Path,
+    *,
+    required: bool = False,
+    at: str = "",
+) -> MeasuredSignal:
+    """The channel of a name; failing that one whose name holds probe and quantity, or the only one.
+
+    Raises
+    ------
+    ScenarioError
+        Where none or several would do, and for values that are not finite.
+    """
+    spoken = quantity.replace("_", " ")
+    exact = [s for s in signals if s.name == wanted]
+    loose = [s for s in signals if _holds(s.name, wanted) and _is_of(s.name, spoken)] or (
+        [] if required else [s for s in signals if _holds(s.name, wanted)]
+    )
+    histories = [s for s in loose if not s.of_frequency] or loose
+    chosen = exact or histories or ([] if required or len(signals) > 1 else list(signals))
+    if len(chosen) > 1 and all(_same(chosen[0], other) for other in chosen[1:]):
+        chosen = chosen[:1]
+    if len(chosen) != 1:
+        names = [s.name for s in signals]
+        close = get_close_matches(wanted, names, n=1)
+        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+        what = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
+        remedy = f"did you mean {close[0]}?" if close and not chosen else f"name one: {listed}"
+        raise ScenarioError(Problem(at, f"{path} {what} {wanted} {spoken}", remedy))
+    return _checked(chosen[0], path)
+
+
+def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
+    """The signal converted to SI from the unit given, else from the one the file names."""
+    from dataclasses import replace
+
+    from beamsim.scenario import units
+
+    named = unit or signal.unit
+    dimension = {"absolute_acceleration": units.ACCELERATION, "velocity": units.VELOCITY}.get(quantity, units.LENGTH)
+    if quantity == "force":
+        dimension = units.FORCE
+    if not named or named == dimension.unit:
+        return signal
+    try:
+        factor = units.read_quantity(f"1 {named}", dimension)
+    except units.UnitError as error:
+        raise ScenarioError(
+            Problem(
+                at, f"= {named} {error.message}", f"the {quantity.replace('_', ' ')} of {signal.name} needs its unit"
+            )
+        ) from None
+    return replace(signal, y=signal.y * factor, unit=dimension.unit)
+
+
+def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
+    for what, values in (("value", signal.y), ("time" if not signal.of_frequency else "frequency", signal.x)):
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if wrong.size:
+            raise _wrong(
+                f"{path}: {signal.name} has a {what} that is no number at sample {wrong[0] + 1} ({wrong.size} in all)",
+                "cut the gap out, or interpolate it before",
+            )
+    if signal.x.size < 2:
+        raise _wrong(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
+    if np.any(np.diff(signal.x) <= 0):
+        raise _wrong(f"{path}: the axis of {signal.name} does not increase", "sort the samples, remove repeated ones")
+    return signal
+
+
+def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
+    return np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)
+
+
+def _holds(name: str, wanted: str) -> bool:
+    return bool(re.search(rf"(?<![a-z0-9]){re.escape(wanted.lower())}(?![a-z0-9])", name.lower().replace("_", " ")))
+
+
+def _is_of(name: str, spoken: str) -> bool:
+    text = name.lower().replace("_", " ")
+    other = {"displacement": "absolute displacement"}.get(spoken)
+    return spoken in text and (other is None or other not in text)
+
+
+def _wrong(message: str, remedy: str) -> ScenarioError:
+    return ScenarioError(Problem("", message, remedy))
+
+
+def _read_csv(path: Path) -> list[MeasuredSignal]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise _wrong(f"{path} is not text in UTF-8", "export it as CSV again") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise _wrong(f"{path} holds no data", "export the measurement again")
+    delimiter = max((",", ";", "\t"), key=lambda mark: lines[0].count(mark))
+    if lines[0].count(delimiter) == 0:
+        delimiter = " "
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
+    header = rows[0] if not _is_number(rows[0][0], delimiter) else [f"column {k + 1}" for k in range(len(rows[0]))]
+    body = rows[1:] if header is rows[0] else rows
+    if not body:
+        raise _wrong(f"{path} has a header and no samples", "export the measurement again")
+    values = np.empty((len(body), len(header)))
+    for i, row in enumerate(body):
+        if len(row) != len(header):
+            raise _wrong(f"{path}: sample {i + 1} has {len(row)} values, and there are {len(header)} columns", "")
+        for j, cell in enumerate(row):
+            try:
+                values[i, j] = float(cell.replace(",", ".") if delimiter != "," else cell)
+            except ValueError:
+                raise _wrong(
+                    f"{path}: sample {i + 1} of {header[j]} is {cell!r}, no number",
+                    "give numbers only below the header",
+                ) from None
+    if values.shape[1] < 2:
+        raise _wrong(f"{path} has one column", "put the time in the first column and the signal in the next")
+    of_frequency = _bare(header[0]) in _FREQUENCY_NAMES
+    return [
+        MeasuredSignal(name, values[:, 0], values[:, j], of_frequency, _unit_of(name), str(path))
+        for j, name in enumerate(header)
+        if j > 0
+    ]
+
+
+def _is_number(cell: str, delimiter: str) -> bool:
+    try:
+        float(cell.replace(",", ".") if delimiter != "," else cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _bare(name: str) -> str:
+    return name.strip().lower()
+
+
+def _unit_of(name: str) -> str:
+    """The unit that a column's name ends in: ``tip (g)``, ``tip [mm]``, ``tip_m/s^2``."""
+    match = re.search(r"[(\[]([^)\]]+)[)\]]\s*$", name)
+    if match:
+        return match[1].strip()
+    return next((unit for ending, unit in _UNIT_ENDINGS.items() if name.lower().endswith(ending)), "")
+
+
+def _read_hdf5(path: Path) -> list[MeasuredSignal]:
+    import h5py
+
+    found: list[MeasuredSignal] = []
+    try:
+        file = h5py.File(path, "r")
+    except OSError:
+        raise _wrong(f"{path} is not an HDF5 file, or damaged", "check how it was written") from None
+    with file:
+        datasets: dict[str, Any] = {}
+        file.visititems(lambda name, item: datasets.__setitem__(name, item) if isinstance(item, h5py.Dataset) else None)
+        for name, item in datasets.items():
+            if item.ndim != 1 or item.size < 2 or not np.issubdtype(item.dtype, np.number):
+                continue
+            axis, of_frequency = _axis_of(name, item, datasets)
+            if axis is None or axis == name or datasets[axis].shape != item.shape:
+                continue
+            unit = str(item.attrs.get("units", ""))
+            x = np.asarray(datasets[axis][()], dtype=float)
+            y = item[()]
+            y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
+            label = re.sub(r"^(probes|snubbers|spectra)/", "", name).replace("/", " ")
+            found.append(MeasuredSignal(label, x, y, of_frequency, unit, str(path)))
+    return found
+
+
+def _axis_of(name: str, item: Any, datasets: dict[str, Any]) -> tuple[str | None, bool]:
+    """The dataset that is the axis of another: its dimension scale, else time or frequency beside or above it."""
+    if len(item.dims[0]):
+        scale = item.dims[0][0].name.lstrip("/")
+        label = scale.rsplit("/", 1)[-1].lower()
+        if label in _TIME_NAMES or label in _FREQUENCY_NAMES:
+            return scale, label in _FREQUENCY_NAMES
+        return None, False
+    folder = name.rsplit("/", 1)[0] if "/" in name else ""
+    while True:
+        for other in datasets:
+            parent, _, last = other.rpartition("/")
+            if parent == folder and last.lower() in (*_TIME_NAMES, *_FREQUENCY_NAMES):
+                return other, last.lower() in _FREQUENCY_NAMES
+        if not folder:
+            return None, False
+        folder = folder.rpartition("/")[0]
+
+
+def _read_uff(path: Path) -> list[MeasuredSignal]:
+    import warnings
+
+    import pyuff
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            file = pyuff.UFF(str(path))
+            kinds = file.get_set_types()
+            sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
+    except Exception as error:
+        # pyuff raises bare exceptions of every kind on damaged files.
+        raise _wrong(f"{path} cannot be read as a universal file ({error})", "export dataset 58 again") from None
+    if not sets:
+        raise _wrong(f"{path} holds no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
+    return [_of_uff(item, path) for item in sets]
+
+
+def _of_uff(item: dict[str, Any], path: Path) -> MeasuredSignal:
+    of_frequency = int(item.get("abscissa_spec_data_type", 17)) == 18
+    y = np.asarray(item["data"])
+    y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
+    unit = str(item.get("ordinate_axis_units_lab", "")).strip()
+    if unit.upper() in ("", "NONE"):
+        unit = _UFF_UNITS.get(int(item.get("ordinate_spec_data_type", 0)), "")
+    name = next(
+        (
+            text
+            for key in ("id1", "rsp_ent_name")
+            if (text := str(item.get(key, "")).strip()) and text.upper() != "NONE"
+        ),
+        f"node {item.get('rsp_node', 0)}",
+    )
+    return MeasuredSignal(name, np.asarray(item["x"], dtype=float), y, of_frequency, unit, str(path))

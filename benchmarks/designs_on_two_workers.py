@@ -1,0 +1,58 @@
+"""A design grid on one worker and on two: wall time, processor time, and whether the tables are the same bits.
+
+    python benchmarks/designs_on_two_workers.py [points per axis]
+
+The grid takes 20 s or more on one worker. The load of the machine before each measurement is printed with it: on a
+busy machine the ratio of wall times says little, and the share of a processor that the workers got says why.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from beamsim import load_scenario
+from beamsim.analyses.designs import check_cases, design_study, plan_designs
+
+CONFIG = Path(__file__).parents[1] / "configs" / "design_stiffness_gap.yaml"
+WORKERS = (1, 2)
+REPEATS = 2
+
+
+def main(points: int) -> None:
+    changes = {f"vary.parameters[{k}].points": points for k in range(2)}
+    plan = plan_designs(load_scenario(CONFIG, changes | {"run.sample_rate": "20 kHz"}))
+    check_cases(plan)
+    print(f"{len(plan.tasks)} cases: {plan.scenario.title}")
+    walls: dict[int, list[float]] = {workers: [] for workers in WORKERS}
+    tables = {}
+    for _ in range(REPEATS):
+        for workers in WORKERS:
+            load = os.getloadavg()[0]
+            children = os.times()
+            begin = time.perf_counter()
+            result = design_study(plan, workers=workers)
+            wall = time.perf_counter() - begin
+            now = os.times()
+            spent = now.children_user + now.children_system - children.children_user - children.children_system
+            walls[workers].append(wall)
+            tables[workers] = result
+            assert result.complete, result.status
+            print(
+                f"  {workers} worker{'s' * (workers > 1)}: wall {wall:6.2f} s, processor time of the cases "
+                f"{result.summary['processor_time_s']:6.2f} s, of the workers with their start {spent:6.2f} s "
+                f"({spent / wall / workers:.0%} of a processor each), load before {load:.2f}"
+            )
+    one, two = (min(walls[workers]) for workers in WORKERS)
+    print(f"  two workers are {one / two:.2f} times as fast as one (best of {REPEATS})")
+    for name, response in tables[1].responses.items():
+        np.testing.assert_array_equal(response.values, tables[2].responses[name].values, err_msg=name)
+    print("  the tables are the same bits")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 12)

@@ -1,0 +1,47 @@
+"""Periodic motions: processor time of the thesis's nonlinear modes and of the field's two-mass response curve.
+
+    python benchmarks/periodic_orbits.py
+
+One process, processor time after compilation, the best of three. The right-hand column is what it took in 2010
+(thesis, chapter 3), or the limit the project sets itself.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
+
+import beamsim
+from beamsim.analyses.frequency_response import frequency_response
+from beamsim.analyses.nnm import nnm
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+JOBS = (
+    ("nnm_thesis_mode_1", nnm, "20 h in 2010"),
+    ("nnm_first", nnm, "1 s"),
+    ("nnm_chain_mass_5", nnm, "4.65 min in 2010"),
+    ("nnm_chain_mass_1", nnm, "8.25 min in 2010"),
+    ("chain_cubic", nnm, "6.6 min in 2010"),
+    ("chain_two_dof", frequency_response, "1 s"),
+    ("continuation_60_120hz", frequency_response, ""),
+)
+
+
+def main() -> None:
+    print(f"{'case':<24}{'points':>8}{'processor time':>18}   against")
+    for name, analysis, against in JOBS:
+        scenario = beamsim.load_scenario(CONFIGS / f"{name}.yaml")
+        best = None
+        for _ in range(4):
+            begin = time.process_time()
+            result = analysis(scenario)
+            spent = time.process_time() - begin
+            best = spent if best is None else min(best, spent)
+        print(f"{name:<24}{result.summary['points']:>8}{best:>16.3f} s   {against}")
+
+
+if __name__ == "__main__":
+    main()

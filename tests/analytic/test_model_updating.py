@@ -1,0 +1,155 @@
+"""The beam's own parameters from frequencies measured without the snubber."""
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.identify import identify_stiffness
+from beamsim.analyses.model_updating import mac_matrix
+from beamsim.errors import ScenarioError
+from beamsim.model.contact_point import free_frequencies, mode_shapes
+from beamsim.scenario import load_scenario
+from beamsim.scenario.parameters import find_parameters, value_at, with_values
+
+BASE = {
+    "beam": {
+        "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 10,
+        "point_masses": [{"position": 0.135, "mass": 0.004}, {"position": 0.27, "mass": 0.004}],
+    },
+    "snubbers": [{"name": "tip", "position": 0.27, "side": "below", "stiffness": 150e3}],
+}  # fmt: skip
+
+
+def case(measured, update, **section):
+    return load_scenario(
+        {
+            **BASE,
+            "identify_stiffness": {"snubber": "tip", "measured_without": list(measured), "update": update, **section},
+        }
+    )
+
+
+def frequencies(count=3, **changes):
+    return free_frequencies(load_scenario({**BASE}, changes), count)
+
+
+def test_parameters_come_back_from_their_own_frequencies():
+    measured = frequencies(4, **{"beam.youngs_modulus": 73e9, "beam.point_masses": [
+        {"position": 0.135, "mass": 0.007}, {"position": 0.27, "mass": 0.007}]})  # fmt: skip
+    result = identify_stiffness(case(measured, ["beam.youngs_modulus", "beam.point_masses[*].mass"]))
+    values = {p.parameter: p.value for p in result.update.parameters}
+    assert values == pytest.approx({"beam.youngs_modulus": 73e9, "beam.point_masses[*].mass": 0.007}, rel=1e-6)
+    assert result.update.misfit_after < 1e-9 * result.update.misfit_before
+    assert np.abs(result.without_snubber.difference_percent[:4]).max() < 1e-6
+    assert result.update.scenario.beam.youngs_modulus == pytest.approx(73e9)
+
+
+def test_the_snubber_is_identified_with_the_updated_beam():
+    true = load_scenario(BASE, {"beam.youngs_modulus": 75e9})
+    from beamsim.model.contact_point import snubber_point
+
+    contact = snubber_point(true, "tip").frequencies(2e5, 1) / (2 * np.pi)
+    section = {"measured_with": contact.tolist()}
+    blind = identify_stiffness(case(free_frequencies(true, 3), [], **section))
+    informed = identify_stiffness(case(free_frequencies(true, 3), ["beam.youngs_modulus"], **section))
+    assert abs(blind.estimate.stiffness / 2e5 - 1) > 0.05
+    assert informed.estimate.stiffness == pytest.approx(2e5, rel=1e-6)
+
+
+def test_one_unknown_has_the_closed_form_deviation():
+    """f is proportional to sqrt(E): with m frequencies of relative deviation s, E has 2 s / sqrt(m)."""
+    result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus"], uncertainty="0.2 %"))
+    (modulus,) = result.update.parameters
+    assert modulus.standard_deviation / modulus.value == pytest.approx(2 * 0.002 / np.sqrt(3), rel=1e-5)
+    (profile,) = result.update.profiles
+    assert profile.misfit.min() == pytest.approx(0, abs=1e-6)
+    z = (profile.value - modulus.value) / modulus.standard_deviation
+    assert profile.misfit == pytest.approx(z**2, rel=0.05, abs=1e-6)
+
+
+def test_a_prior_holds_what_the_frequencies_cannot():
+    measured = frequencies(3, **{"beam.youngs_modulus": 76e9})
+    free = case(
+        measured, ["beam.youngs_modulus", {"parameter": "beam.thickness", "prior": "0.1 %"}], uncertainty="0.2 %"
+    )
+    found = {p.parameter: p for p in identify_stiffness(free).update.parameters}
+    assert found["beam.youngs_modulus"].value == pytest.approx(76e9, rel=5e-3)
+    assert found["beam.thickness"].value == pytest.approx(0.005, rel=1e-3)
+
+
+def test_what_cannot_be_told_apart_is_named():
+    result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus", "beam.width"]))
+    assert not [w for w in result.warnings if "told apart" in w and "cannot" in w]  # the point masses tell them apart
+    bare = load_scenario(
+        case(frequencies(3, **{"beam.point_masses": []}), ["beam.youngs_modulus", "beam.density"]),
+        {"beam.point_masses": []},
+    )
+    result = identify_stiffness(bare)
+    assert any("beam.youngs_modulus and beam.density cannot be told apart" in w for w in result.warnings)
+
+
+def test_bounds_are_kept_and_reported():
+    measured = frequencies(3, **{"beam.youngs_modulus": 80e9})
+    bounded = case(measured, [{"parameter": "beam.youngs_modulus", "bounds": ["60 GPa", "72 GPa"]}])
+    result = identify_stiffness(bounded)
+    (modulus,) = result.update.parameters
+    assert modulus.value == pytest.approx(72e9, rel=1e-5)
+    assert modulus.at_bound
+    assert any("on its bound" in w for w in result.warnings)
+
+
+def test_supports_are_chosen_by_trying_them():
+    measured = frequencies(3, **{"beam.supports": {"left": "pinned", "right": "guided"}})
+    result = identify_stiffness(case(measured, ["beam.supports.left", "beam.supports.right"]))
+    assert result.update.choices == {"beam.supports.left": "pinned", "beam.supports.right": "guided"}
+    assert len(result.update.alternatives) == 16
+    assert result.update.misfit_after < 1e-10
+
+
+def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
+    positions = (0.05, 0.1, 0.15, 0.2, 0.27)
+    _, shapes = mode_shapes(load_scenario(BASE), 3, positions)
+    assert np.diag(mac_matrix(-3 * shapes, shapes)) == pytest.approx(np.ones(3))
+    assert mac_matrix(np.array([[1.0, 0.0]]), np.array([[0.0, 2.0]])) == pytest.approx(np.zeros((1, 1)))
+    swapped = {"positions": list(positions), "shapes": shapes[[1, 0, 2]].tolist()}
+    result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus"], shapes_without=swapped))
+    assert result.mac.shape == (3, 3)
+    assert sum("check the order of the modes" in w for w in result.warnings) == 2
+
+
+def test_more_unknowns_than_measurements():
+    with pytest.raises(ScenarioError, match="asks for 2 unknowns without prior from 1 measured frequency"):
+        case(frequencies(1), ["beam.youngs_modulus", "beam.density"])
+
+
+@pytest.mark.parametrize(
+    ("update", "says"),
+    [
+        (["beam.youngs"], "did you mean youngs_modulus"),
+        (["beam.point_masses"], r"add \[\*\]"),
+        (["beam.point_masses[7].mass"], "has 2 items"),
+        (["snubbers.tap.gap"], "the names are tip"),
+        (["beam.point_masses[*].mass", "beam.point_masses[1].mass"], "sought twice"),
+        ([{"parameter": "beam.length", "bounds": ["1 g", "2 g"]}], "must be a length, not a mass|must be a length"),
+        ([{"parameter": "beam.length", "bounds": [0.3, 0.2]}], "is empty"),
+        ([{"parameter": "beam.length", "bounds": [0.3, 0.4]}], "does not hold the scenario's value"),
+        ([{"parameter": "beam.length", "bounds": [0.3]}], "has 1 value"),
+        ([{"parameter": "beam.supports.left", "prior": 0.1}], "is a choice between"),
+        ([{"parameter": "beam.length", "prior": 0.1}], "is to be weighed against"),
+        (["title"], "is not a number|has no value"),
+    ],
+)
+def test_wrong_parameters_are_explained(update, says):
+    with pytest.raises(ScenarioError, match=says) as caught:
+        case(frequencies(3), update)
+    assert all(p.path.startswith("identify_stiffness") for p in caught.value.problems)
+
+
+def test_paths_read_and_write_every_place():
+    scenario = load_scenario(BASE)
+    places = find_parameters(scenario, "beam.point_masses[*].mass")
+    assert [value_at(scenario, place) for place in places] == [0.004, 0.004]
+    changed = with_values(scenario, {places[1]: 0.009})
+    assert [m.mass for m in changed.beam.point_masses] == [0.004, 0.009]
+    assert [m.mass for m in scenario.beam.point_masses] == [0.004, 0.004]
+    (place,) = find_parameters(scenario, "snubbers.tip.stiffness")
+    assert value_at(scenario, place) == 150e3

@@ -1,0 +1,238 @@
+"""``beamsim sweep``: files, summary, plots, exit codes, and sweeps that are killed and resumed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+from typer.testing import CliRunner
+
+from beamsim.analyses.sweep import sweep
+from beamsim.cli.app import app
+from beamsim.errors import ResultFileError
+from beamsim.plots.sweep import sweep_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.sweep import open_sweep, write_sweep
+
+CASE = """
+title: Two masses and a stop
+chain:
+  masses: [1, 1]
+  springs: [1, 1, 1]
+  dashpots: [0.05, 0.05, 0.05]
+  snubbers: [{name: stop, mass: 1, side: above, stiffness: 20, gap: 0.3}]
+excitation: {kind: harmonic, applied_to: {mass: 2}, level: 0.2 N, frequency: 0.2 Hz}
+probes: [{name: first, mass: 1}, {name: second, mass: 2}]
+sweep: {kind: swept_sine, from: 0.1, to: 0.4, rate: 1 oct/min, direction: both, levels: [0.1, 0.3]}
+"""
+STEPPED = "sweep={kind: stepped, from: 0.1, to: 0.4, points: 9, direction: both}"
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "case.yaml").write_text(CASE, encoding="utf-8")
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+
+
+def same(a, b):
+    """Two files hold the same datasets and the same numbers in the summary, processor and wall times aside."""
+    with h5py.File(a) as one, h5py.File(b) as two:
+        names = []
+        one.visit(names.append)
+        others = []
+        two.visit(others.append)
+        assert names == others
+        for name in names:
+            if isinstance(one[name], h5py.Dataset):
+                np.testing.assert_array_equal(one[name][()], two[name][()], err_msg=name)
+        skip = {"processor_time_s", "created", "wall_time_s"}
+        for group in ("/", "summary", "work"):
+            for key, value in one[group].attrs.items():
+                if key not in skip:
+                    assert value == two[group].attrs[key], key
+
+
+@pytest.mark.parametrize("kind", ["swept_sine", "stepped"])
+def test_sweep_writes_prints_and_draws(here, kind):
+    options = [] if kind == "swept_sine" else ["--set", STEPPED]
+    done = call("case.yaml", *options)
+    assert done.exit_code == 0, done.output
+    assert "peaks of first" in done.output
+    assert "Hz" in done.output
+    with h5py.File("case.h5") as file:
+        assert file.attrs["command"] == "sweep"
+        assert file.attrs["status"] == "complete"
+        group = file["down_0"]
+        for name in ("peak_displacement", "max_displacement", "rms_displacement", "peak_absolute_acceleration"):
+            data = group[f"probes/first/{name}"]
+            assert data.shape == group["frequency_hz"].shape
+            assert data.attrs["units"]
+            assert data.dims[0].keys() == ["frequency_hz"]
+        assert group["snubbers/stop/peak_force"].shape == group["frequency_hz"].shape
+        assert group["probes/first/harmonic_displacement_real"].shape == (5, group["frequency_hz"].size)
+    pictures = {path.name for path in Path().glob("*.png")}
+    assert {"case_response_0.png", "case_waterfall.png", "case_contact.png", "case_contact_levels.png"} <= pictures
+    assert ("case_steady_states.png" in pictures) is (kind == "stepped")
+    with xarray.open_dataset("case.h5", group="up_0", engine="h5netcdf") as data:
+        assert data["frequency_hz"].attrs["units"] == "Hz"
+    again = CliRunner().invoke(app, ["plot", "case.h5", "-o", "again"])
+    assert again.exit_code == 0, again.output
+    assert {path.name for path in Path("again").iterdir()} == pictures
+    told = CliRunner().invoke(app, ["info", "case.h5"])
+    assert told.exit_code == 0
+    assert "peaks of first" in told.output
+
+
+def test_json_has_the_fixed_names(here):
+    done = call("case.yaml", "--json", "--no-plots")
+    assert done.exit_code == 0
+    summary = json.loads(done.stdout)
+    assert {"peaks", "cycles", "processor_time_s"} <= set(summary)
+    assert {"frequency_hz", "value_m", "kind", "direction", "level"} <= set(summary["peaks"][0])
+    assert not list(Path().glob("*.png"))
+
+
+def test_what_is_read_is_what_was_written(here):
+    for override in (STEPPED, "sweep.history_rate=20 Hz"):
+        result = sweep(load_scenario("case.yaml", [override]))
+        write_sweep(result, "x.h5")
+        stored = open_sweep("x.h5")
+        assert list(stored.curves) == list(result.curves)
+        assert stored.peaks == result.peaks
+        assert stored.levels == result.levels
+        assert stored.summary.keys() == result.summary.keys()
+        for name, curve in result.curves.items():
+            np.testing.assert_array_equal(
+                stored.curves[name].displacement["first"].harmonics, curve.displacement["first"].harmonics
+            )
+            np.testing.assert_array_equal(stored.curves[name].force["stop"].peak, curve.force["stop"].peak)
+            if curve.steady is not None:
+                assert stored.curves[name].steady.kind == curve.steady.kind
+        for index, history in result.histories.items():
+            np.testing.assert_array_equal(stored.histories[index].force["stop"], history.force["stop"])
+        assert stored.scenario == result.scenario
+        assert set(sweep_figures(stored)) == set(sweep_figures(result))
+
+
+def test_history_and_envelope_agree(here):
+    result = sweep(load_scenario("case.yaml", ["sweep.history_rate=200 Hz"]))
+    history, curve = result.histories[1], result.curves["up_1"]
+    for cycle in (3, 15, curve.time.size - 2):
+        inside = (history.time >= curve.time[cycle]) & (history.time < curve.time[cycle + 1])
+        w = history.displacement["first"][inside]
+        assert curve.displacement["first"].maximum[cycle] == pytest.approx(w.max(), rel=2e-3, abs=1e-6)
+        assert curve.displacement["first"].maximum[cycle] >= w.max() - 1e-12
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("sweep.to=0.1", "where the sweep begins"),
+        ("sweep.rate=0 oct/min", "must be positive"),
+        ("sweep.rate=1", "needs a unit"),
+        ("sweep.to=0.05", "lies below"),
+        ("sweep.orders=[0.37]", "no order"),
+        ("sweep.rate=1e-9 oct/min", "cycles"),
+        ("sweep.rate=1e9 oct/min", "more slowly"),
+        ("sweep.tolerance=1e-30", "cannot be kept"),
+        ("sweep.profile=[{frequency: 1, level: 1}, {frequency: 0.5, level: 1}]", "does not lie above"),
+        ("sweep.notches=[{from: 2, to: 1, level: 1}]", "does not lie above"),
+        ("sweep.history_rate=1e9", "samples"),
+        ("chain.springs_to_ground=[{mass: 1, kind: cubic, stiffness: 1}]", "no closed form"),
+        ("sweep={profile: [{frequency: 0.1, level: 1 g}], levels: []}", "a level of acceleration"),
+        ("sweep={profile: [{frequency: 0.1, level: 1 N}], levels: [2 N]}", "multiplies"),
+        ("sweep.notches=[{from: 0.1, to: 0.2, level: 1 mm}]", "a level of displacement"),
+        ("sweep=null", "missing"),
+    ],
+)
+def test_nonsense_is_refused_with_a_remedy(here, override, words):
+    done = call("case.yaml", "--set", override)
+    assert done.exit_code == 2, done.output
+    assert words in done.stderr
+    assert not Path("case.h5").exists()
+
+
+def test_a_limit_that_is_exceeded_ends_with_4(here):
+    done = call("case.yaml", "--check", "--no-plots", "--set", "limits={peak_force: 1000 N}")
+    assert done.exit_code == 0, done.output
+    assert "margin" in done.output
+    done = call("case.yaml", "--check", "--no-plots", "--set", "limits={peak_force: 1 mN}")
+    assert done.exit_code == 4
+    assert Path("case.h5").exists()
+
+
+def test_profile_and_notch(here):
+    profile = "sweep.profile=[{frequency: 0.1, level: 0.2 N}, {frequency: 0.2, level: 0.4 N}]"
+    done = call("case.yaml", "--no-plots", "--set", profile, "--set", "sweep.levels=[]", "--set",
+                "sweep.notches=[{from: 0.3, to: 0.35, level: 0.05 N}]")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    with h5py.File("case.h5") as file:
+        f, a = file["up_0/frequency_hz"][()], file["up_0/excitation_amplitude"][()]
+    np.testing.assert_allclose(a, np.where(f < 0.2, 0.2, np.where((f >= 0.3) & (f < 0.35), 0.05, 0.4)))
+
+
+def test_resume_of_what_is_complete_and_of_another_scenario(here):
+    assert call("case.yaml", "--no-plots", "-o", "a.h5").exit_code == 0
+    first = open_sweep("a.h5")
+    assert call("case.yaml", "--no-plots", "-o", "a.h5", "--resume").exit_code == 0
+    assert open_sweep("a.h5").work == first.work  # nothing was computed again
+    done = call("case.yaml", "--no-plots", "-o", "a.h5", "--resume", "--set", "sweep.to=0.3")
+    assert done.exit_code == 2
+    assert "another scenario" in done.stderr
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_killed_sweep_is_resumed_to_the_same_datasets(here, seed):
+    many = "sweep.levels=[" + ", ".join(f"{0.1 + 0.02 * k:.2f}" for k in range(12)) + "]"
+    slower = "sweep.rate=0.1 oct/min"
+    command = [
+        sys.executable,
+        "-m",
+        "beamsim",
+        "sweep",
+        "case.yaml",
+        "--no-plots",
+        "-q",
+        "--set",
+        many,
+        "--set",
+        slower,
+    ]
+    subprocess.run([*command, "-o", "whole.h5"], check=True, timeout=300)
+    process = subprocess.Popen([*command, "-o", "killed.h5"])
+    wait = time.monotonic() + 60
+    while not Path("killed.h5").exists() and time.monotonic() < wait:
+        time.sleep(0.01)
+    time.sleep(np.random.default_rng(seed).uniform(0.0, 1.0))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = len(open_sweep("killed.h5").levels)
+    subprocess.run([*command, "-o", "killed.h5", "--resume"], check=True, timeout=300)
+    assert 1 <= before <= 12
+    same("whole.h5", "killed.h5")
+    leftovers = [name for name in os.listdir() if name.startswith(".beamsim-")]
+    assert len(leftovers) <= 1  # what was being written when it was killed
+
+
+def test_files_that_are_no_sweeps(here):
+    Path("x.h5").write_bytes(b"no")
+    with pytest.raises(ResultFileError, match="damaged"):
+        open_sweep("x.h5")
+    with pytest.raises(ResultFileError, match="no such"):
+        open_sweep("y.h5")
+    with h5py.File("z.h5", "w") as file:
+        file.attrs["command"] = "run"
+    with pytest.raises(ResultFileError, match="no sweep"):
+        open_sweep("z.h5")

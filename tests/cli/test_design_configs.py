@@ -1,0 +1,72 @@
+"""The shipped design studies, each with fewer cases and a shorter run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.designs import check_cases, design_study, plan_designs
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+STUDIES = [
+    path for path in sorted(CONFIGS.glob("*.yaml")) if (s := beamsim.load_scenario(path)).vary and s.sweep is None
+]
+
+
+def shortened(path, count=3):
+    vary = beamsim.load_scenario(path).vary
+    changes = {"run.duration": "0.1 s", "run.spectrum.last": "0.05 s"}
+    if vary.kind == "latin_hypercube":
+        changes["vary.samples"] = 4
+    for index, parameter in enumerate(vary.parameters):
+        if getattr(parameter, "points", 0) > count:
+            changes[f"vary.parameters[{index}].points"] = count
+    return beamsim.load_scenario(path, changes)
+
+
+def test_there_are_studies():
+    assert {"design_stiffness_gap", "design_tolerances", "spring_position"} <= {path.stem for path in STUDIES}
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_study_runs_in_a_shortened_form(path):
+    check_cases(plan_designs(beamsim.load_scenario(path)))
+    result = design_study(shortened(path), workers=2)
+    assert result.complete, result.status
+    assert all(np.isfinite(r.values).all() for r in result.responses.values() if r.values.shape == result.shape)
+    assert result.responses["energy_error"].values.max() < 1e-8
+
+
+def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_maximum():
+    """Proposition 1.3.1 of the thesis: the frequency moves with the square of the mode shape at the spring."""
+    scenario = shortened(CONFIGS / "spring_position.yaml", 7)
+    result = design_study(scenario, workers=2)
+    closed = result.responses["closed_frequencies_hz"].values[:, 0, :2]
+    opened = result.responses["open_frequencies_hz"].values[:, 0, :2]
+    assert np.all(closed[:, 0] > opened[:, 0])
+    assert closed[:, 0].argmax() not in (0, 6)
+    assert np.all(np.diff(closed[:4, 0]) > 0)
+    node = 0.783 * 0.27  # of the second mode of a cantilever
+    nearest = np.abs(result.coordinates[0].values - node).argmin()
+    assert (closed[:, 1] - opened[:, 1]).argmin() in (nearest - 1, nearest, nearest + 1)
+    np.testing.assert_allclose(result.responses["closed_frequencies_hz"].values.std(axis=1)[..., 0], 0.0, atol=1e-9)
+
+
+def test_homogeneity_in_the_tolerance_study_of_zero_gap():
+    """With no gap doubling the level doubles every force exactly, in every case of a sample."""
+    changes = {
+        "run.duration": "0.1 s",
+        "run.spectrum": {"last": "0.05 s"},
+        "vary": {
+            "kind": "latin_hypercube",
+            "samples": 3,
+            "parameters": [{"path": "snubbers.tip.stiffness", "tolerance": "20 %"}],
+        },
+    }
+    path = CONFIGS / "design_tolerances.yaml"
+    one = design_study(beamsim.load_scenario(path, changes), workers=1)
+    two = design_study(beamsim.load_scenario(path, changes | {"excitation.level": "4 g"}), workers=1)
+    force = "snubbers/tip/peak_force"
+    np.testing.assert_allclose(two.responses[force].values, 2.0 * one.responses[force].values, rtol=1e-9)
+    assert np.ptp(one.responses[force].values) > 0.0

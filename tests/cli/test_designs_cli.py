@@ -1,0 +1,354 @@
+"""`beamsim sweep` with `vary:`, `--check`, and going on after being killed."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+from beamsim.store.designs import open_designs
+
+CASE = """\
+title: Small study
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
+  damping: {kind: modal, ratio: 1 %}}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s}
+limits: {peak_force: 20 N, bending_stress: 80 MPa}
+vary:
+  kind: grid
+  parameters:
+    - {path: snubbers.tip.stiffness, values: [50 kN/m, 200 kN/m]}
+    - {path: snubbers.tip.gap, from: 0 mm, to: 0.3 mm, points: 3}
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "case.yaml").write_text(CASE)
+    return tmp_path
+
+
+@pytest.fixture
+def call(here):
+    def run(*arguments):
+        return CliRunner().invoke(app, [str(a) for a in arguments])
+
+    return run
+
+
+def datasets(path):
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    return found
+
+
+def assert_same_datasets(one, other):
+    one, other = datasets(one), datasets(other)
+    assert set(one) == set(other)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name], err_msg=name)
+
+
+# --- success ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_study_leaves_its_file_and_maps_and_prints_margins(call, here):
+    done = call("sweep", "case.yaml", "--workers", 1)
+    assert done.exit_code == 0, done.output
+    assert set(os.listdir(here)) == {"case.yaml", "case.h5", "case_maps.png"}
+    for text in ("grid of 2 x 3, each a run", "snubbers.tip.gap: 0 m to 0.3 mm, 3 values", "EXCEEDED, margin -",
+                 "peak force exceeded in", "of 6 cases, most with snubbers.tip.stiffness = 200 kN/m",
+                 "tip peak force", "case_maps.png"):  # fmt: skip
+        assert text in done.stdout, text
+    assert open_designs("case.h5").complete
+
+
+def test_json_is_alone_on_standard_output(call, here):
+    done = call("sweep", "case.yaml", "--workers", 1, "--json", "--no-plots", "-o", "deep/out.h5")
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout, parse_constant=lambda _: pytest.fail("NaN is no JSON"))
+    assert summary["cases"] == summary["solved"] == 6
+    assert summary["margins"]["peak_force"]["parameters"]["snubbers.tip.stiffness"] == 200e3
+    assert summary["files"] == ["deep/out.h5"]
+
+
+def test_check_ends_with_4_when_a_limit_is_exceeded(call):
+    arguments = ("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "--check")
+    done = call(*arguments)
+    assert done.exit_code == 4
+    assert "peak force = " in done.stderr
+    assert "exceeds limits.peak_force = 20 N" in done.stderr
+    assert call(*arguments, "--set", "limits.peak_force=200 N").exit_code == 0
+
+
+def test_check_of_a_run(call):
+    arguments = ("run", "case.yaml", "--no-plots", "--check")
+    done = call(*arguments)
+    assert done.exit_code == 0, done.output
+    assert "margin +" in done.stdout
+    done = call(*arguments, "--set", "limits.peak_force=10 N", "--json")
+    assert done.exit_code == 4
+    assert json.loads(done.stdout)["margins"]["peak_force"]["exceeded"] is True
+    assert "exceeds limits.peak_force = 10 N" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_check_without_limits(command, call, here):
+    (here / "case.yaml").write_text(CASE.replace("limits:", "nnm: null\n#"))
+    done = call(command, "case.yaml", "--check")
+    assert done.exit_code == 2
+    assert "--check has nothing to check" in done.stderr
+    assert os.listdir(here) == ["case.yaml"]
+
+
+def test_progress_and_partial_files_on_the_way(call, here, monkeypatch):
+    """Where there is no terminal, a line from time to time says what remains; the file is brought up to date."""
+    monkeypatch.setattr("beamsim.cli.designs.TOLD_EVERY_S", 0.0)
+    monkeypatch.setattr("beamsim.cli.designs.SAVED_EVERY_S", 0.0)
+    from beamsim.store import designs as store
+
+    written = []
+    real = store.write_designs
+    monkeypatch.setattr(
+        store, "write_designs", lambda result, path: written.append(result.status) or real(result, path)
+    )
+    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots")
+    assert done.exit_code == 0, done.output
+    lines = [line for line in done.stderr.splitlines() if "remain" in line]
+    assert lines[0].startswith("beamsim: 1 of 6 cases, about ")
+    assert lines[0].endswith(" s remain")
+    assert written == [*(f"{k} of 6 cases computed" for k in range(1, 6)), "complete", "complete"]
+    assert "remain" not in call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q").stderr
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(3.2, "3 s"), (600.0, "10 min"), (9000.0, "2.5 h")])
+def test_remaining_time_as_people_say_it(seconds, text):
+    from beamsim.cli.designs import _duration
+
+    assert _duration(seconds) == text
+
+
+# --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("values: [50 kN/m, 200 kN/m]", "values: []"), "vary.parameters[0].values is an empty list"),
+        (("snubbers.tip.stiffness", "snubbers.tp.stiffness"), "case.yaml:11: vary.parameters[0].path"),
+        (("values: [50 kN/m, 200 kN/m]", "from: 1, to: 2, points: 100000"), "asks for 3e+05 cases"),
+        (("to: 0.3 mm", "to: 0.3 kg"), "case.yaml:12: vary.parameters[1].to = 0.3 kg must be a length"),
+        (("snubbers.tip.gap, from: 0 mm, to: 0.3 mm", "snubbers.tip.position, from: 1 mm, to: 1 m"),
+         "case.yaml:8: vary with snubbers.tip.stiffness = 50000 N/m, snubbers.tip.position = 0.5005 m"),
+    ],
+)  # fmt: skip
+def test_nonsense_ends_with_2_where_it_stands(change, message, call, here):
+    text = CASE.replace(*change)
+    assert text != CASE
+    (here / "case.yaml").write_text(text)
+    (here / "case.h5").write_bytes(b"old")
+    for command in ("sweep", "validate"):
+        done = call(command, "case.yaml")
+        assert done.exit_code == 2, done.output
+        assert message in done.stderr
+        assert "Traceback" not in done.output
+    assert (here / "case.h5").read_bytes() == b"old"
+    assert set(os.listdir(here)) == {"case.yaml", "case.h5"}
+
+
+def test_neither_sweep_nor_vary(call, here):
+    (here / "case.yaml").write_text(CASE[: CASE.index("vary:")])
+    assert call("sweep", "case.yaml").exit_code == 2
+    for option in (("--workers", 2), ("--scheduler", "tcp://127.0.0.1:1")):
+        done = call("sweep", "case.yaml", *option)
+        assert done.exit_code == 2
+        assert f"vary is missing, and {option[0]}" in done.stderr
+
+
+def test_failed_cases_are_saved_around_and_end_with_3(call, here):
+    extra = "    - {path: run.max_events, values: [2, 1000000]}\n"
+    (here / "case.yaml").write_text(CASE + extra)
+    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots")
+    assert done.exit_code == 3
+    assert "6 of 12 cases failed, the first (case 1) because" in done.stderr
+    result = open_designs("case.h5")
+    assert result.solved.sum() == 6
+    assert not result.solved[..., 0].any()
+
+
+# --- going on ---------------------------------------------------------------------------------------------------------
+
+
+def test_resume_of_a_complete_study_computes_nothing(call, here, monkeypatch):
+    assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
+    before = (here / "case.h5").read_bytes()
+    monkeypatch.setattr("beamsim.analyses.designs.design_study", lambda *_, **__: pytest.fail("computed again"))
+    done = call("sweep", "case.yaml", "--resume")
+    assert done.exit_code == 0, done.output
+    assert "nothing is left to compute" in done.stderr
+    assert (here / "case.h5").read_bytes() == before
+
+
+@pytest.mark.parametrize("interrupt", [KeyboardInterrupt, MemoryError])
+def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monkeypatch):
+    from beamsim.analyses import designs
+
+    real = designs._solved
+
+    def interrupted(tasks, workers, scheduler):
+        for count, outcome in enumerate(real(tasks, workers, scheduler)):
+            if count == 2:
+                raise interrupt
+            yield outcome
+
+    assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots", "-o", "whole.h5").exit_code == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(designs, "_solved", interrupted)
+        done = call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots")
+        assert done.exit_code == (130 if interrupt is KeyboardInterrupt else 2)
+    assert "2 of 6 cases are in case.h5; --resume computes the others" in done.stderr
+    partial = open_designs("case.h5")
+    assert partial.status == "2 of 6 cases computed"
+    assert partial.solved.sum() == 2
+    other = call("sweep", "case.yaml", "--resume", "--set", "beam.thickness=4 mm", "--no-plots")
+    assert other.exit_code == 2
+    assert "belongs to another study" in other.stderr
+    done = call("sweep", "case.yaml", "--resume", "--workers", 1, "--no-plots")
+    assert done.exit_code == 0, done.output
+    assert "2 of 6 cases are known already" in done.stderr
+    assert_same_datasets("case.h5", "whole.h5")
+    assert not (here / "case.h5.partial").exists()
+
+
+def test_beginning_anew_says_what_it_gives_up(call, here, monkeypatch):
+    from beamsim.analyses.designs import plan_designs
+    from beamsim.analyses.designs_results import CaseOutcome
+    from beamsim.scenario import load_scenario
+    from beamsim.store.journal import Journal
+
+    plan = plan_designs(load_scenario("case.yaml"))
+    with Journal(here / "case.h5.partial", plan.fingerprint, resume=False) as journal:
+        journal.add(CaseOutcome(0, {"bending_stress": 1.0}))
+    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
+    assert done.exit_code == 0
+    assert "--resume would have kept 1 of 6 cases" in done.stderr
+    assert open_designs("case.h5").responses["bending_stress"].values.min() > 1.0
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, "-m", "beamsim", "sweep", *arguments, "-q", "--no-plots"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def children(parent):
+    found = []
+    for entry in os.listdir("/proc"):
+        try:
+            if entry.isdigit():
+                stat = Path(f"/proc/{entry}/stat").read_text()
+                if int(stat.rpartition(")")[2].split()[1]) == parent:
+                    found.append(int(entry))
+        except OSError:
+            continue
+    return found
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
+def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here):
+    longer = CASE.replace("points: 3", "points: 30").replace("0.05 s", "0.3 s")
+    (here / "case.yaml").write_text(longer)
+    rng = random.Random(20261121)
+    kills = 0
+    survivors = []
+    for attempt in range(4):
+        process = start("case.yaml", "--workers", "2", *(["--resume"] if attempt else []))
+        journal = here / "case.h5.partial"
+        lines = journal.read_bytes().count(b"\n") if journal.exists() else 1
+        wanted = lines + rng.randrange(3, 12)
+        deadline = time.monotonic() + 60.0
+        while process.poll() is None and time.monotonic() < deadline:
+            if journal.exists() and journal.read_bytes().count(b"\n") >= wanted:
+                break
+            time.sleep(0.002)
+        time.sleep(rng.uniform(0.0, 0.02))
+        workers = children(process.pid) if os.path.isdir("/proc") else []
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+            kills += 1
+            survivors += workers
+        process.communicate()
+    assert kills >= 3
+    known = (here / "case.h5.partial").read_bytes().count(b"\n") - 1
+    assert 0 < known < 60
+    done = call("sweep", "case.yaml", "--resume", "--workers", 2, "--no-plots", "-q")
+    assert done.exit_code == 0, done.output
+    assert call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "-o", "whole.h5").exit_code == 0
+    assert_same_datasets("case.h5", "whole.h5")
+    assert not [name for name in os.listdir(here) if name.endswith(".partial")]
+    deadline = time.monotonic() + 10.0
+    while [pid for pid in survivors if os.path.exists(f"/proc/{pid}")] and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not [pid for pid in survivors if os.path.exists(f"/proc/{pid}")], "workers outlived their parent"
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_keeps_what_there_is_and_is_obeyed_at_once(number, code, here):
+    long = CASE.replace("points: 3", "points: 90000").replace("[50 kN/m, 200 kN/m]", "[50 kN/m]")
+    (here / "case.yaml").write_text(long)
+    process = start("case.yaml", "--workers", "2")
+    journal = here / "case.h5.partial"
+    deadline = time.monotonic() + 60.0
+    while process.poll() is None and time.monotonic() < deadline:
+        if journal.exists() and journal.read_bytes().count(b"\n") > 5:
+            break
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == code, errors
+    assert "Traceback" not in errors
+    assert "--resume computes the others" in errors
+    assert journal.exists()
+
+
+# --- the result file again --------------------------------------------------------------------------------------------
+
+
+def test_info_plot_and_export_of_a_study(call, here):
+    assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
+    done = call("info", "case.h5")
+    assert done.exit_code == 0, done.output
+    assert "grid of 2 x 3" in done.stdout
+    assert json.loads(call("info", "case.h5", "--json").stdout)["cases"] == 6
+    assert json.loads(call("plot", "case.h5", "--json", "--format", "svg").stdout)["files"] == ["case_maps.svg"]
+    assert json.loads(call("export", "case.h5", "--format", "csv", "--json").stdout)["files"] == ["case.csv"]
+    assert (here / "case.csv").read_text().startswith("case,snubbers.tip.stiffness (N/m),snubbers.tip.gap (m),")
+    done = call("export", "case.h5", "--format", "uff")
+    assert done.exit_code == 2
+    assert "exported as csv" in done.stderr
+
+
+def test_check_refuses_limits_that_a_sweep_cannot_tell(call, here):
+    sweep = "sweep: {kind: swept_sine, from: 60 Hz, to: 70 Hz, rate: 60 oct/min}\n"
+    (here / "case.yaml").write_text(CASE + sweep)
+    done = call("sweep", "case.yaml", "--check")
+    assert done.exit_code == 2
+    assert "limits.bending_stress is not compared with a swept sine" in done.stderr
+    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
+    assert done.exit_code == 0, done.output
+    assert "warning: limits.bending_stress is not compared with a swept sine" in done.stderr
+    assert set(open_designs("case.h5").margins) == {"peak_force"}

@@ -1,0 +1,274 @@
+"""`beamsim identify-stiffness` and `beamsim compare` as a user meets them."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.analyses.steady import steady_vibration
+from beamsim.cli.app import app
+from beamsim.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+CASE = CONFIGS / "identify_snubber.yaml"
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        return CliRunner().invoke(app, [str(a) for a in arguments])
+
+    return run
+
+
+def section(text):
+    return f"extends: {CONFIGS / 'one_sided_65hz.yaml'}\nidentify_stiffness:\n  snubber: tip\n{text}"
+
+
+def test_prints_writes_and_draws(call, tmp_path):
+    done = call("identify-stiffness", CASE)
+    assert done.exit_code == 0, done.output
+    assert "153.59 kN/m" in done.output
+    assert "pinned" in done.output
+    made = {p.name for p in tmp_path.iterdir()}
+    assert made == {
+        "identify_snubber.h5", "identify_snubber_frequencies.png", "identify_snubber_residuals.png",
+        "identify_snubber_profiles.png",
+    }  # fmt: skip
+    with h5py.File(tmp_path / "identify_snubber.h5") as file:
+        assert file.attrs["command"] == "identify-stiffness"
+        assert file["stiffness"][()] == pytest.approx(153.59e3, rel=1e-3)
+        assert file["stiffness"].attrs["standard_deviation"] > 0
+        assert file["stiffness"].attrs["interval"].shape == (2,)
+        for name in ("measured_hz", "predicted_hz", "difference_percent"):
+            assert file["modes"][name].dims[0][0].name == "/modes/mode"
+        datasets = []
+        file.visititems(lambda name, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None)
+        assert all("units" in d.attrs and "long_name" in d.attrs for d in datasets)
+        again = load_scenario(file.attrs["scenario"])
+    assert again.identify_stiffness == load_scenario(CASE).identify_stiffness
+
+
+def test_json_has_the_fixed_names_and_nothing_else(call):
+    done = call("identify-stiffness", CASE, "--json", "--no-plots")
+    values = json.loads(done.stdout)
+    for name in (
+        "stiffness_n_per_m", "standard_deviation_n_per_m", "frequencies_with_hz", "frequencies_without_hz",
+        "pad_youngs_modulus_pa", "eigenvalue_solutions",
+    ):  # fmt: skip
+        assert name in values
+    assert values["files"] == ["identify_snubber.h5"]
+
+
+def test_info_and_plot_read_the_file_again(call, tmp_path):
+    first = call("identify-stiffness", CASE, "--no-plots")
+    again = call("info", "identify_snubber.h5")
+    assert again.exit_code == 0, again.output
+    assert again.output.splitlines()[:-1] == first.output.splitlines()[:-2]  # all but the files and the time
+    values = json.loads(call("info", "identify_snubber.h5", "--json").stdout)
+    assert values["stiffness_n_per_m"] == pytest.approx(153.59e3, rel=1e-3)
+    drawn = call("plot", "identify_snubber.h5", "--format", "svg")
+    assert drawn.exit_code == 0, drawn.output
+    assert {p.name for p in tmp_path.glob("*.svg")} == {
+        f"identify_snubber_{name}.svg" for name in ("frequencies", "residuals", "profiles")
+    }
+
+
+def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
+    done = call(
+        "identify-stiffness", CASE, "--no-plots", "--set", "identify_stiffness.method=thesis", "--set",
+        "identify_stiffness.tolerance=1e-7",
+    )  # fmt: skip
+    assert done.exit_code == 3
+    assert "jumped over" in done.output
+    assert (tmp_path / "identify_snubber.h5").is_file()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("  measured_with: [448 Hz, 196.5 Hz]\n", "were they swapped"),
+        ("  measured_with: [1234.6]\n", "rad/s"),
+        ("  measured_with: [0.1965]\n", "kHz"),
+        ("  measured_with: [51 Hz]\n", "52.394 Hz to 236.061 Hz"),
+        ("  measured_with: [196.5 mm]\n", "must be a frequency"),
+        ("  measured_with: [196.5]\n  fit_to: [2]\n", "measured_with has 1 frequency"),
+        ("  measured_with: [196.5]\n  fit_to: [1, 1]\n", "listed twice"),
+        ("  measured_with: [196.5]\n  uncertainty: 0.3\n", "write 0.3 % if that was meant"),
+        ("  fit_to: [1]\n", "nothing was measured"),
+        ("  measured_with: [196.5]\n  update: [beam.youngs_modulus]\n", "from 0 measured frequencies"),
+        ("  measured_with: [196.5, 448]\n  fit_to: [1, 2]\n  method: thesis\n", "fits one mode"),
+        ("  measured_with: [.nan]\n", "measured_with"),
+    ],
+)
+def test_mistakes_are_located_and_end_with_2(call, tmp_path, text, says):
+    case = tmp_path / "case.yaml"
+    case.write_text(section(text))
+    done = call("identify-stiffness", case)
+    assert done.exit_code == 2, done.output
+    assert says in done.output
+    assert f"{case}:" in done.output
+    assert "identify_stiffness." in done.output
+    assert not list(tmp_path.glob("*.h5"))
+
+
+def test_without_the_section(call):
+    done = call("identify-stiffness", CONFIGS / "one_sided_65hz.yaml")
+    assert done.exit_code == 2
+    assert "identify_stiffness is missing" in done.output
+
+
+NONLINEAR = """\
+  nonlinear:
+    estimate: [snubbers.tip.stiffness, snubbers.tip.gap]
+    starts: 1
+    profiles: false
+    tests:
+      - {file: FILE, probe: tip, quantity: absolute_acceleration, unit: g, harmonics: 5, frequency: 65 Hz}
+"""
+
+
+@pytest.fixture(scope="module")
+def history():
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers[0].gap": 1e-5})
+    harmonics = steady_vibration(scenario, harmonics=36).harmonics(0, "absolute_acceleration", 36)
+    time = np.arange(2000) / 5000.0
+    signal = np.imag(np.exp(2j * np.pi * 65.0 * np.outer(time + 0.004, np.arange(1, 37))) @ harmonics) / 9.80665
+    return time, signal + 0.01 * np.random.default_rng(0).standard_normal(time.size)
+
+
+def _write(path, time, signal):
+    if path.suffix == ".csv":
+        np.savetxt(path, np.column_stack([time, signal]), delimiter=",", header="time_s,tip (g)", comments="")
+    elif path.suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            file["time"], file["tip"] = time, signal
+    else:
+        import pyuff
+
+        pyuff.UFF(str(path)).write_sets(
+            {
+                "type": 58, "binary": 0, "func_type": 1, "rsp_ent_name": "tip", "rsp_node": 1, "rsp_dir": 3,
+                "ref_node": 0, "ref_dir": 0, "id1": "tip", "x": time, "data": signal, "abscissa_spacing": 1,
+                "abscissa_spec_data_type": 17, "ordinate_spec_data_type": 12, "ordinate_axis_units_lab": "g",
+                "orddenom_spec_data_type": 0,
+            },
+            mode="overwrite",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".h5", ".uff"])
+def test_nonlinear_parameters_from_a_file(call, tmp_path, history, suffix):
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    _write(folder / f"test{suffix}", *history)
+    case = folder / "case.yaml"
+    case.write_text(section(NONLINEAR.replace("FILE", f"test{suffix}")))
+    done = call("identify-stiffness", case, "--json", "-o", tmp_path / "out.h5")
+    assert done.exit_code == 0, done.output
+    values = json.loads(done.stdout)
+    for path, truth in (("snubbers.tip.stiffness", 151.1e3), ("snubbers.tip.gap", 1e-5)):
+        found = values["estimated"][path]
+        assert abs(found["value"] - truth) < 4 * found["standard_deviation"]
+    assert (tmp_path / "out_harmonics.png").is_file()
+    with h5py.File(tmp_path / "out.h5") as file:
+        assert file["nonlinear/parameter"].asstr()[()].tolist() == ["snubbers.tip.stiffness", "snubbers.tip.gap"]
+        assert file["nonlinear/tests/1/measured_real"].shape == (5,)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, "does not exist"),
+        ("", "is empty"),
+        ("time,tip\n", "no samples"),
+        ("time,tip\n0,1\n1,nan\n2,1\n", "no number at sample 2"),
+        ("time,tip\n0,1\n1,what\n", "no number"),
+        ("time,other,more\n0,1,1\n1,2,2\n2,3,3\n", "has no channel tip"),
+        ("time,tip\n0,1\n0,2\n0,3\n", "does not increase"),
+    ],
+)
+def test_unusable_files(call, tmp_path, content, says):
+    case = tmp_path / "case.yaml"
+    case.write_text(section(NONLINEAR.replace("FILE", "test.csv")))
+    if content is not None:
+        (tmp_path / "test.csv").write_text(content)
+    done = call("identify-stiffness", case)
+    assert done.exit_code == 2, done.output
+    assert says in done.output
+    assert "identify_stiffness.nonlinear.tests[0]" in done.output
+    assert f"{case}:" in done.output
+
+
+@pytest.fixture
+def run_file(call, tmp_path):
+    done = call(
+        "run", CONFIGS / "one_sided_65hz.yaml", "--no-plots", "-q", "--set", "snubbers[0].gap=0.01 mm", "--set",
+        "run.duration=1.6 s", "-o", tmp_path / "run.h5",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    return tmp_path / "run.h5"
+
+
+def test_compare_aligns_and_tabulates(call, tmp_path, run_file, history):
+    _write(tmp_path / "lab.uff", *history)
+    done = call("compare", run_file, tmp_path / "lab.uff", "--json", "--harmonics", 6)
+    assert done.exit_code == 0, done.output
+    (channel,) = json.loads(done.stdout)["comparisons"]
+    assert channel["place"] == "tip"
+    assert channel["quantity"] == "absolute_acceleration"
+    assert len(channel["harmonics"]) == 6
+    for line in channel["harmonics"]:
+        assert abs(line["difference_db"]) < 0.1
+        assert abs(line["phase_difference_deg"]) < 1.0
+    assert channel["rms_difference"] < 0.1
+    assert (channel["delay_s"] - 0.004 + 0.5 / 65) % (1 / 65) == pytest.approx(0.5 / 65, abs=2e-5)
+    assert (tmp_path / "run_compare_tip_absolute_acceleration.png").is_file()
+    with h5py.File(tmp_path / "run_compare.h5") as file:
+        assert file["channels/1/difference_db"].shape == (6,)
+
+
+def test_compare_sees_a_difference(call, tmp_path, run_file, history):
+    time, signal = history
+    _write(tmp_path / "lab.csv", time, 2 * signal)
+    done = call("compare", run_file, tmp_path / "lab.csv", "--json", "--no-plots", "--harmonics", 3)
+    (channel,) = json.loads(done.stdout)["comparisons"]
+    assert [line["difference_db"] for line in channel["harmonics"]] == pytest.approx([-6.02] * 3, abs=0.1)
+
+
+@pytest.mark.parametrize("form", ["uff", "csv"])
+def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, form):
+    exported = call("export", run_file, "--format", form, "-o", tmp_path)
+    assert exported.exit_code == 0, exported.output
+    file = tmp_path / "run.uff" if form == "uff" else tmp_path / "run_csv" / "time_histories.csv"
+    done = call("compare", run_file, file, "--json", "--no-plots")
+    assert done.exit_code == 0, done.output
+    channels = json.loads(done.stdout)["comparisons"]
+    assert {(c["place"], c["quantity"]) for c in channels} >= {("tip", "absolute_acceleration"), ("tip", "force")}
+    for channel in channels:
+        assert channel["rms_difference"] < 1e-6
+        assert max(abs(line["difference_db"]) for line in channel["harmonics"]) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["nothing.uff"], "does not exist"),
+        (["lab.csv", "--channel", "tap"], "name one: tip (g)"),
+        (["lab.csv", "--probe", "nose"], "is not in the result"),
+        (["lab.csv", "--quantity", "colour"], "is not one of"),
+        (["lab.csv", "--unit", "mm"], "acceleration"),
+        (["lab.xyz"], "unknown kind"),
+    ],
+)
+def test_compare_explains_mistakes(call, tmp_path, run_file, history, arguments, says):
+    _write(tmp_path / "lab.csv", *history)
+    (tmp_path / "lab.xyz").write_text("1")
+    done = call("compare", run_file, *arguments)
+    assert done.exit_code == 2, done.output
+    assert says in done.output

@@ -1,0 +1,181 @@
+"""`beamsim nnm` and `beamsim sweep` of kind continuation, from the config to the file."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.analyses.frequency_response import frequency_response
+from beamsim.analyses.nnm import nnm
+from beamsim.cli.app import app
+from beamsim.plots.orbits import frequency_response_figures, nnm_figures
+from beamsim.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+NNM = sorted(p for p in CONFIGS.glob("*.yaml") if load_scenario(p).nnm is not None)
+
+
+@pytest.mark.parametrize("path", NNM, ids=lambda p: p.stem)
+def test_every_mode_config(path):
+    result = nnm(load_scenario(path))
+    assert result.complete
+    backbone = result.branches[0]
+    assert backbone.parameter.size >= 75
+    assert backbone.residual.max() < 1e-10
+    assert backbone.share.min() > 0.5
+    nnm_figures(result)
+
+
+@pytest.mark.parametrize(("name", "period"), [("nnm_chain_mass_5", 4.0098), ("nnm_chain_mass_1", 3.9697)])
+def test_published_periods(name, period):
+    assert nnm(load_scenario(CONFIGS / f"{name}.yaml")).summary["period_s"] == pytest.approx(period, abs=6e-5)
+
+
+def test_cubic_chain_passes_the_published_period():
+    backbone = nnm(load_scenario(CONFIGS / "nnm_chain_cubic_energy.yaml")).branches[0]
+    assert 1 / backbone.frequency_hz[-1] < 3.93 < 1 / backbone.frequency_hz[0]
+
+
+def test_nnm_writes_a_file_and_pictures(tmp_path):
+    done = invoke("nnm", CONFIGS / "nnm_chain_mass_5.yaml", "-o", tmp_path, "--json")
+    assert done.exit_code == 0
+    summary = json.loads(done.stdout)
+    assert {"points", "start", "end", "processor_time_s", "status"} <= summary.keys()
+    assert summary["start"]["parameter"] == 0.0
+    assert summary["end"]["parameter"] == 1.0
+    assert {Path(f).suffix for f in summary["files"]} == {".h5", ".png"}
+    assert all(Path(f).is_file() for f in summary["files"])
+    with h5py.File(tmp_path / "nnm_chain_mass_5.h5") as file:
+        assert file.attrs["command"] == "nnm"
+        branch = file["branches/0"]
+        assert branch["frequency_hz"].attrs["units"] == "Hz"
+        assert branch["initial_displacement"].shape == (summary["points"], 6)
+        assert branch["initial_displacement"].dims[1][0] == file["position"]
+        motion = branch["motion/probes/fifth/displacement"][:]
+        assert motion[0] == pytest.approx(motion[-1], abs=1e-9)
+        assert branch["motion/probes/fifth/velocity"][0] == 0.0
+        assert load_scenario(file.attrs["scenario"]).nnm.mode == 4
+        for group in (file, branch):
+            for item in group.values():
+                if isinstance(item, h5py.Dataset):
+                    assert item.attrs["long_name"]
+
+
+def test_nnm_table(tmp_path):
+    done = invoke("nnm", CONFIGS / "nnm_first.yaml", "-o", tmp_path, "--no-plots")
+    assert done.exit_code == 0
+    assert "6:1 with mode 2" in done.stdout
+    assert "5:1 with mode 2" in done.stdout
+    assert not list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"nnm": None}, "is missing"),
+        ({"nnm": {"mode": 1, "continue_in": {"kind": "energy", "from": "1 mJ", "to": "1 J"}}}, "use stiffness_factor"),
+        ({"nnm": {"mode": 40}}, "choose a lower mode"),
+        ({"snubbers": []}, "no snubber"),
+        ({"snubbers[0].gap": "0.1 mm"}, "add for example `energy"),
+    ],
+)
+def test_nonsense_is_refused_with_a_remedy(changes, text, tmp_path):
+    from beamsim.errors import ScenarioError
+
+    scenario = load_scenario(CONFIGS / "nnm_first.yaml", changes)
+    with pytest.raises(ScenarioError, match=text):
+        nnm(scenario)
+
+
+def test_rigid_body_mode_is_refused():
+    from beamsim.errors import ScenarioError
+
+    scenario = load_scenario(CONFIGS / "released_panel.yaml", {"nnm": {"mode": 1, "energy": 1.0}})
+    with pytest.raises(ScenarioError, match="rigid-body"):
+        nnm(scenario)
+
+
+def test_prestress_in_energy():
+    changes = {"snubbers[0].gap": "-0.2 mm", "nnm.continue_in": {"kind": "energy", "from": "1 uJ", "to": "1 mJ"}}
+    result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
+    assert result.complete
+    backbone = result.branches[0]
+    assert backbone.frequency_hz[0] == pytest.approx(result.modes.closed_frequencies_hz[0], rel=1e-6)
+    np.testing.assert_allclose(backbone.energy[[0, -1]], [1e-6, 1e-3], rtol=1e-8)
+
+
+def test_in_frequency():
+    changes = {"nnm.continue_in": {"kind": "frequency", "from": "52.45 Hz", "to": "52.6 Hz"}}
+    result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
+    assert result.branches[0].frequency_hz[0] == pytest.approx(52.45, rel=1e-9)
+    assert result.complete
+    assert result.branches[0].frequency_hz[-1] == pytest.approx(52.6, rel=1e-9)
+    assert np.all(np.diff(result.branches[0].energy) > 0)
+
+
+def test_a_runaway_in_frequency_is_told():
+    changes = {"nnm.continue_in": {"kind": "frequency", "from": "52.45 Hz", "to": "53 Hz"}}
+    result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
+    assert not result.complete
+    assert "follow the energy instead" in result.status
+    assert result.branches[0].residual.max() < 1e-10
+
+
+def test_continuation_of_a_response(tmp_path):
+    done = invoke("sweep", CONFIGS / "chain_two_dof.yaml", "-o", tmp_path, "--json")
+    assert done.exit_code == 0
+    summary = json.loads(done.stdout)
+    grazing = [2 * np.pi * p["frequency_hz"] for p in summary["special_points"] if p["kind"] == "grazing"]
+    np.testing.assert_allclose(grazing[:2], [0.653440, 0.581900], atol=6e-7)
+    with h5py.File(tmp_path / "chain_two_dof.h5") as file:
+        assert file.attrs["kind"] == "continuation"
+        branch = file["branches/0"]
+        stable = branch["stable"][:]
+        assert 0 < stable.sum() < stable.size
+        assert branch["probes/first/harmonic_displacement_real"].shape == (stable.size, 6)
+        assert file["branches/1"].attrs["period_multiple"] == 2
+
+
+def test_levels_without_gap_are_one_curve():
+    """z = 0: the response divided by the level does not depend on the level."""
+    changes = {"sweep": {"kind": "continuation", "from": "100 Hz", "to": "110 Hz", "levels": ["1 g", "3 g"]}}
+    result = frequency_response(load_scenario(CONFIGS / "one_sided_65hz.yaml", changes))
+    assert result.complete
+    one, three = [b for b in result.branches if b.period_multiple == 1]
+    peak = np.interp(one.frequency_hz, three.frequency_hz, three.peak_displacement["tip"])
+    np.testing.assert_allclose(peak, 3 * one.peak_displacement["tip"], rtol=1e-3)
+    frequency_response_figures(result)
+
+
+@pytest.mark.parametrize("quantity", ["2 g", "0.1 m/s", "0.05 mm"])
+@pytest.mark.parametrize("mounted", ["base", "ground"])
+def test_forcing_follows_the_frequency(quantity, mounted):
+    """Loads built at one frequency and carried to another are those of a scenario at the other."""
+    from beamsim.analyses.frequency_response import periodic_forcing
+    from beamsim.model.build import build_system
+
+    loads = []
+    for frequency in ("65 Hz", "91 Hz"):
+        changes = {"excitation.level": quantity, "excitation.frequency": frequency, "snubbers[0].mounted_on": mounted,
+                   "reduction": {"modes": 6}}  # fmt: skip
+        scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", changes)
+        loads.append((scenario.excitation.level, periodic_forcing(scenario, build_system(scenario))))
+    omega = 2 * np.pi * 91.0
+    for a, b in zip(loads[0][1].at(omega, loads[0][0])[:2], loads[1][1].at(omega, loads[1][0])[:2], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15)
+
+
+def test_response_curve_of_the_beam():
+    result = frequency_response(load_scenario(CONFIGS / "continuation_60_120hz.yaml"))
+    assert result.complete
+    peak = result.summary["peaks"][0]
+    assert peak["frequency_hz"] == pytest.approx(82.0, abs=1.0)

@@ -1,0 +1,238 @@
+"""Harmonic balance against exact motions: rates in the number of harmonics, published amplitudes, stability."""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from beamsim.dynamics.aft import to_real
+from beamsim.dynamics.continuation import Branch, Settings, solve_at
+from beamsim.dynamics.harmonic_balance import ForcedBalance, FreeBalance, resampled, truncation
+from beamsim.dynamics.hill import hill_multipliers
+from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness
+from beamsim.dynamics.shooting import ForcedOrbits
+from beamsim.dynamics.smooth_flow import SmoothFlow
+from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
+from beamsim.model.equilibrium import CubicSprings
+
+K = np.array([[1.0, -1.0], [-1.0, 2.0]])
+W2, V = np.linalg.eigh(K)
+FORCING = PeriodicForcing.harmonic(0.1 * V[1])
+OMEGA = 0.7541
+
+
+@pytest.fixture(scope="module")
+def system_of(make_system):
+    def make(**changes):
+        contacts = {"shape": V[:1], "stiffness": 100.0, "gap": 1.0, "sign": -1.0} | changes
+        return make_system(np.sqrt(W2), V.T @ (0.03 * K) @ V, **contacts)
+
+    return make
+
+
+def walk(problem):
+    start = solve_at(problem, problem.linear_guess(0.8), Settings(), 0.8, forward=-1)
+    branch = Branch(problem, start, 0.5, 0.8, Settings())
+    return branch, list(branch)
+
+
+@pytest.fixture(scope="module")
+def curve(system_of):
+    problem = ForcedBalance(system_of(), FORCING, 21, omega=0.8)
+    return problem, *walk(problem)
+
+
+@pytest.fixture(scope="module")
+def at_omega(curve):
+    """The three motions at 0.7541, the smallest first."""
+    problem, _, points = curve
+    found = [
+        solve_at(problem, a.u, Settings(iterations=15), OMEGA)
+        for a, b in pairwise(points)
+        if (a.parameter - OMEGA) * (b.parameter - OMEGA) < 0
+    ]
+    return sorted(found, key=lambda p: p.data.amplitudes(V[0])[1])
+
+
+def refined(problem, point, H, omega=OMEGA):
+    finer = problem.with_harmonics(H)
+    W = resampled(point.data.deflections, H)
+    found = solve_at(finer, np.append(to_real(W).ravel(), omega), Settings(iterations=30), omega)
+    assert found is not None
+    return finer, found
+
+
+def _samples(motion, count=2048):
+    return motion.states(np.arange(count) * motion.period / count)[:, : motion.coordinates.shape[1]]
+
+
+def exact_harmonics(system, motion, omega=OMEGA, count=4096):
+    """Shooting begun from the balanced motion: its orbit and its deflection's harmonics."""
+    orbits = ForcedOrbits(VariationalFlow(system, FORCING, omega))
+    point = solve_at(orbits, np.append(motion.shooting_guess(), omega), Settings(iterations=20), omega)
+    assert point is not None
+    t = np.arange(count) * point.data.duration / count
+    x = orbits.flow.states_at(point.data, t)[:, :2] @ V[0]
+    c = 2 * np.fft.rfft(x) / count
+    c[0] /= 2
+    return orbits.orbit(point), c
+
+
+def test_published_amplitudes(curve, at_omega):
+    """NLvib example 03 with 21 harmonics at 0.7541: 1.32695, Q3 0.09319, Q5 0.02634; unstable."""
+    problem, branch, _ = curve
+    assert branch.status == "complete: reached 0.5"
+    assert len(at_omega) == 3
+    largest = at_omega[-1]
+    np.testing.assert_allclose(largest.data.amplitudes(V[0])[[1, 3, 5]], [1.32695, 0.09319, 0.02634], rtol=2e-3)
+    assert abs(hill_multipliers(problem.system, largest.data)[0]) > 1.1
+
+
+def test_error_estimate_and_rate(system_of, curve, at_omega):
+    """The estimate from the neglected harmonics is the error; the error falls about as H^-4."""
+    problem, _, _ = curve
+    errors, counts = [], [21, 43, 87, 175]
+    for H in counts:
+        finer, point = refined(problem, at_omega[-1], H)
+        _, exact = exact_harmonics(system_of(), point.data)
+        w = point.data.deflections[:, 0]
+        off = np.concatenate([exact[: H + 1] - w, exact[H + 1 : 1500]])
+        errors.append(np.linalg.norm(off) / np.linalg.norm(w))
+        assert truncation(finer, point).error == pytest.approx(errors[-1], rel=0.2)
+    assert errors[0] < 2e-3
+    assert errors[-1] < 1e-6
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 3.5
+
+
+def test_stability_by_hill_and_by_shooting(system_of, curve, at_omega):
+    """Floquet multipliers of all three motions, as many harmonics in the perturbation as in the motion."""
+    problem, _, _ = curve
+    for coarse in at_omega:
+        previous = np.inf
+        for H in (21, 43):
+            _, point = refined(problem, coarse, H)
+            orbit, _ = exact_harmonics(system_of(), point.data)
+            found = hill_multipliers(system_of(), point.data)
+            # product by Liouville, each multiplier by shooting
+            off = np.abs(np.sort(np.abs(found)) - np.sort(np.abs(orbit.multipliers))).max()
+            assert off < max(0.5 * previous, 1e-7)
+            previous = off
+        assert off < 5e-4
+        assert bool(np.abs(found[0]) <= 1.0) == orbit.stable
+
+
+def test_kelvin_voigt_dashpot(system_of):
+    """The force jumps: convergence is slower, but to the same motion, and the level may change as well."""
+    damped = system_of(dashpot=1.0)
+    coarse = ForcedBalance(damped, FORCING, 21, omega=0.8)
+    _, points = walk(coarse)
+    omega = 0.7
+    near = next(
+        a for a, b in pairwise(points)
+        if (a.parameter - omega) * (b.parameter - omega) < 0 and a.data.amplitudes(V[0])[1] > 1.05
+    )  # fmt: skip
+    errors, counts = [], [21, 43, 87, 175]
+    for H in counts:
+        _, point = refined(coarse, near, H, omega)
+        _, exact = exact_harmonics(damped, point.data, omega)
+        w = point.data.deflections[:, 0]
+        errors.append(np.linalg.norm(exact[: H + 1] - w) / np.linalg.norm(w))
+    assert errors[-1] < 1e-4
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.8
+    level = ForcedBalance(damped, FORCING, 21, "level", omega)
+    start = solve_at(level, np.append(refined(coarse, near, 21, omega)[1].u[:-1], 1.0), Settings(iterations=30), 1.0)
+    branch = Branch(level, start, 0.9, 1.2, Settings())
+    assert list(branch)[-1].parameter in (0.9, 1.2)
+
+
+def test_cubic_spring_converges_exponentially(make_system):
+    """A smooth spring: each harmonic gains a digit, down to the integration's own round-off."""
+    system = make_system(np.sqrt(W2), V.T @ (0.1 * K) @ V, shape=np.zeros((0, 2)), stiffness=[])
+    springs = CubicSprings(V[:1], np.array([0.8]))
+    load = PeriodicForcing.harmonic(0.3 * V[1])
+    orbits = ForcedOrbits(SmoothFlow(system, V[:1], np.array([0.8]), load, 0.9))
+    errors = []
+    for H in (1, 3, 5, 7, 9, 19):
+        problem = ForcedBalance(system, load, H, omega=0.9, cubic=springs)
+        point = solve_at(problem, problem.linear_guess(0.9), Settings(iterations=40), 0.9)
+        exact = solve_at(orbits, np.append(point.data.shooting_guess(), 0.9), Settings(iterations=15), 0.9)
+        errors.append(np.abs(point.data.shooting_guess() - exact.u[:4]).max())
+        estimate = truncation(problem, point).error
+        assert estimate < 30 * errors[-1] + 1e-12
+        np.testing.assert_allclose(
+            np.sort(np.abs(hill_multipliers(system, point.data, springs))),
+            np.sort(np.abs(orbits.orbit(exact).multipliers)),
+            atol=30 * errors[-1] + 1e-9,
+        )
+    assert errors[-1] < 1e-12
+    assert np.all(np.diff(np.log(errors[:5])) < -1.5)
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_bilinear_oscillator_free(make_system, even):
+    """2 w1 w2 / (w1 + w2), reached as H^-5, along a path in the stiffness factor at constant energy."""
+    system = make_system([1.0], [0.0], shape=[[1.0]], stiffness=3.0)
+    errors, counts = [], [4, 8, 16, 32, 64]
+    for H in counts:
+        problem = FreeBalance(system, H, even=even)
+        start = solve_at(problem, problem.linear_guess(0, 0.0), Settings(), 0.0)
+        branch = Branch(problem, start, 0.0, 1.0, Settings(largest_step=0.2))
+        points = list(branch)
+        assert branch.status == "complete: reached 1"
+        assert points[-1].data.energy == pytest.approx(1.0, rel=1e-9)
+        errors.append(abs(points[-1].data.fundamental - 4.0 / 3.0))
+    assert errors[-1] < 1e-10
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(4.8, abs=0.4)
+
+
+def test_duffing_backbone_in_energy(make_system):
+    """Frequency of u'' + u + u³ = 0 from the period's elliptic integral, at the energy of each point."""
+    from scipy.special import ellipk
+
+    system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
+    problem = FreeBalance(system, 15, "energy", cubic=CubicSprings(np.eye(1), np.ones(1)))
+    start = solve_at(problem, problem.linear_guess(0, np.log(0.01)), Settings(iterations=15), np.log(0.01))
+    branch = Branch(problem, start, np.log(0.01), np.log(5.0), Settings(largest_step=0.1))
+    points = list(branch)
+    assert branch.status.startswith("complete")
+    for point in points[:: max(1, len(points) // 6)]:
+        a2 = np.sqrt(1.0 + 4.0 * np.exp(point.parameter)) - 1.0  # E = a²/2 + a⁴/4
+        m = a2 / (2.0 * (1.0 + a2))
+        exact = np.pi * np.sqrt(1.0 + a2) / (2.0 * ellipk(m))
+        assert point.data.fundamental == pytest.approx(exact, rel=1e-9)
+
+
+def test_six_masses_against_half_period_shooting(make_system):
+    """Mode 4 with a stop at mass 5, full factor 0.5: frequency and shape as the harmonics grow."""
+    chain = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
+    w2, modes = np.linalg.eigh(chain)
+    system = make_system(np.sqrt(w2), np.zeros(6), shape=modes[4:5], stiffness=0.5)
+    frequencies, shapes = [], []
+    for H in (5, 11, 23, 47):
+        problem = FreeBalance(system, H)
+        start = solve_at(problem, problem.linear_guess(3, 0.0, float(np.sign(modes[4, 3]))), Settings(), 0.0)
+        branch = Branch(problem, start, 0.0, 1.0, Settings(largest_step=0.1))
+        point = list(branch)[-1]
+        assert branch.status == "complete: reached 1"
+        frequencies.append(point.data.fundamental)
+        shapes.append(point.data.states(np.zeros(1))[0, :6])
+    orbits = BrakeOrbits(ContactStiffness(system), energy=1.0)
+    exact = solve_at(
+        orbits, orbits.unknowns(shapes[-1], 2 * np.pi / frequencies[-1], 1.0), Settings(iterations=15), 1.0
+    )
+    mode = orbits.mode(exact)
+    assert mode.period == pytest.approx(4.011, abs=2e-3)  # thesis, chapter 3
+    errors = [abs(f - 2 * np.pi / mode.period) for f in frequencies]
+    assert errors[-1] < 1e-7
+    assert errors[-1] < 1e-2 * errors[0]
+    np.testing.assert_allclose(shapes[-1], mode.shape, atol=1e-5)
+
+
+def test_it_is_fast(system_of):
+    """The whole curve, 21 harmonics, some 300 points: measured 0.9 s of processor time."""
+    problem = ForcedBalance(system_of(), FORCING, 21, omega=0.8)
+    begin = time.process_time()
+    _, points = walk(problem)
+    assert len(points) > 200
+    assert time.process_time() - begin < 4.0

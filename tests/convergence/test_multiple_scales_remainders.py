@@ -1,0 +1,241 @@
+"""Multiple scales: closed-form coefficients, and the orders in which the remainders vanish."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamsim.dynamics.continuation import Settings, solve_at
+from beamsim.dynamics.multiple_scales import expand_mode, expand_mode_at_energy, observed_orders, weakened
+from beamsim.dynamics.multiple_scales_forced import ResonantForcing, expand_forced
+from beamsim.dynamics.multiple_scales_remainder import forced_remainder, free_remainder
+from beamsim.dynamics.shooting import ForcedOrbits
+from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
+from beamsim.errors import ScenarioError
+from beamsim.model.equilibrium import CubicSprings
+
+CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
+W2, V = np.linalg.eigh(CHAIN)
+FACTORS = 0.02 * 0.5 ** np.arange(5)
+
+
+@pytest.fixture(scope="module")
+def oscillator(make_system):
+    def make(damping=0.0, **contact):
+        return make_system([1.0], [damping], **({"shape": [[1.0]], "stiffness": 1.0} | contact))
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def six(make_system):
+    def make(mass, damping=None, **contact):
+        damping = np.zeros(6) if damping is None else damping
+        return make_system(np.sqrt(W2), damping, **({"shape": V[mass - 1 : mass], "stiffness": 1.0} | contact))
+
+    return make
+
+
+def harmonic(load):
+    """Re(load e^{i omega t})."""
+    none = np.zeros(1)
+    return PeriodicForcing(np.ones(1, dtype=int), np.asarray(load, dtype=complex)[None, :], none, none + 0j, none, 1.0)
+
+
+def steady_motion(system, load, omega, guess):
+    """The exact periodic response: times over a period, states, orbit."""
+    orbits = ForcedOrbits(VariationalFlow(system, harmonic(load), omega))
+    point = solve_at(orbits, np.append(guess, omega), Settings(iterations=20), omega)
+    assert point is not None
+    t = np.linspace(0, point.data.duration, 401)[:-1]
+    return t, orbits.flow.states_at(point.data, t), orbits.orbit(point)
+
+
+def test_bilinear_oscillator(oscillator):
+    """omega = 2 sqrt(1+e) / (1 + sqrt(1+e)) = 1 + e/4 - e²/8 + …, whatever the amplitude and its sign."""
+    for amplitude in (1.0, -3.7):
+        e = expand_mode(oscillator(), 0, amplitude)
+        assert e.omega1 == pytest.approx(0.25, abs=1e-14)
+        assert e.omega2 == pytest.approx(-0.125, abs=1e-12)
+    exact = 2 * np.sqrt(1 + FACTORS) / (1 + np.sqrt(1 + FACTORS))
+    for order in (0, 1, 2):
+        orders = observed_orders(FACTORS, [abs(e.frequency(x, order) - y) for x, y in zip(FACTORS, exact, strict=True)])
+        np.testing.assert_allclose(orders, order + 1, atol=0.05)
+
+
+def test_first_order_of_the_shape_in_closed_form(oscillator):
+    """(cos)_- = 1/pi - cos/2 + …: mean -A/pi below, and cos 2 theta with -2/(3 pi) / (1 - 4)."""
+    e = expand_mode(oscillator(sign=-1.0), 0, 1.0)  # pushes down while u > 0
+    assert e.first[0, 0] == pytest.approx(-1 / np.pi, rel=1e-13)
+    assert e.first[1, 0] == 0.0
+    assert e.first[2, 0] == pytest.approx(2 / (9 * np.pi), rel=1e-13)
+    assert e.first[3, 0] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_duffing_oscillator(make_system):
+    """w = 1 + 3/8 e A² - 15/256 e² A⁴ in the amplitude of the fundamental; q1 = e A³/32 cos 3 theta."""
+    system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
+    e = expand_mode(system, 0, 1.3, cubic=CubicSprings(np.eye(1), np.ones(1)))
+    assert e.omega1 == pytest.approx(3 / 8 * 1.3**2, rel=1e-14)
+    assert e.omega2 == pytest.approx(-15 / 256 * 1.3**4, rel=1e-12)
+    assert e.first[3, 0] == pytest.approx(1.3**3 / 32, rel=1e-14)
+
+
+def test_frequency_of_a_gap_in_closed_form(oscillator):
+    """First order with clearance g < A: k / (2 pi w) (arccos r - r sqrt(1 - r²)), r = g / A."""
+    r = 0.4
+    e = expand_mode(oscillator(gap=r * 2.0), 0, 2.0)
+    assert e.omega1 == pytest.approx((np.arccos(r) - r * np.sqrt(1 - r**2)) / (2 * np.pi), rel=1e-13)
+    assert expand_mode(oscillator(gap=3.0), 0, 2.0).omega1 == 0.0
+    pressed = expand_mode(
+        oscillator(gap=-3.0), 0, 2.0
+    )  # never leaves: linear, omega = sqrt(1 + e), about a static shift
+    assert pressed.omega1 == pytest.approx(0.5, rel=1e-14)
+    assert pressed.omega2 == pytest.approx(-0.125, rel=1e-12)
+    assert pressed.first[0, 0] == pytest.approx(3.0, rel=1e-14)
+
+
+@pytest.mark.parametrize(("mass", "mode", "gap"), [(5, 3, 0.0), (1, 0, 0.0), (5, 3, 0.1), (5, 3, -0.1)])
+def test_free_remainders(six, mass, mode, gap):
+    """Order k, its frequency to order k: e^(k+1) over a fixed time, e^k over 1/e; a better frequency mends that."""
+    system = six(mass, gap=gap)
+    for order, frequency_order, fixed, long in ((0, 1, 1, 1), (1, 1, 2, 1), (1, 2, 2, 2), (2, 2, 3, 2)):
+        short_times = [free_remainder(system, mode, 1.0, e, 15.0, order, frequency_order) for e in FACTORS[1:]]
+        assert observed_orders(FACTORS[1:], short_times)[-1] == pytest.approx(fixed, abs=0.15)
+        if order < 2:
+            long_times = [free_remainder(system, mode, 1.0, e, 1.0 / e, order, frequency_order) for e in FACTORS[1:]]
+            assert observed_orders(FACTORS[1:], long_times)[-1] == pytest.approx(long, abs=0.15)
+
+
+@pytest.mark.parametrize("case", ["oscillator", "six", "free decay", "no damping"])
+def test_slow_amplitude_over_long_times(oscillator, six, case):
+    """Leading term with slow amplitude and phase: O(e) up to times 3/e, forced or not, damped or not, with a gap."""
+    damping = 0.3 * np.eye(6) + 0.05
+    system, mode, force = {
+        "oscillator": (oscillator(1.0), 0, 0.7),
+        "six": (six(5, damping, gap=0.1), 3, 0.7),
+        "free decay": (six(5, damping, gap=0.1, dashpot=0.4), 3, 0.0),
+        "no damping": (six(5, gap=0.1), 3, 0.0),
+    }[case]
+    resonant = ResonantForcing(system, mode, np.full(system.size, force))
+    off = [forced_remainder(resonant, 0.1, 1.0 + 0.5j, e, 3.0 / e) for e in FACTORS]
+    assert observed_orders(FACTORS, off)[-1] == pytest.approx(1.0, abs=0.1)
+    assert off[-1] < 0.02
+
+
+@pytest.mark.parametrize("case", ["oscillator", "six", "gap", "dashpot"])
+def test_steady_motion_near_resonance(oscillator, six, case):
+    """Against shooting: O(e), then O(e²) with the correction; decay rates of the slow flow are Floquet's."""
+    damping = 0.3 * np.eye(6) + 0.05
+    system, mode = {
+        "oscillator": (oscillator(1.0), 0),
+        "six": (six(5, damping), 3),
+        "gap": (six(5, damping, gap=0.1), 3),
+        "dashpot": (six(5, damping, gap=0.1, dashpot=0.5), 3),
+    }[case]
+    n, sigma = system.size, 0.1
+    resonant = ResonantForcing(system, mode, np.full(n, 0.7))
+    (motion,) = resonant.steady(sigma)
+    assert motion.stable
+    off, rates = [[], []], []
+    for e in FACTORS:
+        omega = resonant.omega + e * sigma
+        guess = resonant.states(resonant.response(motion, e, 1), omega, np.zeros(1))[0]
+        t, exact, orbit = steady_motion(weakened(system, e, e), e * resonant.load, omega, guess)
+        for order in (0, 1):
+            found = resonant.states(resonant.response(motion, e, order), omega, t)
+            off[order].append(np.abs(found - exact)[:, :n].max())
+        growth = np.log(orbit.multipliers.astype(complex)) / orbit.period / e
+        rates.append(np.min(np.abs(growth.real - motion.exponents[0].real)))
+    assert observed_orders(FACTORS, off[0])[-1] == pytest.approx(1.0, abs=0.1)
+    assert observed_orders(FACTORS, off[1])[-1] == pytest.approx(2.0, abs=0.15)
+    assert rates[-1] < 1e-2 * abs(motion.exponents[0].real)
+
+
+def test_hardening_fold_with_a_gap(oscillator):
+    """Three steady motions between the folds, the middle one a saddle; the exact multipliers agree."""
+    system = oscillator(0.05, gap=0.5, stiffness=4.0)
+    resonant = ResonantForcing(system, 0, np.array([0.3]))
+    counts = [len(resonant.steady(s)) for s in (-0.2, 0.2, 0.5, 0.8, 1.2)]
+    assert counts == [1, 1, 3, 3, 1]
+    motions = resonant.steady(0.5)
+    assert [m.stable for m in motions] == [True, False, True]
+    for m in motions:
+        assert min(abs(s - 0.5) for s in resonant.detunings(m.amplitude)) < 1e-10
+        e = 1e-3
+        guess = resonant.states(resonant.response(m, e, 1), 1 + 0.5 * e, np.zeros(1))[0]
+        _, exact, orbit = steady_motion(weakened(system, e, e), e * resonant.load, 1 + 0.5 * e, guess)
+        assert np.abs(exact[:, 0]).max() == pytest.approx(m.amplitude, rel=0.02)
+        assert orbit.stable == m.stable
+    # the tip of the curve: phase resonance, a = F / (w c), response a quarter of a period behind
+    tip = 0.3 / 0.05
+    low, high = resonant.detunings(tip * (1 - 1e-12))
+    assert low == pytest.approx(high, abs=1e-5)
+    assert low == pytest.approx(resonant.backbone(tip).real, abs=1e-5)
+    assert resonant.detunings(1.01 * tip) == ()
+    at_tip = max(resonant.steady(low), key=lambda m: m.amplitude)
+    assert at_tip.phase == pytest.approx(np.pi / 2, abs=1e-3)
+
+
+def test_thesis_forced_oscillator(oscillator):
+    """e = 0.1, xi = 1, omega = 1.1: the fundamental and its even harmonics, whatever the force (no gap)."""
+    system = oscillator(1.0)
+    resonant = ResonantForcing(system, 0, np.array([1.0 + 0j]))
+    (motion,) = resonant.steady(1.0)
+    found = resonant.response(motion, 0.1, 1)[:, 0]
+    t, exact, _ = steady_motion(
+        weakened(system, 0.1, 0.1), 0.1 * resonant.load, 1.1, resonant.states(found[:, None], 1.1, np.zeros(1))[0]
+    )
+    c = 2 * np.fft.rfft(exact[:, 0]) / t.size
+    c[0] /= 2
+    assert motion.amplitude == pytest.approx(0.5 / np.hypot(0.75, 0.5), rel=1e-12)
+    assert abs(found[1]) == pytest.approx(abs(c[1]), rel=0.01)
+    np.testing.assert_allclose(np.abs(found[[0, 2, 4]] / found[1]), np.abs(c[[0, 2, 4]] / c[1]), rtol=0.1)
+    assert np.abs(c[[3, 5]] / c[1]).max() < 0.02 * np.abs(c[2] / c[1])  # odd ones are of second order
+
+
+@pytest.mark.parametrize("contact", [{"gap": 0.1}, {"gap": -0.05, "dashpot": 0.3}])
+def test_forced_away_from_resonance(six, contact):
+    """q0 + e q1 + e² q2 against shooting: e, e², e³."""
+    system = six(5, 0.1 * np.eye(6), **contact)
+    expansion = expand_forced(system, harmonic(V[1]), 1.1)
+    off = [[], [], []]
+    for e in FACTORS:
+        guess = expansion.states(e, np.zeros(1), 2)[0]
+        t, exact, _ = steady_motion(weakened(system, e, 1.0), V[1], 1.1, guess)
+        for order in range(3):
+            off[order].append(np.abs(expansion.states(e, t, order) - exact)[:, :6].max())
+    for order in range(3):
+        assert observed_orders(FACTORS, off[order])[-1] == pytest.approx(order + 1, abs=0.15)
+
+
+def test_energy_chooses_the_amplitude(six):
+    from beamsim.dynamics.multiple_scales import potential_energy
+
+    for gap in (0.0, 0.1, -0.1):
+        system = six(5, gap=gap)
+        for order in (0, 1, 2):
+            e = expand_mode_at_energy(system, 3, 0.7, 0.05, order, -1.0)
+            assert e.amplitude < 0
+            assert potential_energy(system, e.initial(0.05, order), 0.05) == pytest.approx(0.7, rel=1e-12)
+
+
+def test_refusals(make_system, oscillator):
+    resonant = make_system([1.0, 2.0], [0.0, 0.0], shape=[[1.0, 0.7]], stiffness=1.0)
+    with pytest.raises(ScenarioError, match="2 times the frequency of mode 1 is that of mode 2"):
+        expand_mode(resonant, 0, 1.0)
+    expand_mode(resonant, 1, 1.0)  # 2 w2 and w1 / w2 are no matter
+    floating = make_system([0.0, 1.0], [0.0, 0.0], shape=[[1.0, 0.7]], stiffness=1.0)
+    with pytest.raises(ScenarioError, match="rigid-body mode"):
+        expand_mode(floating, 0, 1.0)
+    with pytest.raises(ScenarioError, match="has 1 modes"):
+        expand_mode(oscillator(), 1, 1.0)
+    with pytest.raises(ScenarioError, match="no motion"):
+        expand_mode_at_energy(oscillator(), 0, -1.0, 0.1)
+    with pytest.raises(ScenarioError, match="undamped mode 1"):
+        expand_forced(oscillator(), harmonic([1.0]), 1.0)
+    with pytest.raises(ScenarioError, match="no flexible mode"):
+        ResonantForcing(floating, 0, np.ones(2))
+    with pytest.raises(ScenarioError, match="grows"):
+        ResonantForcing(oscillator(), 0, np.ones(1)).steady(0.25)
+    assert ResonantForcing(replace(oscillator(), damping=np.eye(1)), 0, np.zeros(1)).steady(0.25) == ()

@@ -1,0 +1,348 @@
+"""A design study is the same as its cases run one by one, whoever computes them."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, truncnorm
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.analyses.designs import check_cases, design_study, gather, plan_designs
+from beamsim.analyses.designs_results import CaseOutcome
+from beamsim.analyses.parallel import on_this_machine
+from beamsim.cli.app import app
+from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.store.designs import open_designs
+
+BASE = """\
+title: Small study
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
+  damping: {kind: modal, ratio: 1 %}}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s}
+limits: {peak_force: 20 N, bending_stress: 80 MPa, gap: 1 mm, peak_displacement: 1 mm, peak_acceleration: 100 g}
+"""
+GRID = """\
+vary:
+  kind: grid
+  parameters:
+    - {path: snubbers.tip.stiffness, values: [50 kN/m, 200 kN/m]}
+    - {path: excitation.frequency, from: 50 Hz, to: 120 Hz, points: 3}
+"""
+
+
+def table(result):
+    return {name: response.values for name, response in result.responses.items()}
+
+
+def assert_same(one, other):
+    assert list(table(one)) == list(table(other))
+    for name, values in table(one).items():
+        np.testing.assert_array_equal(values, table(other)[name], err_msg=name)
+    np.testing.assert_array_equal(one.solved, other.solved)
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return design_study(load_scenario(BASE + GRID), workers=1)
+
+
+def test_every_case_is_the_run_of_its_own_scenario(grid):
+    assert grid.complete
+    assert grid.shape == (2, 3)
+    for i, stiffness in enumerate((50e3, 200e3)):
+        for j, frequency in enumerate((50.0, 85.0, 120.0)):
+            changes = {"snubbers[0].stiffness": stiffness, "excitation.frequency": frequency}
+            s = beamsim.run(load_scenario(BASE, changes)).summary
+            for name, expected in (
+                ("probes/tip/peak_displacement", s["peak_displacement_m"]["tip"]),
+                ("snubbers/tip/peak_force", s["peak_force_n"]["tip"]),
+                ("snubbers/tip/contact_share", s["contact_share"]["tip"]),
+                ("snubbers/tip/largest_gap", s["largest_gap_m"]["tip"]),
+                ("bending_stress", s["largest_bending_stress_pa"]),
+            ):
+                assert grid.responses[name].values[i, j] == pytest.approx(expected, rel=1e-9), name
+            np.testing.assert_allclose(
+                grid.responses["closed_frequencies_hz"].values[i, j, :3], s["closed_frequencies_hz"][:3], rtol=1e-10
+            )
+            assert s["margins"]["peak_force"]["margin"] == pytest.approx(
+                grid.margins["peak_force"].values[i, j], rel=1e-9
+            )
+
+
+def test_margins_are_limit_over_value_less_one(grid):
+    force = grid.responses["snubbers/tip/peak_force"].values
+    np.testing.assert_allclose(grid.margins["peak_force"].values, 20.0 / force - 1.0, rtol=1e-14)
+    worst = grid.summary["margins"]["peak_force"]
+    assert worst["value"] == force.max()
+    assert worst["exceeded"] == bool(force.max() > 20.0)
+    assert worst["cases_exceeding"] == int((force > 20.0).sum())
+    where = np.unravel_index(force.argmax(), force.shape)
+    assert worst["parameters"]["snubbers.tip.stiffness"] == (50e3, 200e3)[where[0]]
+    assert grid.case_values(worst["case"]) == tuple(worst["parameters"].values())
+
+
+def test_the_number_of_workers_makes_no_difference(grid):
+    seen = []
+    fractions = []
+    two = design_study(load_scenario(BASE + GRID), workers=2, each=seen.append, progress=fractions.append)
+    assert_same(grid, two)
+    assert sorted(outcome.index for outcome in seen) == list(range(6))
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+
+
+def test_known_cases_are_not_computed_again(grid):
+    plan = plan_designs(load_scenario(BASE + GRID))
+    seen = []
+    first = design_study(plan, workers=1, each=seen.append)
+    known = [outcome for outcome in seen if outcome.index % 2]
+    again = []
+    assert_same(first, design_study(plan, workers=1, known=known, each=again.append))
+    assert sorted(outcome.index for outcome in again) == [0, 2, 4]
+    nothing = []
+    assert_same(grid, design_study(plan, workers=1, known=seen, each=nothing.append))
+    assert nothing == []
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_makes_no_difference(grid, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
+    ) as cluster:
+        result = design_study(load_scenario(BASE + GRID), scheduler=cluster.scheduler_address)
+        (tmp_path / "case.yaml").write_text(BASE + GRID)
+        arguments = [
+            tmp_path / "case.yaml",
+            "--scheduler",
+            cluster.scheduler_address,
+            "-o",
+            tmp_path,
+            "-q",
+            "--no-plots",
+        ]
+        done = CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+    assert_same(grid, result)
+    assert done.exit_code == 0, done.output
+    assert_same(grid, open_designs(tmp_path / "case.h5"))
+
+
+def test_nobody_at_the_address(monkeypatch):
+    distributed = pytest.importorskip("distributed")
+
+    def nobody(*_, **__):
+        raise OSError("timed out\nand more")
+
+    monkeypatch.setattr(distributed, "Client", nobody)
+    with pytest.raises(ScenarioError, match=r"tcp://nowhere:1: nobody answers there \(timed out\)"):
+        design_study(load_scenario(BASE + GRID), scheduler="tcp://nowhere:1")
+
+
+def test_without_dask_the_remedy_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    with pytest.raises(ScenarioError, match="pip install"):
+        design_study(load_scenario(BASE + GRID), scheduler="tcp://nowhere:1")
+
+
+def test_words_and_whole_numbers_are_varied_too():
+    text = BASE + (
+        "vary:\n  kind: grid\n  parameters:\n"
+        "    - {path: beam.supports.right, values: [free, guided]}\n"
+        "    - {path: beam.elements, from: 3, to: 5, points: 3}\n"
+    )
+    plan = plan_designs(load_scenario(text))
+    assert [task.values for task in plan.tasks[:3]] == [("free", 3), ("free", 4), ("free", 5)]
+    check_cases(plan)
+    result = design_study(plan, workers=1)
+    assert result.complete
+    f = result.responses["open_frequencies_hz"].values[..., 0]
+    assert np.all(f[1] > f[0])  # a guided end stiffens
+    assert result.coordinates[0].values.tolist() == ["free", "guided"]
+    assert np.ptp(f[0]) < 1e-3 * f[0, 0]
+
+
+def test_zipped_values_go_together():
+    text = BASE + (
+        "vary:\n  kind: zip\n  parameters:\n"
+        "    - {path: beam.length, values: [250 mm, 290 mm]}\n"
+        "    - {path: snubbers.tip.position, values: [250 mm, 290 mm]}\n"
+    )
+    result = design_study(load_scenario(text, {"snubbers[0].position": "250 mm"}), workers=1)
+    assert result.complete
+    assert result.shape == (2,)
+    assert result.case_values(1) == (0.29, 0.29)
+
+
+def test_a_latin_hypercube_has_one_value_in_every_part_of_every_range():
+    n = 40
+    text = BASE + (
+        f"vary:\n  kind: latin_hypercube\n  samples: {n}\n  seed: 5\n  parameters:\n"
+        "    - {path: snubbers.tip.stiffness, from: 10 kN/m, to: 1000 kN/m, spacing: logarithmic}\n"
+        "    - {path: beam.thickness, tolerance: 3 %, distribution: normal}\n"
+        "    - {path: snubbers.tip.gap, tolerance: 0.1 mm}\n"
+        "    - {path: beam.elements, from: 3, to: 6}\n"
+    )
+    scenario = load_scenario(text)
+    stiffness, thickness, gap, elements = (c.values for c in plan_designs(scenario).coordinates)
+
+    def parts(u):
+        return sorted(np.floor(u * n).astype(int))
+
+    assert parts(np.log(stiffness / 1e4) / math.log(100.0)) == list(range(n))
+    assert parts((gap + 1e-4) / 2e-4) == list(range(n))
+    deviation = (thickness - 5e-3) / (0.03 * 5e-3) * 3.0
+    assert parts(truncnorm.cdf(deviation, -3.0, 3.0)) == list(range(n))
+    assert kstest(deviation, truncnorm(-3.0, 3.0).cdf).pvalue > 0.9
+    assert set(elements) == {3.0, 4.0, 5.0, 6.0}
+    again = plan_designs(load_scenario(text))
+    other = plan_designs(load_scenario(text.replace("seed: 5", "seed: 6")))
+    np.testing.assert_array_equal(again.coordinates[0].values, stiffness)
+    assert again.fingerprint == plan_designs(scenario).fingerprint != other.fingerprint
+    assert np.any(other.coordinates[0].values != stiffness)
+
+
+def test_a_case_that_cannot_be_solved_is_part_of_the_result():
+    text = BASE + "vary: {kind: grid, parameters: [{path: run.max_events, values: [2, 1000000]}]}\n"
+    result = design_study(load_scenario(text), workers=1)
+    assert not result.complete
+    assert result.solved.tolist() == [False, True]
+    assert "1 of 2 cases failed, the first (case 1) because" in result.status
+    assert result.failures[0].values == (2,)
+    force = result.responses["snubbers/tip/peak_force"].values
+    assert np.isnan(force[0])
+    assert force[1] > 0.0
+    assert result.summary["margins"]["peak_force"]["case"] == 1
+
+
+def test_values_that_make_no_scenario_together_are_named_before_computing():
+    text = BASE + (
+        "vary:\n  kind: grid\n  parameters:\n"
+        "    - {path: beam.length, values: [200 mm, 300 mm]}\n"
+        "    - {path: snubbers.tip.position, values: [150 mm, 250 mm]}\n"
+    )
+    scenario = load_scenario(text, {"snubbers[0].position": "200 mm"})
+    with pytest.raises(ScenarioError) as caught:
+        design_study(scenario, workers=1)
+    (problem,) = caught.value.problems
+    assert "with beam.length = 0.2 m, snubbers.tip.position = 0.25 m" in problem.message
+    assert "lies beyond" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BASE, "vary is missing"),
+        (BASE.replace("run: {duration: 0.05 s}\n", "") + GRID, "run is missing"),
+        (BASE + GRID + "sweep: {kind: continuation, from: 20 Hz, to: 90 Hz}\n", "cannot be combined with vary"),
+    ],
+)
+def test_studies_without_sense(text, message):
+    with pytest.raises(ScenarioError, match=message):
+        design_study(load_scenario(text))
+
+
+def test_a_study_of_sweeps():
+    text = BASE[: BASE.index("limits")] + (
+        "sweep: {kind: swept_sine, from: 60 Hz, to: 110 Hz, rate: 60 oct/min, direction: both}\n"
+        "limits: {peak_force: 1 N}\n"
+        "vary: {kind: grid, parameters: [{path: snubbers.tip.stiffness, values: [20 kN/m, 200 kN/m]}]}\n"
+    )
+    scenario = load_scenario(text)
+    result = design_study(scenario, workers=2)
+    assert result.complete, result.status
+    assert result.analysis == "swept_sine"
+    resonance = result.responses["up_0/probes/tip/resonance_frequency"].values
+    assert resonance[1] > resonance[0]  # a stiffer snubber
+    assert result.responses["down_0/snubbers/tip/peak_force"].place == "tip down_0"
+    from beamsim.analyses.sweep import sweep
+
+    alone = sweep(load_scenario(text, {"snubbers[0].stiffness": 200e3}))
+    assert result.responses["up_0/probes/tip/peak_displacement"].values[1] == pytest.approx(
+        alone.curves["up_0"].displacement["tip"].peak.max(), rel=1e-9
+    )
+    assert result.summary["margins"]["peak_force"]["exceeded"]
+
+
+def test_a_study_of_stepped_sweeps_at_several_levels():
+    text = BASE[: BASE.index("limits")] + (
+        "sweep: {kind: stepped, from: 40 Hz, to: 50 Hz, points: 3, levels: [1 g, 2 g]}\n"
+        "vary: {kind: grid, parameters: [{path: snubbers.tip.gap, values: [0 mm, 5 mm]}]}\n"
+    )
+    result = design_study(load_scenario(text), workers=1)
+    assert result.complete, result.status
+    one, two = (result.responses[f"up_{k}/probes/tip/peak_displacement"].values for k in range(2))
+    np.testing.assert_allclose(two, 2.0 * one, rtol=1e-4)  # no gap, or no contact
+    assert result.responses["up_1/snubbers/tip/contacts"].values[1] == 0.0
+
+
+def test_snubbers_of_chains():
+    text = """
+chain: {masses: [1, 1], springs: [0, 1, 1], dashpots: [0, 0.03, 0.03],
+  snubbers: [{name: stop, mass: 1, side: above, stiffness: 100, gap: 1}]}
+excitation: {kind: harmonic, applied_to: {mass: 2}, level: 0.1 N, frequency: 0.8 rad/s}
+run: {duration: 60 s, start: rest}
+vary: {kind: grid, parameters: [{path: chain.snubbers.stop.gap, values: [1e-3, 10]},
+  {path: 'chain.masses[1]', values: [1 kg, 1100 g]}]}
+"""
+    result = design_study(load_scenario(text), workers=1)
+    assert result.complete, result.status
+    assert result.responses["snubbers/stop/contacts"].values[0].min() > 0
+    assert result.responses["snubbers/stop/contacts"].values[1].max() == 0
+    assert result.coordinates[1].values.tolist() == [1.0, 1.1]
+    assert "bending_stress" not in result.responses
+
+
+def _note(item):
+    import os
+    from pathlib import Path
+
+    folder = Path(os.environ["BEAMSIM_TEST_NOTES"])
+    (folder / f"{os.getpid()}").write_text(repr(item) + os.environ["OPENBLAS_NUM_THREADS"])
+
+
+def test_one_worker_prepares_for_all(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEAMSIM_TEST_NOTES", str(tmp_path))
+    assert sorted(on_this_machine(abs, [-3, -4, -5], 2, _note)) == [3, 4, 5]
+    notes = sorted(path.read_text() for path in tmp_path.iterdir())
+    assert "-31" in notes  # the first item, linear algebra on one thread
+    assert set(notes) <= {"-31", "None1"}
+
+
+def test_gathering_before_anything_is_known():
+    plan = plan_designs(load_scenario(BASE + GRID))
+    empty = gather(plan, {})
+    assert empty.status == "0 of 6 cases computed"
+    assert not empty.solved.any()
+    assert empty.summary["margins"] == {}
+    one = gather(plan, {2: CaseOutcome(2, {"bending_stress": 1e6})})
+    assert one.solved.sum() == 1
+    assert one.responses["bending_stress"].values[0, 2] == 1e6
+
+
+def _die(item):
+    import os
+
+    os._exit(9)
+
+
+def _nothing(item):
+    pass
+
+
+def test_a_worker_that_dies_ends_the_study_with_a_remedy():
+    with pytest.raises(NotTrustedError, match="--resume"):
+        list(on_this_machine(_die, [1, 2, 3], 2, _nothing))
+
+
+def test_the_environment_is_left_as_it_was(monkeypatch):
+    import os
+
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    assert list(on_this_machine(abs, [-1, -2], 2, _nothing)) in ([1, 2], [2, 1])
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "MKL_NUM_THREADS" not in os.environ

@@ -1,0 +1,286 @@
+"""Damping and contact parameters from nonlinear vibrations: recovered, with honest intervals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from beamsim.analyses import steady
+from beamsim.analyses.identify import identify_stiffness
+from beamsim.analyses.measured import MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.nonlinear_fit import fit_nonlinear
+from beamsim.analyses.run import run
+from beamsim.analyses.steady import steady_vibration
+from beamsim.errors import ScenarioError
+from beamsim.model.build import build_system
+from beamsim.model.contact_change import with_changed_contacts
+from beamsim.scenario import load_scenario
+
+CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+TRUTH = {"snubbers[0].gap": 2e-5, "reduction": {"modes": 6}}
+SOUGHT = {
+    "snubbers.tip.stiffness": 151.1e3,
+    "snubbers.tip.gap": 2e-5,
+    "snubbers.tip.damping.ratio": 0.02,
+    "beam.damping.ratio": 0.01,
+}
+ORDERS = np.arange(1, 13)
+TIME = np.arange(1500) / 5000.0
+
+
+def true_harmonics(frequency, level="2 g", **changes):
+    scenario = load_scenario(CASE, {**TRUTH, "excitation.frequency": frequency, "excitation.level": level, **changes})
+    return steady_vibration(scenario).harmonics(0, "absolute_acceleration", 12)
+
+
+@pytest.fixture(scope="module")
+def vibrations():
+    return {frequency: true_harmonics(frequency) for frequency in (45.0, 65.0, 78.0)}
+
+
+def signal(frequency, harmonics, noise=0.0, delay=1.3e-3, seed=0):
+    history = np.imag(np.exp(2j * np.pi * frequency * np.outer(TIME + delay, ORDERS)) @ harmonics)
+    scatter = noise * np.abs(harmonics).max() * np.random.default_rng(seed).standard_normal(TIME.size)
+    return MeasuredSignal("tip", TIME, history + scatter, unit="m/s^2")
+
+
+def case(frequencies, estimate=tuple(SOUGHT), start=None, **settings):
+    start = start or {
+        "snubbers[0].stiffness": 140e3, "snubbers[0].gap": 1.4e-5, "snubbers[0].damping.ratio": 0.025,
+        "beam.damping.ratio": 0.012,
+    }  # fmt: skip
+    tests = [{"file": f"{f:g}", "frequency": f, "level": "2 g"} for f in frequencies]
+    nonlinear = {"estimate": list(estimate), "tests": tests, "starts": 1, "profiles": False, **settings}
+    return load_scenario(
+        CASE, {"reduction": {"modes": 6}, **start, "identify_stiffness": {"snubber": "tip", "nonlinear": nonlinear}}
+    )
+
+
+def test_the_steady_response_is_where_the_transient_ends():
+    scenario = load_scenario(CASE, {**TRUTH, "run.duration": 5.0, "run.sample_rate": 65 * 100})
+    result = run(scenario)
+    history = MeasuredSignal("tip", result.time, result.probes["tip"].displacement)
+    transient = harmonics_of(history, 65.0, 8, last=20 / 65).value
+    steady = steady_vibration(scenario).harmonics(0, "displacement", 8)
+    assert steady == pytest.approx(transient, abs=1e-6 * abs(steady).max())
+
+
+def test_all_harmonics_of_a_linear_vibration_but_one_vanish():
+    scenario = load_scenario(CASE, {"snubbers[0].gap": "1 m", "reduction": {"modes": 6}})
+    vibration = steady_vibration(scenario)
+    assert not vibration.touching
+    value = vibration.harmonics(0, "absolute_acceleration", 6)
+    assert np.abs(value[1:]).max() < 1e-9 * abs(value[0])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"snubbers[0].stiffness": 1e5}, {"snubbers[0].damping.ratio": 0.05}, {"beam.damping.ratio": 0.03},
+     {"snubbers[0].gap": -1e-4}],
+)  # fmt: skip
+def test_the_quick_change_is_the_full_build(change):
+    before = load_scenario(CASE, TRUTH)
+    after = load_scenario(CASE, {**TRUTH, **change})
+    quick = with_changed_contacts(build_system(before), before, after)
+    full = build_system(after)
+    for name in ("stiffness", "dashpot", "gap"):
+        assert getattr(quick.dynamics.contacts, name) == pytest.approx(getattr(full.dynamics.contacts, name), rel=1e-12)
+    assert quick.dynamics.damping == pytest.approx(full.dynamics.damping, abs=1e-9 * abs(full.dynamics.damping).max())
+
+
+def test_other_changes_need_the_full_build():
+    before = load_scenario(CASE, TRUTH)
+    for change in ({"beam.youngs_modulus": 7e10}, {"snubbers[0].position": 0.2}, {"excitation.frequency": 66.0}):
+        assert with_changed_contacts(build_system(before), before, load_scenario(CASE, {**TRUTH, **change})) is None
+
+
+def test_four_parameters_from_three_noiseless_tests(vibrations):
+    signals = [signal(f, c, delay=1e-3 * k) for k, (f, c) in enumerate(vibrations.items())]
+    found = identify_stiffness(case(vibrations), signals).nonlinear
+    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(SOUGHT, rel=1e-6)
+    assert found.misfit < 1e-6 * found.misfit_before or found.misfit < found.degrees_of_freedom
+
+
+def test_several_starts_profiles_and_time(vibrations):
+    signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
+    found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals).nonlinear
+    assert found.starts_agreeing >= 2
+    assert found.processor_time_s < 30.0
+    for profile, p in zip(found.profiles, found.parameters, strict=True):
+        # chi^2 rises by z^2 at z standard deviations where the model is linear enough
+        z2 = ((profile.value - p.value) / p.standard_deviation) ** 2
+        assert profile.misfit == pytest.approx(z2, rel=0.15, abs=0.05)
+
+
+def test_intervals_cover_the_truth(vibrations, monkeypatch):
+    """In 100 noisy trials the true values lie within the 95 % intervals at least 88 times, for every parameter."""
+    chosen = {f: vibrations[f] for f in (65.0, 78.0)}
+    sought = ("snubbers.tip.stiffness", "snubbers.tip.gap", "beam.damping.ratio")
+    start = {"snubbers[0].stiffness": 145e3, "snubbers[0].gap": 1.7e-5, "beam.damping.ratio": 0.011}
+    scenario = case(chosen, sought, start)
+    built = {}  # the two systems that the search starts from are the same every time
+
+    def built_once(scenario):
+        frequency = scenario.excitation.frequency
+        if frequency not in built:
+            built[frequency] = build_system(scenario)
+        return built[frequency]
+
+    monkeypatch.setattr(steady, "build_system", built_once)
+    covered = np.zeros(len(sought))
+    both = 0
+    for trial in range(100):
+        signals = [signal(f, c, noise=0.02, seed=1000 * trial + k) for k, (f, c) in enumerate(chosen.items())]
+        found = fit_nonlinear(scenario, scenario.identify_stiffness, signals)
+        inside = [p.interval[0] <= SOUGHT[p.parameter] <= p.interval[1] for p in found.parameters]
+        covered += inside
+        both += all(inside)
+    assert covered.min() >= 88
+    assert covered.max() <= 100
+    assert both >= 78  # three intervals at once: 0.95^3 if they were independent
+
+
+def test_the_coverage_can_fail(vibrations):
+    # Noise that is stated ten times too small gives intervals that miss.
+    scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"))
+    tests = [{"file": "65", "frequency": 65.0, "level": "2 g", "noise": 1e-6}]
+    scenario = load_scenario(scenario, {"identify_stiffness.nonlinear.tests": tests})
+    found = identify_stiffness(scenario, [signal(65.0, vibrations[65.0], noise=0.05, seed=3)])
+    assert any("more than their noise" in warning for warning in found.warnings)
+
+
+def test_parameters_that_cannot_be_told_apart_are_named(vibrations):
+    # The excitation's level and everything that scales with it: at zero gap the motion is homogeneous of degree one.
+    scenario = case([65.0], ("beam.youngs_modulus", "beam.density", "snubbers.tip.stiffness"))
+    # Young's modulus, density and the snubber's stiffness, all times the same factor, change nothing under base motion
+    # but the point masses and the dashpot's part; without these they cannot be told apart.
+    scenario = load_scenario(scenario, {"beam.point_masses": [], "snubbers[0].gap": 0.0, "snubbers[0].damping": None})
+    truth = load_scenario(scenario, {"snubbers[0].stiffness": 151.1e3})
+    harmonics = steady_vibration(truth).harmonics(0, "absolute_acceleration", 12)
+    found = identify_stiffness(scenario, [signal(65.0, harmonics, noise=0.01)])
+    assert any("told apart" in warning for warning in found.warnings)
+
+
+def test_a_linear_test_says_little_of_the_snubber():
+    scenario = case([65.0], ("beam.damping.ratio",), {"snubbers[0].gap": "10 mm"})
+    harmonics = steady_vibration(load_scenario(scenario, {"identify_stiffness": None})).harmonics(
+        0, "absolute_acceleration", 12
+    )
+    found = identify_stiffness(scenario, [signal(65.0, harmonics, noise=0.01)])
+    assert any("contact is never made and lost" in warning for warning in found.warnings)
+
+
+def test_amplitude_spectra_do_without_phases(vibrations):
+    harmonics = vibrations[65.0]
+    frequency = np.arange(0.0, 1000.0, 2.5)
+    line = np.full(frequency.size, 1e-4 * abs(harmonics).max())
+    line[np.round(65.0 * ORDERS / 2.5).astype(int)] = np.abs(harmonics)
+    measured = MeasuredSignal("tip", frequency, line, of_frequency=True, unit="m/s^2")
+    scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"), {"snubbers[0].stiffness": 140e3,
+                    "snubbers[0].gap": 1.4e-5})  # fmt: skip
+    found = identify_stiffness(scenario, [measured]).nonlinear
+    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(
+        {name: SOUGHT[name] for name in ("snubbers.tip.stiffness", "snubbers.tip.gap")}, rel=1e-2
+    )
+
+
+def test_more_unknowns_than_measurements():
+    scenario = case([65.0])
+    tests = [{"file": "65", "frequency": 65.0, "level": "2 g", "harmonics": 2}]
+    scenario = load_scenario(scenario, {"identify_stiffness.nonlinear.tests": tests})
+    with pytest.raises(ScenarioError, match="asks for 4 parameters"):
+        identify_stiffness(scenario, [signal(65.0, true_harmonics(65.0))])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda s: MeasuredSignal("tip", s.x, np.where(s.x > 0.1, np.nan, s.y)), "no numbers"),
+        (lambda s: MeasuredSignal("tip", s.x[:50], s.y[:50]), "less than a period"),
+        (lambda s: MeasuredSignal("tip", s.x[::40], s.y[::40]), "too slowly"),
+        (lambda s: MeasuredSignal("tip", s.x, 0 * s.y), "nothing at 65 Hz"),
+    ],
+)
+def test_signals_that_cannot_be_used(vibrations, change, says):
+    scenario = case([65.0], ("snubbers.tip.stiffness",))
+    with pytest.raises(ScenarioError, match=says) as caught:
+        identify_stiffness(scenario, [change(signal(65.0, vibrations[65.0]))])
+    assert caught.value.problems[0].path.startswith("identify_stiffness.nonlinear.tests[0]")
+
+
+def test_phase_alignment_is_exact():
+    harmonics = true_harmonics(65.0)
+    measured = harmonics_of(signal(65.0, harmonics, delay=4.2e-3), 65.0, 12)
+    phase = best_phase(measured, harmonics, np.ones(12))
+    assert np.exp(1j * phase) == pytest.approx(np.exp(2j * np.pi * 65 * 4.2e-3), abs=1e-9)
+
+
+def test_phases_of_the_excitation_need_no_delay(vibrations):
+    scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"))
+    tests = [{"file": "65", "frequency": 65.0, "level": "2 g", "phase": "of_excitation", "noise": "1 %"}]
+    changes = {
+        "identify_stiffness.nonlinear.tests": tests,
+        "snubbers[0].damping.ratio": 0.02,
+        "beam.damping.ratio": 0.01,
+    }
+    scenario = load_scenario(scenario, changes)
+    found = identify_stiffness(scenario, [signal(65.0, vibrations[65.0], delay=0.0)]).nonlinear
+    assert found.tests[0].delay_s == 0.0
+    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(
+        {name: SOUGHT[name] for name in ("snubbers.tip.stiffness", "snubbers.tip.gap")}, rel=1e-6
+    )
+
+
+def test_a_prior_and_bounds_hold_a_parameter(vibrations):
+    estimate = (
+        "snubbers.tip.stiffness", {"parameter": "beam.youngs_modulus", "prior": "0.001 %"},
+        {"parameter": "snubbers.tip.gap", "bounds": ["0.01 mm", "0.018 mm"]},
+    )  # fmt: skip
+    found = identify_stiffness(case([65.0], estimate), [signal(65.0, vibrations[65.0], noise=0.02)]).nonlinear
+    values = {p.parameter: p for p in found.parameters}
+    assert values["beam.youngs_modulus"].value == pytest.approx(69e9, rel=1e-4)
+    assert values["snubbers.tip.gap"].value <= 1.8e-5 * (1 + 1e-9)
+    assert values["snubbers.tip.gap"].at_bound
+
+
+def test_a_prestress_is_found_as_a_negative_gap():
+    truth = {"snubbers[0].gap": -5e-5, "excitation.level": "6 g"}
+    harmonics = true_harmonics(90.0, "6 g", **{"snubbers[0].gap": -5e-5})
+    start = {"snubbers[0].gap": -3e-5}
+    scenario = case([90.0], ("snubbers.tip.gap",), start)
+    tests = [{"file": "90", "frequency": 90.0, "level": truth["excitation.level"]}]
+    scenario = load_scenario(scenario, {"identify_stiffness.nonlinear.tests": tests})
+    found = identify_stiffness(scenario, [signal(90.0, harmonics, noise=0.01)]).nonlinear
+    (gap,) = found.parameters
+    assert gap.interval[0] - 2e-6 < -5e-5 < gap.interval[1] + 2e-6
+
+
+def test_a_linear_identification_gives_the_starting_stiffness(vibrations):
+    scenario = load_scenario(
+        case([65.0], ("snubbers.tip.gap",), {"snubbers[0].gap": 1.8e-5}),
+        {"identify_stiffness.measured_with": [196.0]},
+    )
+    result = identify_stiffness(scenario, [signal(65.0, vibrations[65.0], noise=0.01)])
+    assert result.estimate.stiffness == pytest.approx(151.43e3, rel=1e-3)
+    (gap,) = result.nonlinear.parameters
+    assert gap.value == pytest.approx(2e-5, rel=0.1)
+
+
+def test_the_jacobian_is_that_of_the_residuals(vibrations):
+    from beamsim.analyses.model_updating import sought_numbers
+    from beamsim.analyses.nonlinear_fit import _Fit, _tests
+
+    scenario = case(vibrations)
+    nonlinear = scenario.identify_stiffness.nonlinear
+    signals = [signal(f, c, noise=0.02) for f, c in vibrations.items()]
+    fit = _Fit(scenario, sought_numbers(scenario, nonlinear.estimate)[0], _tests(scenario, nonlinear.tests, signals))
+    fit.prepare()
+    x = fit.with_phases(np.zeros(4))
+    fit.residuals(x)
+    jacobian = fit.jacobian(x)
+    assert jacobian.shape == (36, 7)  # four parameters, three delays
+    for i in range(7):
+        step = np.zeros(7)
+        step[i] = 3e-4
+        difference = (fit.residuals(x + step) - fit.residuals(x - step)) / 6e-4
+        assert jacobian[:, i] == pytest.approx(difference, abs=2e-3 * abs(difference).max())

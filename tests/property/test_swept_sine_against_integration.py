@@ -1,0 +1,318 @@
+"""The swept-sine flow against independent time stepping (DOP853, restarted at every event and every window cut)."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from beamsim.analyses.outputs import accelerations, displacements, stack
+from beamsim.dynamics.swept_sine import SweptFlow, sweep
+from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.model.profiles import Profile
+from beamsim.model.swept import Leg, cut_into_windows, swept_signals
+from beamsim.model.system import Forcing
+
+
+def phase_of(legs, t):
+    """Phase from the law of the sweep itself, without windows; t within the legs."""
+    t = np.asarray(t, dtype=float)
+    phase, before, turns = np.zeros(t.shape), 0.0, 0.0
+    for leg in legs:
+        r, f = leg.signed_rate, leg.first_hz
+        here = t >= before
+        x = t - before
+        own = f * np.expm1(r * x) / r if leg.logarithmic else f * x + 0.5 * r * x**2
+        phase = np.where(here, 2 * np.pi * (turns + own), phase)
+        before, turns = before + leg.duration, turns + leg.cycles
+    return phase
+
+
+def integrate(system, load, force, base, start, duration, cuts, times, rtol=1e-12):
+    """States at ``times``; ``force(t)`` and ``base(t) -> (d, d')`` are plain functions."""
+    c, n, m = system.contacts, system.size, system.contacts.count
+    with np.errstate(divide="ignore"):
+        rate = np.where(c.dashpot > 0, c.stiffness / c.dashpot, 0.0)
+    has_face = c.no_tension & (c.dashpot > 0)
+
+    def gaps(t, y):
+        d, v = base(t)
+        delta = -c.gap - c.sign * (c.shape @ y[:n] + c.on_ground * d)
+        return delta, -c.sign * (c.shape @ y[n : 2 * n] + c.on_ground * v)
+
+    def right(t, y, closed):
+        delta, slope = gaps(t, y)
+        push = np.where(closed, c.stiffness * delta + c.dashpot * slope, 0.0)
+        q = -system.stiffness * y[:n] - system.damping @ y[n : 2 * n] + system.constant_load + load * force(t)
+        face = np.where(has_face & ~closed, -rate * y[2 * n :], 0.0)
+        return np.concatenate([y[n : 2 * n], q + (push * c.sign) @ c.shape, face])
+
+    def watch(j, closed):
+        def g(t, y):
+            delta, slope = gaps(t, y)
+            if closed[j]:
+                return c.stiffness[j] * delta[j] + c.dashpot[j] * slope[j] if has_face[j] else delta[j]
+            return y[2 * n + j] - delta[j]
+
+        return g
+
+    y = np.concatenate([start, np.zeros(m)])
+    closed = gaps(0.0, y)[0] > 0
+    t, out, events = 0.0, np.empty((times.size, 2 * n)), 0
+    stops = np.append(cuts[(cuts > 0) & (cuts < duration)], duration)
+    while t < duration:
+        stop = stops[np.searchsorted(stops, t, side="right")]
+        s = solve_ivp(
+            right, (t, stop), y, method="DOP853", rtol=rtol, atol=1e-14, args=(closed,), max_step=STEP,
+            events=[_terminal(watch(j, closed)) for j in range(m)], dense_output=True,
+        )  # fmt: skip
+        end = s.t[-1]
+        here = (times >= t) & ((times < end) | (end >= duration))
+        if here.any():
+            out[here] = s.sol(times[here])[: 2 * n].T
+        t, y = end, s.y[:, -1].copy()
+        if s.status == 1:
+            j = next(j for j in range(m) if s.t_events[j].size)
+            if has_face[j] and closed[j]:
+                y[2 * n + j] = gaps(t, y)[0][j]
+            closed = closed.copy()
+            closed[j] = ~closed[j]
+            events += 1
+    return out, events
+
+
+def _terminal(g):
+    def event(t, y, closed):
+        return g(t, y)
+
+    event.terminal, event.direction = True, -1.0
+    return event
+
+
+def flow_of(system, load, windows, on_ground=False):
+    channels = [windows.coefficient] + ([windows.integrated(2)] if on_ground else [])
+    return SweptFlow(system, load[None], np.stack(channels), windows, base_displacement=on_ground)
+
+
+def states(flow, record, times):
+    whole = flow.template.empty_output(2 * flow.system.size)
+    whole.row[:] = np.eye(2 * flow.system.size)
+    return record.sample(times, lambda closed: whole)
+
+
+def nothing(flow):
+    return lambda closed: flow.template.empty_output(0)
+
+
+STEP = 0.006  # s; contacts shorter than the integrator's steps would be missed by it
+THROUGH_RESONANCE = [Leg(0.1, 0.45, 0.1, True)]
+CASES = {
+    "no dashpot": {"stiffness": [20.0], "gap": [0.1]},
+    "dashpot, just touching": {"stiffness": [20.0], "dashpot": [0.5], "gap": [0.0]},
+    "strong dashpot, prestress, above": {"stiffness": [20.0], "dashpot": [2.5], "gap": [-0.1], "sign": [-1.0]},
+    "two snubbers": {"stiffness": [20.0, 50.0], "dashpot": [0.5, 0.1], "gap": [0.1, -0.1], "sign": [1.0, -1.0]},
+    "on the ground": {
+        "stiffness": [20.0, 50.0],
+        "dashpot": [0.5, 0.1],
+        "gap": [0.1, -0.1],
+        "sign": [1.0, -1.0],
+        "on_ground": [True, False],
+    },
+    "no tension": {"stiffness": [20.0], "dashpot": [0.8], "gap": [0.1], "no_tension": [True]},
+}
+
+
+@pytest.mark.parametrize("rigid", [0, 1])
+@pytest.mark.parametrize("case", CASES)
+def test_random_structure(make_system, case, rigid):
+    rng = np.random.default_rng(len(case) + rigid)
+    n, legs = 3, THROUGH_RESONANCE
+    omega = np.array([1.2, 2.9, 6.0])
+    omega[:rigid] = 0.0
+    m = len(CASES[case]["stiffness"])
+    shape = 0.5 + rng.random(size=(m, n))
+    system = make_system(omega, 0.02 * omega, 0.05 * rng.normal(size=n), shape=shape, **CASES[case])
+    load = rng.normal(size=n)
+    windows = cut_into_windows(legs, Profile.constant(1.0))
+    on_ground = case == "on the ground"
+    flow = flow_of(system, load, windows, on_ground)
+    start = 0.3 * rng.normal(size=2 * n)
+    record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
+    displacement, velocity = windows.integrated(2), windows.integrated(1)
+    times = np.linspace(0.0, windows.duration, 1001)
+    expected, events = integrate(
+        system, load, lambda t: np.sin(phase_of(legs, t)),
+        lambda t: (windows.evaluate(displacement, t), windows.evaluate(velocity, t)) if on_ground else (0.0, 0.0),
+        start, windows.duration, windows.start if on_ground else np.zeros(0), times,
+    )  # fmt: skip
+    assert record.status == "complete"
+    assert record.events == events
+    assert events > 1 or rigid
+    assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "legs",
+    [
+        [Leg(0.05, 3.0, 0.3, False), Leg(3.0, 0.2, 0.2, True)],
+        [Leg(2.0, 0.1, 3.0, False)],
+        [Leg(1.0, 0.02, 1.0, True)],
+    ],
+    ids=["up linear, down logarithmic", "very fast, linear", "very fast, logarithmic"],
+)
+def test_laws_and_profiles(make_system, legs):
+    """Fast sweeps (the frequency changes within a cycle), both laws, levels that step and bend."""
+    system = make_system([1.0, 5.0], [0.02, 0.1], shape=[[1.0, 0.4]], stiffness=[15.0], dashpot=[0.3], gap=[0.05])
+    profile = Profile.held([(0.05, 0.2, "displacement"), (0.3, 0.7, "acceleration"), (1.5, 0.05, "velocity")])
+    profile = profile.notched(0.5, 0.9, 0.3, "acceleration")
+    windows = cut_into_windows(legs, profile)
+    load, start = np.array([1.0, 0.5]), np.array([-0.3, 0.0, 0.2, 0.0])
+    flow = flow_of(system, load, windows)
+    record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
+    times = np.linspace(0.0, windows.duration, 1001)
+
+    def frequency(t):
+        before = 0.0
+        for leg in legs:
+            if t <= before + leg.duration or leg is legs[-1]:
+                x = t - before
+                return (
+                    leg.first_hz * np.exp(leg.signed_rate * x)
+                    if leg.logarithmic
+                    else leg.first_hz + leg.signed_rate * x
+                )
+            before += leg.duration
+        raise AssertionError
+
+    expected, events = integrate(
+        system, load, lambda t: float(profile(frequency(t))) * np.sin(phase_of(legs, t)), lambda t: (0.0, 0.0),
+        start, windows.duration, windows.start, times,
+    )  # fmt: skip
+    assert record.events == events > 0
+    assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("kind", ["undamped", "hardly damped", "near-critical", "coupled damping", "coincident"])
+def test_awkward_damping(make_system, kind):
+    """Through the resonance of undamped modes, clusters of eigenvalues, couplings."""
+    omega = np.array([1.0, 2.2, 5.0])
+    rng = np.random.default_rng(3)
+    damping = {
+        "undamped": np.zeros((3, 3)),
+        "hardly damped": np.diag(1e-7 * omega),
+        "near-critical": np.diag(2 * omega * np.array([1.0, 1 - 1e-9, 0.01])),
+        "coupled damping": (lambda B: B @ B.T)(0.2 * rng.normal(size=(3, 3))),
+        "coincident": np.diag(0.02 * omega),
+    }[kind]
+    if kind == "coincident":
+        omega[:2] = 2.0
+    system = make_system(omega, damping, shape=[[1.0, 0.7, -0.4]], stiffness=[9.0], dashpot=[0.2], gap=[0.3])
+    legs = [Leg(0.1, 0.5, 0.05, True)]
+    windows = cut_into_windows(legs, Profile.constant(0.2))
+    load = np.array([1.0, -0.6, 0.4])
+    flow = flow_of(system, load, windows)
+    start = np.zeros(6)
+    record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
+    times = np.linspace(0.0, windows.duration, 801)
+    expected, events = integrate(
+        system, load, lambda t: 0.2 * np.sin(phase_of(legs, t)), lambda t: (0.0, 0.0), start, windows.duration,
+        np.zeros(0), times,
+    )  # fmt: skip
+    assert record.events == events
+    assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_the_comparison_can_fail(make_system):
+    """Twin of the tests above: one part in a million of the rate is far above the tolerance."""
+    system = make_system([1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[20.0], gap=[0.1])
+    motions = []
+    for factor in (1.0, 1.0 + 1e-6):
+        windows = cut_into_windows([Leg(0.1, 0.4, 0.05 * factor, True)], Profile.constant(1.0))
+        flow = flow_of(system, np.array([1.0, 0.5]), windows)
+        record = sweep(flow, np.zeros(4), nothing(flow), orders=[], keep_history=True)
+        motions.append(states(flow, record, np.linspace(0, 20.0, 300)))
+    assert np.abs(motions[0] - motions[1]).max() > 1e-8 * np.abs(motions[0]).max()
+
+
+def test_the_run_with_the_same_excitation_agrees(make_system):
+    """Polynomial pieces through the transient's flow: another way to the same motion."""
+    system = make_system([1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[20.0], dashpot=[0.3], gap=[0.05])
+    windows = cut_into_windows([Leg(0.1, 0.4, 0.05, True)], Profile.constant(0.3))
+    load = np.array([[1.0, 0.5]])
+    flow = flow_of(system, load[0], windows)
+    record = sweep(flow, np.zeros(4), nothing(flow), orders=[], keep_history=True)
+    (signal,) = swept_signals(windows, [0])
+    trajectory = simulate(ExactFlow(system, Forcing(load, (signal,)), windows.duration), np.zeros(4))
+    times = np.linspace(0, windows.duration, 2000)
+    a, b = states(flow, record, times), trajectory.states_at(times)
+    assert trajectory.event_time.size == record.events > 10
+    assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
+
+
+def outputs(flow, shape):
+    T = flow.template
+    moved = displacements(T, shape)
+    return lambda closed: stack(moved, T.contact_forces(closed), accelerations(T, shape, closed, absolute=True))
+
+
+@pytest.mark.parametrize("rigid", [0, 1])
+def test_envelopes_and_harmonics_of_cycles_against_dense_samples(make_system, rigid):
+    omega = np.array([1.0, 2.5, 14.0])
+    omega[:rigid] = 0.0
+    system = make_system(
+        omega, 0.02 * omega, [-0.1, 0.0, 0.0], shape=[[1.0, 0.7, 0.3]], stiffness=[40.0], gap=[0.05]
+    )  # fmt: skip
+    legs = [Leg(0.1, 0.35, 0.05, True)]
+    windows = cut_into_windows(legs, Profile.constant(0.3))
+    channels = np.stack([windows.coefficient, windows.coefficient])
+    flow = SweptFlow(system, np.array([[1.0, 0.5, 0.2]]), channels, windows)
+    out = outputs(flow, np.array([[1.0, -0.3, 0.2]]))
+    orders = [0.0, 0.5, 1.0, 2.0, 3.0]
+    record = sweep(flow, np.zeros(6), out, orders=orders, keep_history=True)
+    assert record.events > 0
+    node, weight = np.polynomial.legendre.leggauss(12)
+    for cycle in (0, 3, windows.cycles // 2, windows.cycles - 2):
+        begin, end = windows.cycle_start[cycle], windows.cycle_start[cycle + 1]
+        dense = np.linspace(begin, end, 20001)
+        values = record.sample(dense[:-1], out)
+        extent = np.ptp(values, axis=0) + 1e-12
+        assert np.all(record.high[cycle] >= values.max(axis=0) - 1e-9 * extent)
+        assert np.all(record.low[cycle] <= values.min(axis=0) + 1e-9 * extent)
+        assert np.all(record.high[cycle] - values.max(axis=0) < 1e-3 * extent)
+        assert np.all(values.min(axis=0) - record.low[cycle] < 1e-3 * extent)
+        inside = record.log.event_time[(record.log.event_time > begin) & (record.log.event_time < end)]
+        cuts = np.unique(np.concatenate([np.linspace(begin, end, 60), inside]))
+        width = np.diff(cuts)[:, None]
+        t = (cuts[:-1, None] + 0.5 * width * (1 + node)).ravel()
+        w = (0.5 * width * weight).ravel()
+        values = record.sample(t, out)
+        square = w @ values**2 / (end - begin)
+        np.testing.assert_allclose(record.mean_square[cycle], square, rtol=1e-8, atol=1e-12 * square.max())
+        phase = phase_of(legs, t)
+        rate = 2 * np.pi * windows.frequency_at(t)
+        for i, order in enumerate(orders):
+            expected = (w * rate * np.exp(-1j * order * phase)) @ values / (2 * np.pi if order == 0 else np.pi)
+            np.testing.assert_allclose(record.harmonic[cycle, :, i], expected, atol=1e-9 * np.sqrt(square.max()))
+    shares = record.contact_share
+    assert np.all((shares >= 0) & (shares <= 1 + 1e-12))
+    assert record.closings.sum() == int(np.sum(record.log.event_closing))
+
+
+def test_zero_gap_is_homogeneous_of_degree_one(make_system):
+    system = make_system([1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[20.0], dashpot=[0.3])
+    highs = []
+    for level in (1e-3, 1.0, 250.0):
+        windows = cut_into_windows([Leg(0.1, 0.4, 0.05, True)], Profile.constant(level))
+        flow = flow_of(system, np.array([1.0, 0.5]), windows)
+        shape = displacements(flow.template, np.array([[1.0, 0.0]]))
+        highs.append(sweep(flow, np.zeros(4), lambda closed, s=shape: s).high / level)
+    for other in highs[1:]:
+        np.testing.assert_allclose(other, highs[0], rtol=1e-8)
+
+
+def test_work_is_bounded(make_system):
+    system = make_system([0.0], [0.0], [-9.81], shape=[[1.0]], stiffness=[1e9], dashpot=[1e3])
+    windows = cut_into_windows([Leg(0.1, 0.4, 0.05, True)], Profile.constant(0.0))
+    flow = flow_of(system, np.array([1.0]), windows)
+    record = sweep(flow, np.array([0.1, 0.0]), nothing(flow), max_evaluations=200)
+    assert "evaluations" in record.status
+    assert 0 < record.end < windows.duration
+    assert record.reached < windows.cycles

@@ -1,0 +1,146 @@
+"""Every derivative of the flow against finite differences, and Liouville's formula."""
+
+import numpy as np
+import pytest
+
+from beamsim.dynamics.variational import (
+    ContactDirection,
+    Frequency,
+    Level,
+    PeriodicForcing,
+    VariationalFlow,
+)
+
+OMEGA = np.array([1.0, 6.3, 17.5])
+SHAPE = np.array([[1.4, -1.3, 1.1], [0.5, 1.2, 0.3]])
+
+
+def forcing(base=0.0):
+    """Two harmonics; the base moves with a -2 power of the frequency."""
+    return PeriodicForcing(
+        np.array([1, 3]),
+        np.array([[0.4 - 0.2j, 0.3, 0.1j], [0.1, 0.2j, -0.3]]),
+        np.array([0.0, 1.0]),
+        np.array([base * (0.05 + 0.02j), 0.01 * base]),
+        np.array([-2.0, 0.0]),
+        1.1,
+    )
+
+
+CASES = {
+    "spring": {"stiffness": [40.0, 90.0], "gap": [0.1, -0.05], "sign": [1.0, -1.0]},
+    "dashpot": {"stiffness": [40.0, 90.0], "dashpot": [3.0, 0.7], "gap": [0.05, 0.1], "sign": [1.0, -1.0]},
+    "face": {
+        "stiffness": [40.0, 90.0], "dashpot": [8.0, 20.0], "gap": [0.0, 0.02], "sign": [1.0, -1.0],
+        "no_tension": True,
+    },
+    "ground": {"stiffness": [40.0, 90.0], "dashpot": [3.0, 0.7], "gap": [0.05, 0.1], "on_ground": True},
+    "ground face": {
+        "stiffness": [40.0, 90.0], "dashpot": [8.0, 20.0], "gap": [0.0, 0.02], "sign": [1.0, -1.0],
+        "no_tension": True, "on_ground": True,
+    },
+}  # fmt: skip
+
+
+def build(make_system, case, damping=0.05, omega=OMEGA):
+    return make_system(omega, damping * np.arange(1.0, 4.0), shape=SHAPE, **CASES[case])
+
+
+def central(function, h=1e-7):
+    return (function(h) - function(-h)) / (2 * h)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("seed", range(4))
+def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, seed):
+    rng = np.random.default_rng(seed)
+    system = build(make_system, case)
+    loads = forcing(1.0 if "ground" in case else 0.0)
+    flow = VariationalFlow(system, loads, omega=1.3, level=2.0)
+    z = np.concatenate([rng.normal(size=3) * [0.5, 0.1, 0.02], rng.normal(size=3) * 0.4, np.zeros(2)])
+    if "face" in case:  # a snubber's face still on its way back
+        z[6] = 0.1 + max(0.0, flow.penetration(flow.carry(z, 1e-9), np.zeros(1))[0][0, 0])
+    duration = 5.3
+    directions = [
+        ContactDirection.of(system.contacts, stiffness=rng.normal(size=2)),
+        ContactDirection.of(system.contacts, dashpot=rng.normal(size=2) * (system.contacts.dashpot > 0)),
+        ContactDirection.of(system.contacts, gap=rng.normal(size=2)),
+        ContactDirection.of(system.contacts, shape=rng.normal(size=(2, 3))),
+    ]
+    passage = flow.carry(z, duration, [Frequency(), Level(), *directions])
+    assert passage.event_time.size >= 4
+
+    def at(omega=0.0, level=0.0, start=0.0, more=0.0):
+        return VariationalFlow(system, loads, 1.3 + omega, 2.0 + level).carry(z + start, duration + more).end
+
+    scale = np.abs(passage.transition).max()
+    for k in np.flatnonzero(np.concatenate([np.ones(6, dtype=bool), flow._has_face & (z[6:] > 0)])):
+        step = np.eye(8)[k]
+        np.testing.assert_allclose(
+            passage.transition[:, k], central(lambda h, step=step: at(start=h * step)), atol=1e-6 * scale
+        )
+    checks = [central(lambda h: at(omega=h)), central(lambda h: at(level=h))]
+    checks += [central(lambda h, d=d: flow.moved(d, h).carry(z, duration).end) for d in directions]
+    for column, expected in zip(passage.parameters.T, checks, strict=True):
+        np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
+    np.testing.assert_allclose(passage.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(passage.slope).max())
+
+
+def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system):
+    """A rigid-body mode: the closed form is left for a difference, and agrees with one of another step."""
+    system = make_system(
+        [0.0, 6.3], [0.0, 0.1], shape=[[1.0, 0.5]], stiffness=30.0, gap=0.01, constant_load=[-1.0, 0.0]
+    )
+    flow = VariationalFlow(system)
+    z = np.array([0.4, 0.1, 0.0, 0.2, 0.0])
+    d = ContactDirection.of(system.contacts, stiffness=2.0, gap=0.1)
+    passage = flow.carry(z, 4.0, [d])
+    assert passage.event_time.size >= 2
+    expected = central(lambda h: flow.moved(d, h).carry(z, 4.0).end, 1e-5)
+    np.testing.assert_allclose(passage.parameters[:, 0], expected, rtol=1e-5, atol=1e-7)
+
+
+def test_liouville(make_system):
+    """det of the transition = exp(-int trace C), times the rate before over after at every jump of the force.
+
+    With a dashpot the flow's volume changes by (rate after) / (rate before) at an event: the rates are equal here
+    (velocity is continuous), so that only the trace counts: its dashpot part while a contact is closed.
+    """
+    system = build(make_system, "dashpot")
+    flow = VariationalFlow(system, forcing(), omega=1.3, level=2.0)
+    z = np.array([0.3, 0.1, 0.01, -0.2, 0.3, 0.1, 0.0, 0.0])
+    passage = flow.carry(z, 5.0)
+    assert passage.event_time.size >= 4
+    total = 0.0
+    for state, length in zip(passage.state, passage.length, strict=True):
+        total -= np.trace(flow._states[state].damping) * length
+    log_det = np.linalg.slogdet(passage.transition[:6, :6])[1]
+    assert log_det == pytest.approx(total, rel=1e-10)
+
+
+def test_undamped_flow_is_symplectic(make_system):
+    """Phi^T J Phi = J across many contacts."""
+    system = build(make_system, "spring", damping=0.0)
+    passage = VariationalFlow(system).carry(np.array([0.5, 0.1, 0.0, 0.0, 0.0, 0.1, 0, 0]), 20.0)
+    assert passage.event_time.size > 10
+    J = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
+    P = passage.transition[:6, :6]
+    np.testing.assert_allclose(P.T @ J @ P, J, atol=1e-11 * np.abs(P).max() ** 2)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_motion_is_that_of_the_transient_solver(make_system, case):
+    """The tables rewritten for a new frequency give the motion of tables built for it."""
+    from beamsim.dynamics.transient import simulate
+
+    system = build(make_system, case)
+    flow = VariationalFlow(system, forcing(1.0 if "ground" in case else 0.0), omega=0.7, level=1.0)
+    z = np.array([0.3, 0.1, 0.01, -0.2, 0.3, 0.1, 0.0, 0.0])
+    flow.carry(z, 5.0)
+    flow.set(omega=1.3, level=2.0)
+    passage = flow.carry(z, 5.0)
+    reference = simulate(flow.exact_flow(5.0), z[:6], duration=5.0)
+    assert passage.event_time.size == reference.event_time.size >= 3
+    np.testing.assert_allclose(passage.end[:6], reference.final_y, atol=1e-11)
+    times = np.linspace(0, 5.0, 50)
+    np.testing.assert_allclose(flow.states_at(passage, times), reference.states_at(times), atol=1e-11)

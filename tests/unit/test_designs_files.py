@@ -1,0 +1,258 @@
+"""Result file, journal, tables and pictures of design studies, from outcomes that no solver made."""
+
+import csv
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from beamsim.analyses.designs import gather, plan_designs
+from beamsim.analyses.designs_results import CaseOutcome
+from beamsim.errors import ResultFileError
+from beamsim.plots.designs import design_figures, save_design_plots, shown_quantities
+from beamsim.scenario import load_scenario
+from beamsim.store.designs import export_designs, holds_designs, open_designs, write_designs
+from beamsim.store.journal import Journal, journal_path
+
+BASE = """\
+title: Fabricated study
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s}
+limits: {peak_force: 30 N, gap: 1 mm, bending_stress: 8 MPa}
+"""
+ONE = "{path: snubbers.tip.stiffness, from: 10 kN/m, to: 1000 kN/m, points: 5, spacing: logarithmic}"
+TWO = "{path: snubbers.tip.gap, values: [0 mm, 0.1 mm, 0.3 mm]}"
+WORD = "{path: beam.supports.right, values: [free, pinned]}"
+STUDIES = {
+    "curve": f"vary: {{kind: grid, parameters: [{ONE}]}}",
+    "words": f"vary: {{kind: grid, parameters: [{WORD}]}}",
+    "map": f"vary: {{kind: grid, parameters: [{ONE}, {TWO}]}}",
+    "map_of_words": f"vary: {{kind: grid, parameters: [{ONE}, {WORD}]}}",
+    "three": f"vary: {{kind: grid, parameters: [{ONE}, {TWO}, {WORD}]}}",
+    "zip": f"vary: {{kind: zip, parameters: [{ONE}, {{path: excitation.level, from: 1, to: 2, points: 5}}]}}",
+    "sample": "vary: {kind: latin_hypercube, samples: 12, parameters: "
+    "[{path: beam.thickness, tolerance: 5 %}, {path: snubbers.tip.gap, tolerance: 0.1 mm}]}",
+}
+
+
+def outcome(index, rng):
+    force, gap = rng.uniform(10, 50), rng.uniform(0, 2e-3)
+    values = {
+        "probes/tip/peak_displacement": rng.uniform(1e-4, 1e-3),
+        "probes/middle/peak_displacement": rng.uniform(1e-5, 1e-4),
+        "snubbers/tip/peak_force": force,
+        "snubbers/tip/largest_gap": gap,
+        "snubbers/tip/contact_share": rng.uniform(0, 1),
+        "bending_stress": 1e6 * rng.uniform(1, 9),
+        "closed_frequencies_hz": [200.0 + force, 500.0 + force, np.nan],
+    }
+    return CaseOutcome(index, values, "", 0.1)
+
+
+def fabricated(name, failed=(), missing=()):
+    plan = plan_designs(load_scenario(f"{BASE}{STUDIES[name]}\n"))
+    rng = np.random.default_rng(1)
+    outcomes = {task.index: outcome(task.index, rng) for task in plan.tasks}
+    outcomes |= {k: CaseOutcome(k, {}, "stopped: more than max_events events") for k in failed}
+    return gather(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_what_is_written_is_read(name, tmp_path):
+    result = fabricated(name, failed=(1,))
+    stored = open_designs(write_designs(result, tmp_path / "study.h5"))
+    assert holds_designs(tmp_path / "study.h5")
+    for field in ("analysis", "kind", "status", "shape", "limits", "failures", "fingerprint", "warnings", "created"):
+        assert getattr(stored, field) == getattr(result, field), field
+    assert stored.title == result.title
+    assert stored.scenario == result.scenario
+    np.testing.assert_array_equal(stored.solved, result.solved)
+    for one, other in zip(result.coordinates, stored.coordinates, strict=True):
+        assert (one.path, one.unit, one.numeric) == (other.path, other.unit, other.numeric)
+        np.testing.assert_array_equal(one.values, other.values)
+    for kept, read in ((result.responses, stored.responses), (result.margins, stored.margins)):
+        assert set(kept) == set(read)
+        for key in kept:
+            np.testing.assert_array_equal(kept[key].values, read[key].values)
+            assert (kept[key].unit, kept[key].long_name) == (read[key].unit, read[key].long_name)
+    assert list(stored.responses) == list(result.responses)
+    assert stored.summary["margins"] == result.summary["margins"]
+    assert stored.summary["responses"] == result.summary["responses"]
+
+
+@pytest.mark.filterwarnings("default")
+def test_xarray_sees_parameters_as_coordinates(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    result = fabricated("map")
+    path = write_designs(result, tmp_path / "study.h5")
+    with xarray.open_dataset(path, group="designs", engine="h5netcdf") as data:
+        assert data["bending_stress"].dims == ("snubbers.tip.stiffness", "snubbers.tip.gap")
+        np.testing.assert_array_equal(data["snubbers.tip.gap"], [0.0, 1e-4, 3e-4])
+        assert data["closed_frequencies_hz"].dims[-1] == "mode"
+        assert data["bending_stress"].attrs["units"] == "Pa"
+        picked = data["bending_stress"].sel({"snubbers.tip.gap": 1e-4}).values
+    np.testing.assert_array_equal(picked, result.responses["bending_stress"].values[:, 1])
+    path = write_designs(fabricated("sample"), tmp_path / "sample.h5")
+    with xarray.open_dataset(path, group="designs", engine="h5netcdf") as data:
+        assert data["bending_stress"].dims == ("case",)
+        assert {"beam.thickness", "snubbers.tip.gap", "case"} <= set(data["bending_stress"].coords)
+
+
+def test_every_dataset_says_what_it_is(tmp_path):
+    with h5py.File(write_designs(fabricated("three"), tmp_path / "study.h5")) as file:
+
+        def check(name, item):
+            if isinstance(item, h5py.Dataset):
+                assert item.attrs["long_name"], name
+                assert "units" in item.attrs, name
+                assert item.is_scale or all(len(d) for d in item.dims), name
+
+        file["designs"].visititems(check)
+        assert file.attrs["command"] == "sweep"
+        assert file["designs/solved"].shape == (5, 3, 2)
+        assert file["designs/snubbers/tip/peak_force"].shape == (5, 3, 2)
+        assert file["designs/margins/peak_force"].shape == (5, 3, 2)
+
+
+def test_the_table_as_csv(tmp_path):
+    result = fabricated("map", failed=(1,))
+    with open(export_designs(result, tmp_path / "study.csv"), encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 15
+    assert float(rows[4]["snubbers.tip.stiffness (N/m)"]) == result.coordinates[0].values[1]
+    assert float(rows[4]["snubbers.tip.gap (m)"]) == 1e-4
+    assert float(rows[4]["bending_stress (Pa)"]) == result.responses["bending_stress"].values[1, 1]
+    assert float(rows[4]["closed_frequencies_hz_2 (Hz)"]) == result.responses["closed_frequencies_hz"].values[1, 1, 1]
+    assert float(rows[4]["margins/peak_force"]) == result.margins["peak_force"].values[1, 1]
+    assert rows[1]["bending_stress (Pa)"] == "nan"
+
+
+@pytest.mark.parametrize("how", ["missing", "text", "other"])
+def test_files_that_hold_no_study(how, tmp_path):
+    path = tmp_path / "x.h5"
+    if how == "text":
+        path.write_text("no")
+    elif how == "other":
+        with h5py.File(path, "w") as file:
+            file.attrs["command"] = "run"
+    with pytest.raises(ResultFileError, match=r"x\.h5"):
+        open_designs(path)
+    assert not holds_designs(path)
+
+
+def test_damaged_and_foreign_versions(tmp_path):
+    path = write_designs(fabricated("curve"), tmp_path / "x.h5")
+    with h5py.File(path, "a") as file:
+        del file["designs/solved"]
+    with pytest.raises(ResultFileError, match="damaged"):
+        open_designs(path)
+    with h5py.File(path, "a") as file:
+        file.attrs["schema_version"] = 99
+    with pytest.raises(ResultFileError, match="schema_version 99"):
+        open_designs(path)
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "picture"),
+    [("curve", "curves"), ("words", "curves"), ("zip", "curves"), ("map", "maps"), ("map_of_words", "maps"),
+     ("three", "scatter"), ("sample", "scatter")],
+)  # fmt: skip
+def test_pictures(name, picture, tmp_path):
+    result = fabricated(name, failed=(1,))
+    (path,) = save_design_plots(result, tmp_path, "study")
+    assert path.name == f"study_{picture}.png"
+    assert path.stat().st_size > 10_000
+
+
+def test_limited_quantities_come_first_and_their_limit_is_drawn():
+    result = fabricated("curve")
+    assert shown_quantities(result)[:2] == ["peak_force", "bending_stress"]
+    figure = design_figures(result)["curves"]
+    ax = figure.axes[0]
+    assert ax.get_ylabel() == "Peak force (N)"
+    flat = [line for line in ax.lines if len(set(line.get_ydata())) == 1]
+    assert [line.get_ydata()[0] for line in flat] == [30.0]
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), result.responses["snubbers/tip/peak_force"].values)
+    assert ax.get_xscale() == "log"
+
+
+def test_cases_beyond_the_limit_are_marked():
+    result = fabricated("sample")
+    ax = design_figures(result)["scatter"].axes[0]
+    force = result.responses["snubbers/tip/peak_force"].values
+    within, beyond = (np.sort(line.get_ydata()) for line in ax.lines[:2])
+    np.testing.assert_allclose(within, np.sort(force[force <= 30.0]))
+    np.testing.assert_allclose(beyond, np.sort(force[force > 30.0]))
+
+
+def test_nothing_solved_is_no_picture():
+    assert design_figures(fabricated("words", failed=(0, 1))) == {}
+
+
+# --- journal ----------------------------------------------------------------------------------------------------------
+
+
+def outcomes(count):
+    rng = np.random.default_rng(0)
+    return [outcome(k, rng) for k in range(count)]
+
+
+def same(kept, read):
+    """NaN equals NaN."""
+    return json.dumps([vars(o) for o in kept]) == json.dumps([vars(o) for o in read])
+
+
+def test_a_journal_gives_back_the_same_bits(tmp_path):
+    path = tmp_path / "deep" / "x.h5.partial"
+    with Journal(path, "print", resume=False) as journal:
+        for item in outcomes(5):
+            journal.add(item)
+    with Journal(path, "print", resume=True) as journal:
+        assert same(outcomes(5), journal.known)
+        journal.add(CaseOutcome(7, {}, "why"))
+    assert Journal(path, "print", resume=True).known[-1] == CaseOutcome(7, {}, "why")
+
+
+def test_a_journal_cut_anywhere_keeps_every_whole_line(tmp_path):
+    path = tmp_path / "x.partial"
+    with Journal(path, "print", resume=False) as journal:
+        for item in outcomes(4):
+            journal.add(item)
+    whole = path.read_bytes()
+    ends = [k + 1 for k, byte in enumerate(whole) if byte == ord("\n")]
+    for cut in range(0, len(whole) + 1, 7):
+        path.write_bytes(whole[:cut])
+        with Journal(path, "print", resume=True) as journal:
+            expected = max(0, sum(end <= cut for end in ends) - 1)
+            assert same(outcomes(expected), journal.known)
+            journal.add(outcomes(4)[3])  # the broken line is gone, so this one can be read
+        assert len(Journal(path, "print", resume=True).known) == (expected if expected == 4 else expected + 1)
+
+
+def test_a_journal_of_another_study(tmp_path):
+    path = journal_path(tmp_path / "x.h5")
+    assert path.name == "x.h5.partial"
+    with Journal(path, "one", resume=False) as journal:
+        journal.add(outcomes(1)[0])
+    with pytest.raises(ResultFileError, match="belongs to another study"):
+        Journal(path, "two", resume=True)
+    assert Journal(path, "two", resume=False).dropped == 0
+    anew = Journal(path, "one", resume=False)
+    assert (anew.known, anew.dropped) == ((), 1)
+
+
+def test_a_journal_in_use_is_left_alone(tmp_path):
+    pytest.importorskip("fcntl")
+    path = tmp_path / "x.partial"
+    with Journal(path, "print", resume=False) as journal:
+        journal.add(outcomes(1)[0])
+        with pytest.raises(ResultFileError, match="another process"), Journal(path, "print", resume=True):
+            pass
+        journal.add(outcomes(2)[1])
+    assert len(Journal(path, "print", resume=True).known) == 2

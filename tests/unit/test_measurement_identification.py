@@ -1,0 +1,95 @@
+"""Measured signals: harmonics, noise, and the files they come from."""
+
+import h5py
+import numpy as np
+import pytest
+
+from beamsim.analyses.measured import MeasuredSignal, harmonics_of
+from beamsim.errors import ScenarioError
+from beamsim.store.measurement import channel_named, in_si, read_signals
+
+TIME = np.arange(4000) / 8000.0
+TRUE = np.array([2.0 * np.exp(0.3j), 0.5 * np.exp(-1.2j), 0.1j])
+
+
+def history(frequency=40.0):
+    return np.imag(np.exp(2j * np.pi * frequency * np.outer(TIME, [1, 2, 3])) @ TRUE) + 0.7
+
+
+def test_harmonics_without_noise_are_exact():
+    found = harmonics_of(MeasuredSignal("x", TIME, history()), 40.0, 3)
+    assert found.value == pytest.approx(TRUE, abs=1e-12)
+    # a frequency that does not fit the record leaks nothing
+    found = harmonics_of(MeasuredSignal("x", TIME, history(41.3)), 41.3, 3)
+    assert found.value == pytest.approx(TRUE, abs=1e-10)
+
+
+def test_the_noise_is_that_of_the_harmonics():
+    deviations = []
+    for seed in range(200):
+        x = history() + 0.05 * np.random.default_rng(seed).standard_normal(TIME.size)
+        found = harmonics_of(MeasuredSignal("x", TIME, x), 40.0, 3)
+        deviations.append(np.concatenate([(found.value - TRUE).real, (found.value - TRUE).imag]))
+        assert found.noise == pytest.approx(np.full(3, 0.05 * np.sqrt(2 / TIME.size)), rel=0.1)
+    assert np.std(deviations) == pytest.approx(0.05 * np.sqrt(2 / TIME.size), rel=0.1)
+
+
+def test_complex_and_plain_spectra():
+    frequency = np.fft.rfftfreq(TIME.size, 1 / 8000.0)
+    spectrum = np.fft.rfft(history()) * 2 / TIME.size
+    found = harmonics_of(MeasuredSignal("x", frequency, spectrum, of_frequency=True), 40.0, 3)
+    assert found.has_phase
+    assert found.value == pytest.approx(TRUE, abs=1e-10)
+    found = harmonics_of(MeasuredSignal("x", frequency, np.abs(spectrum), of_frequency=True), 40.0, 3)
+    assert not found.has_phase
+    assert np.abs(found.value) == pytest.approx(np.abs(TRUE), abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,tip\n0,1\n0.5,2\n1,3\n",
+        "Time (s);tip (m)\n0;1\n0,5;2\n1;3\n",
+        "# a comment\ntime\ttip\n0\t1\n0.5\t2\n1\t3\n",
+        "0 1\n0.5 2\n1 3\n",
+    ],
+)
+def test_csv_dialects(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text)
+    (signal,) = read_signals(tmp_path / "a.csv")
+    assert signal.x.tolist() == [0.0, 0.5, 1.0]
+    assert signal.y.tolist() == [1.0, 2.0, 3.0]
+    assert not signal.of_frequency
+
+
+def test_units_of_header_and_scenario(tmp_path):
+    (tmp_path / "a.csv").write_text("time,tip (g)\n0,1\n1,2\n")
+    (signal,) = read_signals(tmp_path / "a.csv")
+    assert signal.unit == "g"
+    assert in_si(signal, None, "absolute_acceleration", "x").y.tolist() == pytest.approx([9.80665, 19.6133])
+    assert in_si(signal, "mm/s^2", "absolute_acceleration", "x").y.tolist() == pytest.approx([1e-3, 2e-3])
+    with pytest.raises(ScenarioError, match="acceleration"):
+        in_si(signal, "mm", "absolute_acceleration", "x")
+
+
+def test_hdf5_axes_by_scale_and_by_name(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["lab/zeit"] = [0.0, 1.0, 2.0]
+        file["lab/tip"] = [1.0, 2.0, 3.0]
+        file["lab/spectrum/frequency"] = [0.0, 10.0]
+        file["lab/spectrum/tip"] = [0.5, 0.25]
+        file["lab/tip"].attrs["units"] = "m/s^2"
+    signals = {s.name: s for s in read_signals(tmp_path / "a.h5")}
+    assert not signals["lab tip"].of_frequency
+    assert signals["lab tip"].unit == "m/s^2"
+    assert signals["lab spectrum tip"].of_frequency
+    chosen = channel_named(list(signals.values()), "tip", "absolute_acceleration", tmp_path / "a.h5")
+    assert chosen.name == "lab tip"
+
+
+@pytest.mark.parametrize("name", ["a.uff", "a.h5"])
+def test_damaged_files(tmp_path, name):
+    (tmp_path / name).write_text("    -1\n    58\nrubbish\n    -1\n")
+    with pytest.raises(ScenarioError) as caught:
+        read_signals(tmp_path / name)
+    assert name in str(caught.value)

@@ -1,0 +1,89 @@
+"""Statistics of random vibration against Miles' and linear theory, and their way through the result file."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.linear_response import transfer
+from beamsim.model.build import build_system
+from beamsim.plots.run import run_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.read import open_result
+from beamsim.store.write import write_run
+
+G = 9.80665
+OSCILLATOR = {
+    "title": "An oscillator on a shaker",
+    "chain": {"masses": [1.0], "springs": [3947.84], "dashpots": [6.2832]},  # 10 Hz, 5 %
+    "excitation": {
+        "kind": "random", "applied_to": "base", "seed": 5,
+        "psd": [{"frequency": "1 Hz", "density": "0.01 g^2/Hz"}, {"frequency": "40 Hz", "density": "0.01 g^2/Hz"}],
+    },
+    "probes": [{"name": "mass", "mass": 1}],
+    "run": {"duration": "120 s", "sample_rate": "250 Hz", "start": "rest"},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result():
+    return beamsim.run(load_scenario(OSCILLATOR))
+
+
+def test_input_and_response_have_the_variances_of_theory(result):
+    response = result.random
+    assert response.input.rms == pytest.approx(G * np.sqrt(0.01 * 39), rel=0.03)
+    f = np.linspace(1, 40, 4000)
+    system = build_system(load_scenario(OSCILLATOR))
+    w = transfer(system, f) @ system.probes[0].shape
+    by = {(s.name, s.quantity): s for s in response.signals}
+    for quantity, h in (("displacement", w), ("absolute_acceleration", 1 - (2 * np.pi * f) ** 2 * w)):
+        expected = np.sqrt(np.trapezoid(np.abs(h) ** 2 * 0.01 * G**2, f))
+        assert by["mass", quantity].rms == pytest.approx(expected, rel=0.15)  # a finite record
+    acceleration = by["mass", "absolute_acceleration"]
+    miles = np.sqrt(np.pi / 2 * 10 * 10 * 0.01) * G  # f Q S, white noise
+    assert acceleration.rms == pytest.approx(miles, rel=0.2)
+    assert acceleration.kurtosis == pytest.approx(3.0, abs=0.8)
+    assert acceleration.crossing_rate_hz == pytest.approx(10, rel=0.1)
+    assert 2.5 < acceleration.crest_factor < 6
+    assert acceleration.peaks_over_3_sigma < acceleration.peaks_over_2_sigma < 0.5
+
+
+def test_transmissibility_of_the_linear_case_is_the_transfer_function(result):
+    response = result.random
+    system = build_system(load_scenario(OSCILLATOR))
+    shown = (response.frequency_hz > 3) & (response.frequency_hz < 30)
+    f = response.frequency_hz[shown]
+    expected = 1 - (2 * np.pi * f) ** 2 * (transfer(system, f) @ system.probes[0].shape)
+    value = response.transmissibility["mass"][shown]
+    away = np.abs(f - 10) > 1.0  # the windows smear the resonance
+    assert np.abs(value - expected)[away].max() < 0.15 * np.abs(expected).max()
+    assert np.median(np.abs(value - expected) / np.abs(expected)) < 0.03
+    assert np.median(response.coherence["mass"][shown]) > 0.99
+
+
+def test_contact_lowers_the_coherence(result):
+    chain = {
+        **OSCILLATOR["chain"],
+        "snubbers": [{"name": "stop", "mass": 1, "stiffness": 2e4, "gap": 0, "side": "below"}],
+    }
+    hit = beamsim.run(load_scenario({**OSCILLATOR, "chain": chain, "run": {**OSCILLATOR["run"], "duration": "40 s"}}))
+    shown = (hit.random.frequency_hz > 5) & (hit.random.frequency_hz < 30)
+    assert np.median(hit.random.coherence["mass"][shown]) < 0.98
+    assert hit.summary["random"]["stop force"]["rms"] > 0
+
+
+def test_the_statistics_are_stored_and_drawn(result, tmp_path):
+    stored = open_result(write_run(result, tmp_path / "x.h5")).random
+    assert stored.start_s == result.random.start_s
+    np.testing.assert_array_equal(stored.frequency_hz, result.random.frequency_hz)
+    np.testing.assert_array_equal(stored.transmissibility["mass"], result.random.transmissibility["mass"])
+    for a, b in zip((stored.input, *stored.signals), (result.random.input, *result.random.signals), strict=True):
+        assert (a.name, a.quantity, a.rms, a.kurtosis) == (b.name, b.quantity, b.rms, b.kurtosis)
+        np.testing.assert_array_equal(a.density, b.density)
+    assert "random" in run_figures(result)
+    assert "mass absolute_acceleration" in result.summary["random"]
+
+
+def test_a_motionless_signal_and_a_short_run():
+    still = {**OSCILLATOR, "run": {"duration": "0.2 s", "sample_rate": "100 Hz"}}
+    assert beamsim.run(load_scenario(still)).random is None

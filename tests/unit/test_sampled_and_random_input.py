@@ -1,0 +1,268 @@
+"""Measured and random inputs: files, what is refused, densities, and the exact flow under them."""
+
+import h5py
+import numpy as np
+import pytest
+import pyuff
+from scipy.integrate import quad
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.model.broadband import broadband_signals
+from beamsim.model.random_input import density, noise
+from beamsim.model.sampled import interpolate, read_samples
+from beamsim.scenario import load_scenario
+
+G = 9.80665
+CHAIN = {
+    "chain": {
+        "masses": [1, 1], "springs": [400, 400, 400], "dashpots": [0.5, 0.5, 0.5],
+        "snubbers": [{"name": "stop", "mass": 2, "side": "below", "stiffness": 5000, "gap": "2 mm"}],
+    },
+    "probes": [{"name": "first", "mass": 1}],
+    "run": {"duration": 2.0, "sample_rate": 1000, "start": "rest"},
+}  # fmt: skip
+
+
+def case(**excitation):
+    return {**CHAIN, "excitation": {**{"applied_to": "base", **excitation}}}
+
+
+def sampled(file, **more):
+    return load_scenario(case(kind="sampled", file=str(file), **more)).excitation
+
+
+@pytest.fixture
+def record():
+    t = np.arange(2201) / 1000.0
+    return t, 0.5 * np.sin(2 * np.pi * 3.0 * t) + 0.1 * np.sin(2 * np.pi * 17.0 * t + 0.4)
+
+
+@pytest.mark.parametrize("form", ["plain", "headings", "semicolons", "one column", "h5", "uff"])
+def test_every_form_of_file_gives_the_samples(tmp_path, record, form):
+    t, a = record
+    file, more = tmp_path / "a.csv", {}
+    if form == "plain":
+        np.savetxt(file, np.stack([t, a], axis=1), delimiter=",", header="comment")
+    elif form == "headings":
+        rows = "\n".join(f"{x!r},{2 * y!r},{y!r}" for x, y in zip(t.tolist(), a.tolist(), strict=True))
+        file.write_text("time,other,acceleration\n" + rows, encoding="utf-8")
+        more = {"column": "acceleration", "time_column": "time"}
+    elif form == "semicolons":
+        np.savetxt(file, np.stack([t, a], axis=1), delimiter=";")
+        more = {"column": "2"}
+    elif form == "one column":
+        np.savetxt(file, a)
+        more = {"sample_rate": "1 kHz"}
+    elif form == "h5":
+        file = tmp_path / "a.h5"
+        with h5py.File(file, "w") as f:
+            f["time"] = t
+            f["runs/one"] = a
+        more = {"column": "runs/one"}
+    else:
+        file = tmp_path / "a.uff"
+        uff = {
+            "type": 58, "binary": 0, "func_type": 1, "rsp_ent_name": "a", "rsp_node": 1, "rsp_dir": 3,
+            "ref_ent_name": "NONE", "ref_node": 0, "ref_dir": 0, "id1": "a", "id2": "NONE", "id3": "NONE",
+            "id4": "NONE", "abscissa_spacing": 1, "abscissa_spec_data_type": 17, "abscissa_axis_lab": "Time",
+            "abscissa_axis_units_lab": "s", "ordinate_spec_data_type": 12, "ordinate_axis_lab": "a",
+            "ordinate_axis_units_lab": "m/s^2", "orddenom_spec_data_type": 0, "x": t, "data": a,
+        }  # fmt: skip
+        pyuff.UFF(str(file)).write_sets([uff], mode="overwrite")
+    times, values = read_samples(sampled(file, **more))
+    np.testing.assert_allclose(times, t, atol=1e-9)
+    np.testing.assert_allclose(values, a, atol=1e-5 if form == "uff" else 1e-12)
+
+
+def spoiled(t, a, how):
+    t, a = t.copy(), a.copy()
+    if how == "nan":
+        a[5] = np.nan
+    elif how == "decreasing":
+        t[7] = t[3]
+    elif how == "gap":
+        t[100:] += 0.5
+    return np.stack([t, a], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("nan", "no finite numbers, the first at sample 6"),
+        ("decreasing", "does not increase at sample 8"),
+        ("gap", "gap"),
+    ],
+)
+def test_bad_records_are_refused_with_their_place(tmp_path, record, how, words):
+    file = tmp_path / "bad.csv"
+    np.savetxt(file, spoiled(*record, how), delimiter=",")
+    with pytest.raises(ScenarioError, match=words) as error:
+        beamsim.run(load_scenario(case(kind="sampled", file=str(file))))
+    assert error.value.problems[0].remedy
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "words"),
+    [
+        ("", {}, "empty"),
+        ("a,b\nc,d\n", {}, "no line begins with a number"),
+        ("0,1\n1,2,3\n2,1\n3,1\n", {}, "columns"),
+        ("1\n2\n3\n4\n5\n", {}, "no times"),
+        ("0,1\n1,2\n", {}, "only 2 samples"),
+        ("t,x\n0,1\n1,2\n2,3\n3,4\n", {"column": "y"}, "no column y"),
+    ],
+)
+def test_unreadable_files_are_refused(tmp_path, text, more, words):
+    file = tmp_path / "x.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError, match=words):
+        read_samples(sampled(file, **more))
+
+
+def test_missing_file_short_record_and_wrong_unit(tmp_path, record):
+    with pytest.raises(ScenarioError, match="is no file"):
+        read_samples(sampled(tmp_path / "none.csv"))
+    t, a = record
+    file = tmp_path / "short.csv"
+    np.savetxt(file, np.stack([t, a], axis=1)[:500], delimiter=",")
+    with pytest.raises(ScenarioError, match="ends after"):
+        beamsim.run(load_scenario(case(kind="sampled", file=str(file))))
+    with pytest.raises(ScenarioError, match="unit"):
+        sampled(file, unit="kg")
+    with pytest.raises(ScenarioError, match="interpolation"):
+        sampled(file, unit="mm", interpolation="linear")
+
+
+def test_a_sampled_sine_is_the_harmonic_run(tmp_path):
+    """A measured force, finely sampled, against the harmonic excitation."""
+    t = np.arange(0, 2.2, 5e-4)
+    file = tmp_path / "sine.csv"
+    np.savetxt(file, np.stack([t, 1e3 * np.sin(2 * np.pi * 3.0 * t)], axis=1), delimiter=",")
+    force = {"applied_to": {"mass": 1}}
+    measured = beamsim.run(load_scenario(case(kind="sampled", file=str(file), unit="mN", factor=10, **force)))
+    exact = beamsim.run(load_scenario(case(kind="harmonic", level="10 N", frequency="3 Hz", **force)))
+    a, b = measured.probes["first"].displacement, exact.probes["first"].displacement
+    assert measured.summary["events"] == exact.summary["events"] > 0
+    assert np.abs(a - b).max() < 1e-6 * np.abs(b).max()
+    assert measured.summary["energy_error"] < 1e-9
+
+
+def test_a_sampled_base_acceleration_starts_at_rest(tmp_path):
+    """d = d' = 0 at the start: the base then drifts as the integral says."""
+    t = np.arange(0, 2.2, 1e-3)
+    file = tmp_path / "sine.csv"
+    np.savetxt(file, np.stack([t, np.sin(2 * np.pi * 3.0 * t)], axis=1), delimiter=",")
+    _, velocity, displacement = broadband_signals(sampled(file, unit="g"), 2.0)
+    w = 2 * np.pi * 3.0
+    np.testing.assert_allclose(velocity(t[:2000]), G / w * (1 - np.cos(w * t[:2000])), atol=1e-6)
+    expected = G / w * (t[:2000] - np.sin(w * t[:2000]) / w)
+    np.testing.assert_allclose(displacement(t[:2000]), expected, atol=1e-6)
+
+
+def test_interpolation_passes_through_the_samples_and_stops_at_the_last():
+    t = np.array([0.0, 1.0, 1.5, 3.0, 4.0])
+    x = np.array([0.0, 2.0, -1.0, 0.5, 0.25])
+    for kind in ("linear", "cubic"):
+        signal = interpolate(t, x, kind)
+        np.testing.assert_allclose(signal(t), x, atol=1e-12)
+        assert signal(10.0) == 0.25
+    assert interpolate(t, x, "linear")(0.5) == pytest.approx(1.0)
+
+
+def test_displacement_input_has_its_second_derivative_as_acceleration(tmp_path, record):
+    t, a = record
+    file = tmp_path / "d.csv"
+    np.savetxt(file, np.stack([t, a], axis=1), delimiter=",")
+    acceleration, velocity, displacement = broadband_signals(sampled(file, unit="mm"), 2.0)
+    x = np.linspace(0.1, 1.9, 77)
+    np.testing.assert_allclose(displacement.derivative()(x), velocity(x))
+    np.testing.assert_allclose(velocity.derivative()(x), acceleration(x))
+    np.testing.assert_allclose(displacement(t[:2000]), 1e-3 * a[:2000], atol=1e-15)
+
+
+TABLE = (np.array([5.0, 20.0, 80.0]), np.array([0.01, 0.04, 0.01]))
+
+
+def test_density_between_its_points():
+    f = np.array([4.9, 5.0, 10.0, 20.0, 40.0, 80.0, 81.0])
+    np.testing.assert_allclose(density(f, *TABLE), [0, 0.01, 0.02, 0.04, 0.02, 0.01, 0])
+
+
+def test_noise_has_the_variance_of_its_density_and_the_seed_decides():
+    x = noise(*TABLE, 50.0, 2000.0, np.random.default_rng(3))
+    variance, _ = quad(lambda f: float(density(np.array([f]), *TABLE)[0]), 5.0, 80.0, points=[20.0], limit=200)
+    assert x.var() == pytest.approx(variance, rel=2e-3)
+    assert abs(x.mean()) < 1e-12
+    kurtosis = np.mean(x**4) / x.var() ** 2
+    assert kurtosis == pytest.approx(3.0, abs=0.15)
+    np.testing.assert_array_equal(x, noise(*TABLE, 50.0, 2000.0, np.random.default_rng(3)))
+    assert np.abs(x - noise(*TABLE, 50.0, 2000.0, np.random.default_rng(4))).max() > 0.1
+
+
+def test_random_run_is_reproducible():
+    psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g²/Hz"}]
+    one, two, other = (
+        beamsim.run(load_scenario(case(kind="random", psd=psd, seed=seed))).probes["first"].displacement
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(one, two)
+    assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
+
+
+def test_random_base_motion_does_not_drift():
+    psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g^2/Hz"}]
+    _, velocity, displacement = broadband_signals(load_scenario(case(kind="random", psd=psd)).excitation, 100.0)
+    t = np.linspace(0, 100, 20_001)
+    v, d = velocity(t), displacement(t)
+    assert abs(v.mean()) < 1e-2 * v.std()
+    assert abs(d[:10_000].mean() - d[10_000:].mean()) < 0.2 * d.std()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"psd": [{"frequency": 5, "density": 1}]}, "psd"),
+        ({"psd": [{"frequency": 5, "density": 1}, {"frequency": 4, "density": 1}]}, "does not lie above"),
+        ({"psd": [{"frequency": 5, "density": -1}, {"frequency": 9, "density": 1}]}, "must not be negative"),
+        ({"sample_rate": 100}, "too low"),
+        ({"quantity": "velocity"}, "must be acceleration"),
+    ],
+)
+def test_random_nonsense_is_refused(change, words):
+    psd = [{"frequency": "2 Hz", "density": 1}, {"frequency": "300 Hz", "density": 1}]
+    with pytest.raises(ScenarioError, match=words):
+        load_scenario(case(kind="random", **{"psd": psd, **change}))
+
+
+def test_swept_run_is_the_sweep(tmp_path):
+    """`run` with a swept sine, and `sweep`: the same largest displacement within the run's time."""
+    from beamsim.analyses.sweep import sweep
+
+    swept = {"from": "1 Hz", "to": "4 Hz", "rate": "60 oct/min"}
+    scenario = {**CHAIN, "excitation": {"kind": "swept_sine", "applied_to": "base", "level": "0.3 g", **swept}}
+    run = beamsim.run(load_scenario({**scenario, "run": {**CHAIN["run"], "start": "static_equilibrium"}}))
+    harmonic = {"kind": "harmonic", "applied_to": "base", "level": "0.3 g", "frequency": "2 Hz"}
+    record = sweep(load_scenario({**CHAIN, "excitation": harmonic, "sweep": {"kind": "swept_sine", **swept}}))
+    curve = record.curves["up_0"]
+    last = np.searchsorted(curve.time, 2.0) - 2
+    until = run.time < curve.time[last + 1]
+    peak = np.abs(run.probes["first"].displacement[until]).max()
+    assert curve.displacement["first"].peak[: last + 1].max() == pytest.approx(peak, rel=1e-4)
+    with pytest.raises(ScenarioError, match="after the end of the sweep"):
+        beamsim.run(load_scenario({**scenario, "run": {"duration": 3.0}}))
+
+
+def test_a_record_is_looked_for_beside_the_scenario(tmp_path, monkeypatch, record):
+    t, a = record
+    folder = tmp_path / "cases"
+    folder.mkdir()
+    np.savetxt(folder / "record.csv", np.stack([t, a], axis=1), delimiter=",")
+    import yaml
+
+    (folder / "case.yaml").write_text(yaml.safe_dump(case(kind="sampled", file="record.csv")), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    result = beamsim.run(load_scenario("cases/case.yaml"))
+    np.testing.assert_allclose(result.base_acceleration, a[: result.time.size], atol=1e-9)
+    with pytest.raises(ScenarioError, match=r"case\.yaml.*is no file|is no file"):
+        beamsim.run(load_scenario("cases/case.yaml", ["excitation.file=other.csv"]))

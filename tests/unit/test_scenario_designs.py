@@ -1,0 +1,209 @@
+"""`vary:` and `limits:` read, resolved and refused."""
+
+import pytest
+
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.scenario.designs import axes, case_count
+
+BASE = """\
+title: Small study
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
+  point_masses: [{position: 100 mm, mass: 4 g}, {position: 200 mm, mass: 5 g}]}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s}
+"""
+STIFFNESS = "{path: snubbers.tip.stiffness, values: [50 kN/m, 100 kN/m]}"
+
+
+def study(*parameters, kind="grid", extra="", base=BASE):
+    lines = "".join(f"    - {parameter}\n" for parameter in parameters)
+    return f"{base}vary:\n  kind: {kind}\n{extra}  parameters:\n{lines}"
+
+
+def resolved(*parameters, **options):
+    return axes(load_scenario(study(*parameters, **options)))
+
+
+def refused(text):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(text)
+    problems = caught.value.problems
+    assert all(problem.remedy and problem.line for problem in problems), problems
+    return "\n".join(str(problem) for problem in problems)
+
+
+def test_values_are_read_by_the_field_they_are_meant_for():
+    stiffness, support, level, mass = resolved(
+        STIFFNESS,
+        "{path: beam.supports.right, values: [free, pinned]}",
+        "{path: excitation.level, from: 1 g, to: 20, points: 3}",
+        "{path: 'beam.point_masses[*].mass', values: [1 g, 0.002]}",
+    )
+    assert stiffness.values == (50e3, 100e3)
+    assert stiffness.unit == "N/m"
+    assert support.values == ("free", "pinned")
+    assert (level.low, level.high, level.unit) == (9.80665, 20.0, "m/s^2")
+    assert mass.values == (0.001, 0.002)  # g is gram here
+    assert mass.places == (("beam", "point_masses", 0, "mass"), ("beam", "point_masses", 1, "mass"))
+
+
+def test_one_parameter_may_drive_several_numbers():
+    (axis,) = resolved("{path: 'beam.point_masses[0].mass', also: ['beam.point_masses[1].mass'], values: [1 g, 2 g]}")
+    assert len(axis.places) == 2
+
+
+def test_sweep_rates_keep_their_unit():
+    base = BASE + "sweep: {kind: swept_sine, from: 20 Hz, to: 90 Hz, rate: 2 oct/min}\n"
+    (axis,) = resolved("{path: sweep.rate, values: [1.5 oct/min, 3 Hz/s]}", base=base)
+    assert axis.values == ("0.025 oct/s", "3.0 Hz/s")
+    text = study("{path: sweep.rate, from: 1 oct/min, to: 2 oct/min, points: 2}", base=base)
+    assert "is a word, which has no range" in refused(text)
+
+
+@pytest.mark.parametrize(
+    ("path", "tolerance", "half"),
+    [
+        ("beam.thickness", "2 %", 1e-4),
+        ("beam.thickness", "0.1 mm", 1e-4),
+        ("excitation.level", "0.1 g", 0.980665),
+        ("snubbers.tip.gap", "0.05 mm", 5e-5),
+    ],
+)
+def test_tolerances_are_relative_in_percent_and_absolute_in_units(path, tolerance, half):
+    (axis,) = resolved(f"{{path: {path}, tolerance: {tolerance}}}")
+    assert 0.5 * (axis.high - axis.low) == pytest.approx(half, rel=1e-12)
+    assert 0.5 * (axis.high + axis.low) == pytest.approx(axis.nominal, abs=1e-15)
+
+
+def test_counts():
+    three = "{path: beam.thickness, from: 4 mm, to: 6 mm, points: 3}"
+    assert case_count(load_scenario(study(STIFFNESS, three))) == 6
+    assert case_count(load_scenario(study(STIFFNESS, three.replace("3}", "2}"), kind="zip"))) == 2
+    sampled = study("{path: beam.thickness, tolerance: 2 %}", kind="latin_hypercube", extra="  samples: 7\n")
+    assert case_count(load_scenario(sampled)) == 7
+    assert case_count(load_scenario(BASE)) == 1
+
+
+@pytest.mark.parametrize("kind", ["grid", "zip", "latin_hypercube"])
+def test_the_resolved_text_loads_to_the_same_study(kind):
+    extra = "  samples: 5\n  seed: 3\n" if kind == "latin_hypercube" else ""
+    points = "" if kind == "latin_hypercube" else ", points: 2"
+    text = study(
+        f"{{path: beam.thickness, from: 4 mm, to: 6 mm{points}, spacing: logarithmic}}",
+        f"{{path: beam.density, tolerance: 1 %{points}}}",
+        kind=kind,
+        extra=extra,
+    )
+    scenario = load_scenario(text + "limits: {peak_force: 50 N, bending_stress: 80 MPa, gap: 1 mm}\n")
+    again = load_scenario(scenario.to_yaml())
+    assert again == scenario
+    assert axes(again) == axes(scenario)
+    assert scenario.limits.given == {"peak_force": 50.0, "bending_stress": 80e6, "gap": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (["{path: beam.thicknes, values: [1 mm]}"], "[0].path = beam.thicknes leads nowhere: beam has no thicknes;"),
+        (["{path: snubbers.tp.gap, values: [1 mm]}"], "snubbers has no tp; the names are tip"),
+        (["{path: snubbers.tip.preload, values: [1 N]}"], "has no value in this scenario"),
+        (["{path: snubbers.tip, values: [1]}"], "is not a number; go on with one of"),
+        (["{path: 'beam.point_masses[7].mass', values: [1 g]}"], "has 2 items"),
+        (["{path: title, values: [a, b]}"], "makes no difference to a case"),
+        (["{path: excitation.kind, values: [harmonic]}"], "is no number and no choice"),
+        (["{path: snubbers.tip.name, values: [a, b]}"], "is no number and no choice"),
+        (["{path: beam.thickness, values: []}"], "values is an empty list"),
+        (["{path: beam.thickness}"], "names no values"),
+        (["{path: beam.thickness, values: [1 mm], from: 1}"], "from is not a known key"),
+        (["{path: beam.thickness, values: [1 kg]}"], "values[0] = 1 kg must be a length, not a mass"),
+        (["{path: beam.thickness, values: [1 mm, -1 mm]}"], "values[1] = -1 mm must be positive"),
+        (["{path: beam.thickness, values: [true]}"], "must be a number"),
+        (["{path: beam.thickness, values: [.nan]}"], "must be finite"),
+        (["{path: beam.thickness, values: [1 mm, 0.1 cm]}"], "holds a value twice"),
+        (["{path: beam.thickness, from: 1 mm, to: 1 mm, points: 3}"], "is where the range begins"),
+        (["{path: beam.thickness, from: 1 mm, to: 2 mm, points: 1}"], "points = 1 is out of range"),
+        (["{path: beam.thickness, from: 1 mm, to: 2 mm}"], "points is missing"),
+        (["{path: snubbers.tip.gap, from: 0, to: 2 mm, points: 3, spacing: logarithmic}"], "from must be positive"),
+        (["{path: beam.elements, from: 4, to: 6, points: 9}"], "more than the whole numbers from 4 to 6"),
+        (["{path: beam.elements, values: [4.5]}"], "must be a whole number"),
+        (["{path: beam.supports.right, values: [fre]}"], "= fre is not one of clamped, pinned, free, guided"),
+        (["{path: beam.supports.right, tolerance: 1 %}"], "is a word, which has no range"),
+        (["{path: beam.thickness, tolerance: 200 %}"], "must be positive"),
+        (["{path: beam.thickness, tolerance: 1 kg}"], "tolerance = 1 kg must be a length"),
+        (["{path: snubbers.tip.gap, tolerance: 2 %}"], "leaves nothing to vary; give it in the quantity's own unit"),
+        (["{path: 'beam.point_masses[*].mass', tolerance: 2 %}"], "different ones; vary them one by one"),
+        (["{path: excitation.level, values: [1 mm]}"], "unit of displacement, and the excitation's level is of accel"),
+        ([STIFFNESS, STIFFNESS], "is varied twice, also by vary.parameters[0]"),
+        (["{path: a b, values: [1]}"], "is not a path"),
+    ],
+)  # fmt: skip
+def test_nonsense_is_refused_where_it_stands(parameters, message):
+    assert message in refused(study(*parameters))
+
+
+def test_a_grid_of_ten_million_cases_is_refused_without_being_built():
+    text = refused(
+        study(
+            "{path: beam.thickness, from: 4 mm, to: 6 mm, points: 10000}",
+            "{path: snubbers.tip.gap, from: 0, to: 1 mm, points: 1000}",
+        )
+    )
+    assert "vary asks for 1e+07 cases (at most 200 000 are computed)" in text
+    assert "latin_hypercube" in text
+
+
+def test_lists_of_different_lengths_cannot_be_zipped():
+    three = "{path: beam.thickness, from: 4 mm, to: 6 mm, points: 3}"
+    assert "have 2, 3 values, which cannot be zipped" in refused(study(STIFFNESS, three, kind="zip"))
+
+
+@pytest.mark.parametrize(
+    ("parameter", "extra", "message"),
+    [
+        ("{path: beam.thickness, values: [1 mm]}", "  samples: 5\n", "names no range to sample"),
+        ("{path: beam.thickness, from: 2 mm, to: 1 mm}", "  samples: 5\n", "lies below from"),
+        ("{path: beam.thickness, tolerance: 1 %}", "", "vary.samples is missing"),
+        ("{path: beam.thickness, tolerance: 1 %}", "  samples: 1\n", "samples = 1 is out of range"),
+        ("{path: beam.thickness, tolerance: 1 %}", "  samples: 100000000\n", "is out of range"),
+    ],
+)
+def test_nonsense_in_samples(parameter, extra, message):
+    assert message in refused(study(parameter, kind="latin_hypercube", extra=extra))
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ("{}", "limits limit nothing"),
+        ("{peak_force: 0 N}", "must be positive"),
+        ("{peak_force: 50 mm}", "must be a force"),
+        ("{bending_stress: 80 N}", "must be a stress"),
+        ("{peak_acceleration: 20 kg}", "must be an acceleration"),
+        ("{force: 80 N}", "did you mean peak_force"),
+    ],
+)
+def test_limits_that_are_none(limits, message):
+    assert message in refused(f"{BASE}limits: {limits}\n")
+
+
+def test_limits_of_what_the_structure_does_not_have():
+    chain = (
+        "chain: {masses: [1, 1], springs: [1, 1, 1]}\n"
+        "excitation: {kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 1 Hz}\n"
+        "limits: {bending_stress: 1 MPa, gap: 1 mm}\n"
+    )
+    text = refused(chain)
+    assert "limits.bending_stress belongs to a beam" in text
+    assert "limits.gap limits the snubbers, and there are none" in text
+
+
+def test_the_study_in_the_template_is_one():
+    from beamsim.scenario import template
+
+    lines = template("beam").splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("# limits:"))
+    scenario = load_scenario("\n".join([*lines[:first], *(line.removeprefix("# ") for line in lines[first:])]))
+    assert case_count(scenario) == 18
+    assert scenario.limits.given["peak_force"] == 50.0

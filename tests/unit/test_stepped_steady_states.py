@@ -1,0 +1,144 @@
+"""Steady states: against linear theory, against long transients, and a motion that is known to be chaotic."""
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.linear_response import contact_levels, transfer
+from beamsim.analyses.stepped import frequencies_of
+from beamsim.analyses.sweep import sweep, sweep_system
+from beamsim.dynamics.lyapunov import largest_exponent
+from beamsim.dynamics.steady import CycleStepper, Motion, settle
+from beamsim.dynamics.swept_sine import SweptFlow
+from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.model.signal import Signal
+from beamsim.model.swept import constant_windows
+from beamsim.model.system import Forcing
+from beamsim.scenario import load_scenario
+
+CHAIN = {
+    "title": "Two masses and a stop",
+    "chain": {
+        "masses": [1, 1],
+        "springs": [1, 1, 1],
+        "dashpots": [0.05, 0.05, 0.05],
+        "snubbers": [{"name": "stop", "mass": 1, "side": "above", "stiffness": 20, "gap": 0.3}],
+    },
+    "excitation": {"kind": "harmonic", "applied_to": {"mass": 2}, "level": "0.1 N", "frequency": "0.2 Hz"},
+    "probes": [{"name": "first", "mass": 1}, {"name": "second", "mass": 2}],
+}
+
+
+def stepped(**settings):
+    return load_scenario({**CHAIN, "sweep": {"kind": "stepped", "from": 0.1, "to": 0.4, "points": 13, **settings}})
+
+
+def test_without_contact_the_steady_state_is_that_of_linear_theory():
+    scenario = stepped(levels=["0.004 N"], steady_to=1e-10)
+    result = sweep(scenario)
+    curve = result.curves["up_0"]
+    q = transfer(sweep_system(scenario), curve.frequency_hz)
+    expected = np.abs(q @ np.array([p.shape for p in sweep_system(scenario).probes]).T) * 0.004
+    for k, name in enumerate(("first", "second")):
+        np.testing.assert_allclose(curve.displacement[name].peak, expected[:, k], rtol=1e-8)
+        np.testing.assert_allclose(curve.displacement[name].rms, expected[:, k] / np.sqrt(2), rtol=1e-8)
+        order = list(curve.orders).index(1.0)
+        np.testing.assert_allclose(np.abs(curve.displacement[name].harmonics[order]), expected[:, k], rtol=1e-8)
+    assert set(curve.steady.kind) == {"periodic"}
+    assert set(curve.steady.period_cycles) == {1}
+    assert np.all(curve.contact_share["stop"] == 0)
+    assert result.status == "complete"
+
+
+def test_with_contact_the_steady_state_is_the_end_of_a_long_transient():
+    scenario = stepped(levels=["0.4 N"], steady_to=1e-9, direction="both", points=5)
+    curve = sweep(scenario).curves["up_0"]
+    system = sweep_system(scenario)
+    assert np.any(curve.contact_share["stop"] > 0)
+    checked = 0
+    for k in np.flatnonzero((curve.steady.period_cycles == 1) & (curve.contact_share["stop"] > 0)):
+        f = curve.frequency_hz[k]
+        signal = Signal.harmonic(0.4, 2 * np.pi * f)
+        flow = ExactFlow(system.dynamics, Forcing(system.forcing.load, (signal,)), 400 / f)
+        trajectory = simulate(flow, system.initial_state)
+        times = np.linspace(390, 400, 80_001) / f
+        w = trajectory.states_at(times)[:, :2] @ system.probes[0].shape
+        if np.abs(w[:72_000] - w[8_000:80_000]).max() > 1e-6 * np.abs(w).max():
+            continue  # another attractor
+        assert curve.displacement["first"].maximum[k] == pytest.approx(w.max(), rel=1e-5)
+        assert curve.displacement["first"].minimum[k] == pytest.approx(w.min(), rel=1e-5)
+        checked += 1
+    assert checked > 0
+
+
+def bouncing(make_system, frequency, amplitude, gap):
+    """A mass on a spring between free flight and a stiff stop."""
+    system = make_system([1.0], [0.02], shape=[[1.0]], stiffness=[30.0], gap=[gap])
+    windows = constant_windows(frequency, amplitude, 64)
+    flow = SweptFlow(system, np.ones((1, 1)), windows.coefficient[None], windows)
+    stepper = CycleStepper(flow, lambda w: w.coefficient[None])
+    stepper.use(windows)
+    return stepper, Motion(np.array([0.1, 0.0]), np.zeros(1), flow.state_index(np.zeros(1, dtype=bool)))
+
+
+def test_exponent_of_a_linear_motion_is_its_decay(make_system):
+    stepper, motion = bouncing(make_system, 0.3, 0.1, 1e3)
+    settle(stepper, motion, tolerance=1e-8, longest_period=1, most_cycles=400)
+    found = largest_exponent(stepper, motion, 200)
+    assert found.value == pytest.approx(-0.01, rel=0.02)
+    assert found.kind == "not settled"
+
+
+def test_chaos_is_told_from_a_period(make_system):
+    kinds = {}
+    for frequency in np.linspace(0.35, 0.6, 9):
+        stepper, motion = bouncing(make_system, float(frequency), 1.0, 0.0)
+        settled = settle(stepper, motion, tolerance=1e-8, longest_period=6, most_cycles=1200)
+        if settled.period:
+            kinds.setdefault("periodic", []).append(frequency)
+            again, _ = stepper.carry(motion, settled.period)
+            assert np.abs(again[-1] - settled.section[-1]).max() < 1e-5
+        else:
+            found = largest_exponent(stepper, motion, 200)
+            kinds.setdefault(found.kind, []).append(frequency)
+    assert kinds["periodic"]
+
+
+def test_work_is_bounded(make_system):
+    stepper, motion = bouncing(make_system, 0.3, 1.0, 0.0)
+    stepper.most_evaluations = 20
+    with pytest.raises(ArithmeticError, match="evaluations"):
+        settle(stepper, motion, tolerance=1e-8, longest_period=2, most_cycles=100)
+
+
+def test_frequencies():
+    assert frequencies_of(stepped(points=4).sweep) == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    logarithmic = frequencies_of(stepped(points=3, spacing="logarithmic").sweep)
+    assert logarithmic == pytest.approx([0.1, 0.2, 0.4])
+
+
+def linear_orbit(system, frequency, level, closed):
+    """State at t = 0 of the linear steady motion with some contacts closed for good, static part included."""
+    w = 2 * np.pi * frequency
+    amplitude = level * transfer(system, np.array([frequency]), closed)[0]  # of Im[amplitude e^{i w t}]
+    q, v = amplitude.imag, (1j * w * amplitude).imag
+    return np.concatenate([q + system.static_equilibrium, v])
+
+
+@pytest.mark.parametrize("gap", [0.3, -0.1])
+def test_contact_levels_separate_linear_motions_from_others(gap):
+    """On the linear orbit just below the level there is no event, just above there is."""
+    chain = {**CHAIN["chain"], "snubbers": [{**CHAIN["chain"]["snubbers"][0], "gap": gap}]}
+    system = sweep_system(
+        load_scenario({**CHAIN, "chain": chain, "sweep": {"kind": "stepped", "from": 0.1, "to": 0.4}})
+    )
+    levels = contact_levels(system, np.array([0.2]))["stop"]
+    closed = np.array([gap < 0])
+    level = float(levels.loss[0] if gap < 0 else levels.onset[0])
+    assert np.isnan(levels.onset[0] if gap < 0 else levels.loss[0])
+    if gap < 0:
+        assert levels.preload_needed[0] * level == pytest.approx(system.snubbers[0].preload, rel=1e-9)
+    for factor, changes in ((0.9999, False), (1.0001, True)):
+        signal = Signal.harmonic(factor * level, 2 * np.pi * 0.2)
+        flow = ExactFlow(system.dynamics, Forcing(system.forcing.load, (signal,)), 50.0)
+        trajectory = simulate(flow, linear_orbit(system, 0.2, factor * level, closed))
+        assert bool(trajectory.event_time.size > 0) is changes

@@ -1,0 +1,132 @@
+"""Windows of a swept sine: exact phases and levels, bounded truncation, integrals without drift."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from beamsim.model.profiles import Profile
+from beamsim.model.swept import Leg, constant_windows, cut_into_windows, swept_signals
+
+OCTAVES = float(np.log(2) / 30)  # 2 oct/min
+
+
+def sine(leg, t, profile):
+    r, f = leg.signed_rate, leg.first_hz
+    turns = f * np.expm1(r * t) / r if leg.logarithmic else f * t + 0.5 * r * t**2
+    now = f * np.exp(r * t) if leg.logarithmic else f + r * t
+    return profile(now) * np.sin(2 * np.pi * turns)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    first=st.floats(1.0, 100.0), last=st.floats(1.0, 100.0), rate=st.floats(0.01, 3.0), logarithmic=st.booleans(),
+    power=st.sampled_from([0.0, 1.0, 2.0, -1.5, 0.3]),
+)  # fmt: skip
+def test_windows_are_the_sine_to_the_bound(first, last, rate, logarithmic, power):
+    if abs(first - last) < 1e-2:
+        return
+    leg = Leg(first, last, rate if logarithmic else 20 * rate, logarithmic)
+    if leg.cycles > 20_000:
+        return
+    profile = Profile(np.array([first]), np.array([2.0]), np.array([power]))
+    windows = cut_into_windows([leg], profile)
+    assert windows.truncation <= 1e-12
+    assert windows.duration == pytest.approx(leg.duration, rel=1e-12)
+    t = np.linspace(0, leg.duration, 5000)
+    largest = np.maximum(profile(first), profile(last))
+    # what is compared with loses the digits of a phase of many radians
+    tolerance = (1e-11 + 1e-15 * 2 * np.pi * leg.cycles) * largest
+    assert np.abs(windows.evaluate(windows.coefficient, t) - sine(leg, t, profile)).max() < tolerance
+
+
+def test_the_number_of_cycles_of_the_thesis_sweep():
+    windows = cut_into_windows([Leg(20.0, 400.0, OCTAVES, True)], Profile.constant(1.0))
+    assert windows.cycles == 16447
+    assert windows.duration == pytest.approx(129.66, abs=0.01)
+    assert windows.count == windows.cycles  # a window a cycle is short enough
+    assert windows.frequency_hz[0] == pytest.approx(20.0, abs=0.02)
+    assert np.diff(windows.cycle_start) @ windows.frequency_hz[:-1] == pytest.approx(windows.cycles - 1, rel=1e-6)
+
+
+def test_phase_runs_on_from_up_to_down():
+    legs = [Leg(20.0, 30.3, 0.1, True), Leg(30.3, 20.0, 0.1, True)]
+    windows = cut_into_windows(legs, Profile.constant(1.0))
+    turn = legs[0].duration
+    values = windows.evaluate(windows.coefficient, np.array([turn - 1e-9, turn + 1e-9]))
+    assert abs(values[0] - values[1]) < 1e-6
+    assert np.all(np.diff(windows.cycle) <= 1)
+    assert np.all(np.diff(windows.cycle) >= 0)
+    lengths = np.bincount(windows.cycle, windows.length)
+    np.testing.assert_allclose(lengths[:-1], np.diff(windows.cycle_start), rtol=1e-9)
+    assert set(windows.cycle_leg) == {0, 1}
+
+
+def test_integrals_without_drift():
+    """Their derivatives are the sine again, and they are as small at the end as they should be."""
+    leg = Leg(20.0, 60.0, 0.2, True)
+    windows = cut_into_windows([leg], Profile.constant(3.0))
+    h = 2e-5
+    t = np.linspace(0.1, leg.duration - 0.1, 400)
+    acceleration = windows.evaluate(windows.coefficient, t)
+    velocity, displacement = windows.integrated(1), windows.integrated(2)
+
+    def slope(c):
+        f = [windows.evaluate(c, t + k * h) for k in (-2, -1, 1, 2)]
+        return (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
+
+    assert np.abs(slope(velocity) - acceleration).max() < 1e-6 * 3.0
+    assert np.abs(slope(displacement) - windows.evaluate(velocity, t)).max() < 1e-6 * 3.0 / 125
+    end = windows.evaluate(displacement, np.linspace(leg.duration - 0.1, leg.duration, 2000))
+    assert np.abs(end).max() == pytest.approx(3.0 / (2 * np.pi * 60) ** 2, rel=0.05)
+    assert abs(end.mean()) < 0.05 * np.abs(end).max()
+
+
+def test_signals_of_polynomials_are_the_windows():
+    windows = cut_into_windows([Leg(10.0, 25.0, 0.3, True)], Profile.constant(2.0))
+    t = np.linspace(0, windows.duration, 4000)
+    for times, signal in enumerate(swept_signals(windows, [0, 1, 2])):
+        expected = windows.evaluate(windows.integrated(times), t)
+        assert np.abs(signal(t) - expected).max() < 1e-10 * np.abs(expected).max()
+
+
+def test_constant_windows_are_a_harmonic():
+    windows = constant_windows(12.5, 3.0, 7, phase=0.4)
+    t = np.linspace(0, windows.duration, 500)
+    np.testing.assert_allclose(
+        windows.evaluate(windows.coefficient, t), 3.0 * np.sin(2 * np.pi * 12.5 * t + 0.4), atol=1e-12
+    )
+
+
+def test_profile_holds_what_it_is_told_to_hold():
+    profile = Profile.held([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
+    omega = 2 * np.pi * np.array([2.0, 10.0, 40.0, 200.0])
+    np.testing.assert_allclose(profile(omega / (2 * np.pi)), [0.01, 0.01, 0.5, 30.0] * omega ** [2, 2, 1, 0])
+    line = Profile.interpolated([(10.0, 1.0, "acceleration"), (40.0, 8.0, "acceleration")])
+    np.testing.assert_allclose(line([5.0, 10.0, 20.0, 40.0, 100.0]), [1.0, 1.0, 8.0**0.5, 8.0, 8.0])
+    assert Profile.interpolated([(10.0, 2.0, "force")])(33.0) == 2.0
+    np.testing.assert_allclose(profile.scaled(0.5)([10.0]), profile([10.0]) / 2)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    low=st.floats(1, 60), width=st.floats(1, 60), level=st.floats(0.1, 100),
+    quantity=st.sampled_from(["acceleration", "velocity", "displacement"]),
+)  # fmt: skip
+def test_a_notch_is_never_exceeded_and_nothing_else_changes(low, width, level, quantity):
+    profile = Profile.held([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
+    high = low + width
+    level = level / (2 * np.pi * 20) ** {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
+    notched = profile.notched(low, high, level, quantity)
+    assert np.all(np.diff(notched.edge) > 0)
+    f = np.linspace(1.0, 130.0, 3001)
+    omega = 2 * np.pi * f
+    limit = level * omega ** {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
+    inside = (f >= low) & (f < high)
+    expected = np.where(inside, np.minimum(profile(f), limit), profile(f))
+    np.testing.assert_allclose(notched(f), expected, rtol=1e-9)
+
+
+def test_too_long_a_sweep_is_refused():
+    with pytest.raises(ValueError, match="cycles"):
+        cut_into_windows([Leg(1.0, 1e6, 1e-3, True)], Profile.constant(1.0))
