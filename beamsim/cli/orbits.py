@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +21,12 @@ __all__ = ["continue_response", "register"]
 SHOWN = 12  # special points in a table
 
 
+class Comparison(StrEnum):
+    """What ``beamsim nnm --compare`` lays beside the exact mode."""
+
+    multiple_scales = "multiple_scales"
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
     app.command("nnm")(nnm)
@@ -33,6 +40,9 @@ def nnm(
     json: Json = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    compare_with: Annotated[
+        Comparison | None, typer.Option("--compare", help="Lay the expansion for weak springs beside the exact mode.")
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """Follow a nonlinear normal mode in stiffness, energy or frequency. Writes a result file and plots."""
@@ -43,6 +53,9 @@ def nnm(
 
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, case.stem, ".h5", ".hdf5")
+    if scenario.nnm is not None and scenario.nnm.method == "multiple_scales":
+        _expand(scenario, target, json=json, plots=not no_plots, quiet=quiet)
+        return
     with progress_bar(f"following the mode of {case.name}", wanted=not (json or quiet)) as progress:
         from beamsim.analyses.nnm import nnm as follow
 
@@ -56,8 +69,16 @@ def nnm(
         files += save_figures(nnm_figures(result), target.parent, target.stem)
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
+    rows, summary = list(nnm_rows(result)), dict(result.summary)
+    if compare_with is not None:
+        from beamsim.cli.multiple_scales import compare, expansion_rows, expansion_summary
+
+        comparison, pictures = compare(scenario, target, plots=not no_plots)
+        files += pictures
+        rows += expansion_rows(comparison)
+        summary["multiple_scales"] = expansion_summary(comparison)
     if json or not quiet:
-        _print(result, nnm_rows(result), files, as_json=json)
+        _print(result.title, {**summary, "wall_time_s": result.wall_time_s}, rows, files, as_json=json)
     if not result.complete:
         raise NotTrustedError(f"{result.status}; the partial result is in {target}")
 
@@ -81,24 +102,30 @@ def continue_response(scenario: Scenario, target: Path, *, json: bool, plots: bo
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if json or not quiet:
-        _print(result, response_rows(result), files, as_json=json)
+        summary = {**result.summary, "wall_time_s": result.wall_time_s}
+        _print(result.title, summary, response_rows(result), files, as_json=json)
     if not result.complete:
         raise NotTrustedError(f"{result.status}; the partial result is in {target}")
 
 
+def _expand(scenario: Scenario, target: Path, *, json: bool, plots: bool, quiet: bool) -> None:
+    """What ``beamsim nnm`` does with ``method: multiple_scales``: the expansion, and the exact motions it is near."""
+    from beamsim.cli.multiple_scales import compare, expansion_rows, expansion_summary
+
+    comparison, files = compare(scenario, target, plots=plots)
+    if json or not quiet:
+        _print(scenario.title, expansion_summary(comparison), expansion_rows(comparison), files, as_json=json)
+
+
 def _print(
-    result: NormalModeResult | FrequencyResponse,
-    rows: Iterator[tuple[str, str]],
-    files: Sequence[Path],
-    *,
-    as_json: bool,
+    title: str, summary: dict[str, Any], rows: Iterable[tuple[str, str]], files: Sequence[Path], *, as_json: bool
 ) -> None:
     from beamsim.cli.report import print_json, print_table
 
     if as_json:
-        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
+        print_json({**summary, "files": [str(path) for path in files]})
         return
-    print_table(result.title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
+    print_table(title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
 
 
 def nnm_rows(result: NormalModeResult) -> Iterator[tuple[str, str]]:
