@@ -41,7 +41,7 @@ def points(draw):
 @given(point=points(), mode=st.integers(1, 8), decades=st.floats(-3, 9))
 def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
     k = 10.0**decades
-    assume(not point.on_node(mode))  # refused, see test_identify_cli.py and test_secular_closed_form.py
+    assume(not point.on_node(mode))  # refused: test_secular_closed_form.py
     omega = float(point.frequencies(k, mode)[mode - 1])
     assume(omega > 0)
     slope = float(point.slope(omega))
