@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.design_cases import ANALYSES, CaseTask, analysis_of, case_scenario, describe, solve_case, warm_up
+from beamsim.analyses.design_cases import CaseTask, analysis_of, case_scenario, describe, solve_case, warm_up
 from beamsim.analyses.designs_results import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
@@ -26,7 +26,7 @@ from beamsim.scenario.designs import Axis, LatinHypercube, axes
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-__all__ = ["DesignPlan", "check_cases", "design_study", "gather", "plan_designs", "remaining", "unchecked_limits"]
+__all__ = ["DesignPlan", "check_cases", "design_study", "gather", "plan_designs", "remaining"]
 
 Value = float | str
 
@@ -121,21 +121,6 @@ def check_cases(plan: DesignPlan) -> None:
         raise plan.scenario.located(ScenarioError(problems[:MOST_SHOWN]))
 
 
-def unchecked_limits(plan: DesignPlan) -> tuple[Problem, ...]:
-    """Limits that the responses cannot be compared with, as problems."""
-    limits = () if plan.scenario.limits is None else plan.scenario.limits.given
-    known = ANALYSES[plan.analysis].limits
-    return tuple(
-        Problem(
-            f"limits.{name}",
-            f"is not compared with a {plan.analysis.replace('_', ' ')}, which does not compute it",
-            f"limit {', '.join(known)}; or take out sweep, so that every case is a run",
-        )
-        for name in limits
-        if name not in known
-    )
-
-
 def remaining(plan: DesignPlan, known: Mapping[int, CaseOutcome]) -> list[CaseTask]:
     """The cases still to be solved."""
     return [task for task in plan.tasks if task.index not in known]
@@ -222,7 +207,7 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
             **({"margins": _worst_margins(plan, margins, where, limits)} if limits else {}),
             "processor_time_s": float(sum(o.processor_time_s for o in outcomes.values())),
         },
-        warnings=(*plan.scenario.warnings, *(str(problem) for problem in unchecked_limits(plan))),
+        warnings=plan.scenario.warnings,
         wall_time_s=wall_time_s,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         provenance=versions(),
@@ -241,7 +226,9 @@ def _solved(tasks: list[CaseTask], workers: int | None, scheduler: str | None) -
 def _base(scenario: Scenario) -> dict[str, Any]:
     """The scenario as plain data, without what no case needs; a sample rate that was chosen is chosen for each case."""
     base: dict[str, Any] = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    for key in ("vary", "limits", "title", "identify_stiffness", "nnm"):
+    # a sweep computes stress and gap only where a limit asks for them; a run always does, whatever the limits
+    unused = ("vary", "title", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
+    for key in unused:
         base.pop(key, None)
     if "run" in base and scenario.automatic_sample_rate:
         base["run"].pop("sample_rate", None)

@@ -58,7 +58,8 @@ class Response:
     @property
     def place(self) -> str:
         """Whose it is, ``tip`` or ``tip up_0``; empty for the structure as a whole."""
-        *curve, _, who, _ = ("", "", *self.name.split("/")) if "/" not in self.name else self.name.split("/")
+        *path, _ = self.name.split("/")  # [curve,] [probes or snubbers, whose]
+        *curve, _, who = path if len(path) > 1 else (*path, "", "")
         return " ".join([who, *curve]).strip()
 
 

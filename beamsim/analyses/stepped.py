@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.sweep_results import Envelope, SteadyStates, SweepCurve, SweepWork
-from beamsim.analyses.swept_sine import sweep_outputs, swept_flow
+from beamsim.analyses.swept_sine import limited_values, sweep_outputs, swept_flow
 from beamsim.dynamics.lyapunov import largest_exponent
 from beamsim.dynamics.steady import CycleStepper, Measured, Motion, Settled, measure, settle
 from beamsim.model.broadband import phase_of_acceleration
@@ -65,6 +65,7 @@ def step_level(
     level: float,
     level_index: int,
     progress: Callable[[float], None] | None = None,
+    limited: Collection[str] = (),
 ) -> SteppedRun:
     """Step through the frequencies at one level, in all directions."""
     begin = clock.process_time()
@@ -78,7 +79,7 @@ def step_level(
     first = constant_windows(float(ways_taken[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
     flow = swept_flow(system, first)
     stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel)
-    output_of = sweep_outputs(system, flow, settings.accelerations)
+    output_of = sweep_outputs(system, flow, settings.accelerations, limited)
     orders = np.array((0.0, *settings.orders))
     start = np.array(system.initial_state, dtype=float)
     motion = Motion(start, np.zeros(system.dynamics.contacts.count), -1)
@@ -99,7 +100,7 @@ def step_level(
             if progress is not None:
                 progress(done / total)
         if points:
-            curves.append(_curve(system, settings, quantity, level, level_index, direction, points))
+            curves.append(_curve(system, settings, quantity, level, level_index, direction, points, limited))
         if status != "complete":
             break
     work = SweepWork(
@@ -153,6 +154,7 @@ def _curve(
     level_index: int,
     direction: str,
     points: list[_Point],
+    limited: Collection[str],
 ) -> SweepCurve:
     high = np.array([p.measured.high.max(axis=0) for p in points])
     low = np.array([p.measured.low.min(axis=0) for p in points])
@@ -191,6 +193,7 @@ def _curve(
         force={name: envelope(P + k, "force", "N") for k, name in enumerate(snubbers)},
         contact_share={name: share[:, k] for k, name in enumerate(snubbers)},
         contacts={name: closings[:, k] for k, name in enumerate(snubbers)},
+        limited=limited_values(system, settings.accelerations, limited, high, low),
         steady=SteadyStates(
             kind=tuple(p.kind for p in points),
             period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),

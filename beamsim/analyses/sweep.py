@@ -75,6 +75,7 @@ def sweep(
     levels = settings.levels or (
         (1.0,) if isinstance(settings, SweptSine) and settings.profile else (excitation.level,)
     )
+    limited = () if scenario.limits is None else tuple(scenario.limits.given)
     curves: dict[str, SweepCurve] = {}
     histories: dict[int, SweepHistory] = {}
     known: dict[int, LevelWork] = {}
@@ -100,7 +101,7 @@ def sweep(
             levels=dict(known),
             histories=dict(histories),
             truncation=truncation,
-            warnings=(*scenario.warnings, *system.warnings, *_unchecked(scenario)),
+            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario)),
             wall_time_s=clock.perf_counter() - begin,
             created=datetime.now(UTC).isoformat(timespec="seconds"),
             provenance=versions(),
@@ -117,7 +118,7 @@ def sweep(
         if isinstance(settings, SweptSine):
             from beamsim.analyses.swept_sine import run_level
 
-            run = run_level(system, settings, excitation, level, index, report)
+            run = run_level(system, settings, excitation, level, index, report, limited)
             new, record, truncation = run.curves, run.record, run.truncation
             if run.history is not None:
                 histories[index] = run.history
@@ -129,7 +130,7 @@ def sweep(
         else:
             from beamsim.analyses.stepped import step_level
 
-            stepped = step_level(system, settings, excitation, level, index, report)
+            stepped = step_level(system, settings, excitation, level, index, report, limited)
             new, counted, reached, truncation = stepped.curves, stepped.work, stepped.status, 0.0
         curves.update({curve.name: curve for curve in new})
         known[index] = LevelWork(float(level), reached, truncation, counted)
@@ -221,22 +222,23 @@ def _summary(
         "kept_modes": system.modes.kept_modes,
         "static_vectors": system.modes.static_vectors,
         "reduction_error": system.modes.reduction_error,
-        "margins": _margins(scenario, system, curves),
+        "margins": _margins(scenario, curves),
     }
 
 
-def _unchecked(scenario: Scenario) -> list[str]:
-    known = ("peak_force", "peak_displacement", "peak_acceleration")
+def _uncompared(scenario: Scenario) -> list[str]:
     given = () if scenario.limits is None else scenario.limits.given
-    return [
-        f"limits.{name} is not compared with a sweep, which does not compute it; use `beamsim run` at the peaks"
-        for name in given
-        if name not in known
-    ]
+    if (
+        "peak_acceleration" in given
+        and scenario.sweep is not None
+        and not getattr(scenario.sweep, "accelerations", True)
+    ):
+        return ["limits.peak_acceleration is not compared: sweep.accelerations = false leaves accelerations out"]
+    return []
 
 
-def _margins(scenario: Scenario, system: StructuralSystem, curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """Margins against the allowables that a sweep has values for; bending stress needs a run."""
+def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
+    """Margins against the allowables: the worst of all curves."""
     if scenario.limits is None:
         return {}
     found: dict[str, tuple[float, str]] = {}
@@ -251,6 +253,11 @@ def _margins(scenario: Scenario, system: StructuralSystem, curves: dict[str, Swe
                 k = int(np.nanargmax(envelope.peak))
                 here = (float(envelope.peak[k]), f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}")
                 found[limit] = max(found.get(limit, (-1.0, "")), here)
+        for name, values in curve.limited.items():
+            limit, _, snubber = name.partition(" ")
+            k = int(np.nanargmax(values))
+            at = f"{snubber}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
+            found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
     margins = {}
     for name, allowed in scenario.limits.given.items():
         if name in found:

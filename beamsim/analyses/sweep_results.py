@@ -81,6 +81,8 @@ class SweepCurve:
     contact_share: dict[str, Floats]  # by snubber, (C,)
     contacts: dict[str, NDArray[np.int64]]  # by snubber, (C,) closings
     steady: SteadyStates | None = None  # of a stepped sweep
+    # largest value of each cycle, (C,), of what limits ask for beyond the above: "bending_stress" Pa, "gap <snubber>" m
+    limited: dict[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.outputs import accelerations, displacements, stack
+from beamsim.analyses.outputs import accelerations, bending_stress, displacements, stack
 from beamsim.analyses.sweep_results import Envelope, SweepCurve, SweepHistory
 from beamsim.dynamics.contact_state import LinearOutput
 from beamsim.dynamics.swept_sine import CycleRecord, SweptFlow, sweep
@@ -20,7 +20,7 @@ from beamsim.model.swept import Leg, SweepWindows, cut_into_windows
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SweptSine
 
-__all__ = ["SweptRun", "legs_of", "profile_of", "run_level", "sweep_outputs", "swept_flow"]
+__all__ = ["SweptRun", "legs_of", "limited_values", "profile_of", "run_level", "sweep_outputs", "swept_flow"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -87,9 +87,13 @@ def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
 
 
 def sweep_outputs(
-    system: StructuralSystem, flow: SweptFlow, with_accelerations: bool
+    system: StructuralSystem, flow: SweptFlow, with_accelerations: bool, limited: Collection[str] = ()
 ) -> Callable[[Bools], LinearOutput]:
-    """Displacements of the probes, forces of the snubbers, and the probes' absolute accelerations."""
+    """Displacements of the probes, forces of the snubbers, the probes' absolute accelerations, and what limits ask for.
+
+    The last are the penetrations of the snubbers where ``limited`` holds "gap", and the stress along the beam where it
+    holds "bending_stress"; see :func:`limited_values`.
+    """
     template = flow.template
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     moved = displacements(template, shapes)
@@ -98,9 +102,29 @@ def sweep_outputs(
         parts = [moved, template.contact_forces(closed)]
         if with_accelerations:
             parts.append(accelerations(template, shapes, closed, absolute=system.base_acceleration is not None))
-        return stack(*parts)
+        return stack(*parts, *extra)
 
+    extra = []
+    if "gap" in limited:
+        extra.append(template.penetrations()[0])
+    if "bending_stress" in limited and system.beam is not None:
+        extra.append(bending_stress(template, system.beam))
     return output_of
+
+
+def limited_values(
+    system: StructuralSystem, with_accelerations: bool, limited: Collection[str], high: Floats, low: Floats
+) -> dict[str, Floats]:
+    """Largest values (C,) of what limits ask for, from the extremes (C, K) of `sweep_outputs`."""
+    P, S = len(system.probes), len(system.snubbers)
+    first = P + S + (P if with_accelerations else 0)
+    found: dict[str, Floats] = {}
+    if "gap" in limited:
+        found |= {f"gap {s.name}": -low[:, first + k] for k, s in enumerate(system.snubbers)}
+        first += S
+    if "bending_stress" in limited and system.beam is not None:
+        found["bending_stress"] = np.maximum(np.abs(high[:, first:]), np.abs(low[:, first:])).max(axis=1)
+    return found
 
 
 def run_level(
@@ -110,6 +134,7 @@ def run_level(
     level: float,
     level_index: int,
     progress: Callable[[float], None] | None = None,
+    limited: Collection[str] = (),
 ) -> SweptRun:
     """Sweep at one level, in all directions, contact state and motion carried along."""
     legs = legs_of(settings)
@@ -117,13 +142,13 @@ def run_level(
     lead = 0.0 if settings.profile else phase_of_acceleration(excitation.quantity or "acceleration", level)
     windows = cut_into_windows(legs, profile, phase=excitation.phase + lead, tolerance=settings.tolerance)
     flow = swept_flow(system, windows)
-    output_of = sweep_outputs(system, flow, settings.accelerations)
+    output_of = sweep_outputs(system, flow, settings.accelerations, limited)
     orders = (0.0, *settings.orders)
     record = sweep(
         flow, system.initial_state, output_of, orders=orders, keep_history=settings.history_rate is not None,
         progress=progress,
     )  # fmt: skip
-    curves = _curves(system, settings, excitation, level, level_index, legs, profile, record)
+    curves = _curves(system, settings, excitation, level, level_index, legs, profile, record, limited)
     history = None if settings.history_rate is None else _history(system, settings, record, output_of)
     return SweptRun(curves, record, windows.truncation, history)
 
@@ -137,6 +162,7 @@ def _curves(
     legs: list[Leg],
     profile: Profile,
     record: CycleRecord,
+    limited: Collection[str],
 ) -> tuple[SweepCurve, ...]:
     windows = record.flow.windows
     tracked = np.stack([record.tracked(order) for order in (0.0, *settings.orders)])  # (1 + R, C, K)
@@ -179,6 +205,7 @@ def _curves(
                 force={name: envelope(P + k, "force", "N") for k, name in enumerate(snubbers)},
                 contact_share={name: record.contact_share[here, k] for k, name in enumerate(snubbers)},
                 contacts={name: record.closings[here, k] for k, name in enumerate(snubbers)},
+                limited=limited_values(system, settings.accelerations, limited, record.high[here], record.low[here]),
             )
         )
     return tuple(curves)

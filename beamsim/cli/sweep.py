@@ -60,6 +60,11 @@ def sweep(
         need_limits(scenario)
     if scenario.sweep is not None and scenario.sweep.kind == "continuation":
         from beamsim.cli.orbits import continue_response
+        from beamsim.errors import Problem, ScenarioError
+
+        if check:
+            remedy = "check a swept or stepped sine"
+            raise scenario.located(ScenarioError(Problem("limits", "are not compared with a continuation", remedy)))
 
         continue_response(scenario, target, json=json, plots=not no_plots, quiet=quiet)
         return

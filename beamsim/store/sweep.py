@@ -45,6 +45,8 @@ _FREQUENCY = Field("frequency_hz", "Hz", "excitation frequency")
 _ORDER = Field("order", "1", "order: frequency over excitation frequency")
 _TIME = Field("time", "s", "time at the start of the cycle")
 _AMPLITUDE = Field("excitation_amplitude", "", "amplitude of the excitation, zero to peak")
+_GAP = Field("peak_gap", "m", "largest opening of the contact in the cycle")
+_STRESS = Field("peak_bending_stress", "Pa", "largest bending stress along the beam in the cycle")
 _SHARE = Field("contact_share", "1", "share of the time in contact")
 _CONTACTS = Field("contacts", "1", "number of closings")
 _PROBES = {"displacement": "m", "absolute_acceleration": "m/s^2"}
@@ -150,6 +152,10 @@ def _write_curve(group: h5py.Group, curve: SweepCurve) -> None:
         _write_envelope(snubber, curve.force[name], frequency, order)
         put(snubber, _SHARE, curve.contact_share[name], frequency)
         put(snubber, _CONTACTS, curve.contacts[name], frequency)
+        if f"gap {name}" in curve.limited:
+            put(snubber, _GAP, curve.limited[f"gap {name}"], frequency)
+    if "bending_stress" in curve.limited:
+        put(group, _STRESS, curve.limited["bending_stress"], frequency)
     if curve.steady is not None:
         _write_steady(group.create_group("steady"), curve.steady, frequency)
 
@@ -327,6 +333,9 @@ def _read_curve(name: str, group: h5py.Group) -> SweepCurve:
             **{field.name: s[field.name][()] for field in _STEADY},
             **{key: s[key][()] for key in ("poincare_frequency_hz", "poincare_displacement", "poincare_velocity")},
         )
+    limited = {f"gap {g.attrs['name']}": g[_GAP.name][()] for g in snubbers if _GAP.name in g}
+    if _STRESS.name in group:
+        limited["bending_stress"] = group[_STRESS.name][()]
     return SweepCurve(
         name=name,
         direction=group.attrs["direction"],
@@ -347,6 +356,7 @@ def _read_curve(name: str, group: h5py.Group) -> SweepCurve:
         contact_share={g.attrs["name"]: g["contact_share"][()] for g in snubbers},
         contacts={g.attrs["name"]: g["contacts"][()] for g in snubbers},
         steady=steady,
+        limited=limited,
     )
 
 

@@ -342,13 +342,22 @@ def test_info_plot_and_export_of_a_study(call, here):
     assert "exported as csv" in done.stderr
 
 
-def test_check_refuses_limits_that_a_sweep_cannot_tell(call, here):
+def test_a_study_of_sweeps_is_checked_against_stress_and_gap(call, here):
     sweep = "sweep: {kind: swept_sine, from: 60 Hz, to: 70 Hz, rate: 60 oct/min}\n"
-    (here / "case.yaml").write_text(CASE + sweep)
+    limits = "limits: {peak_force: 1 kN, bending_stress: 80 MPa, gap: 1 um}"
+    (here / "case.yaml").write_text(CASE.replace("limits: {peak_force: 20 N, bending_stress: 80 MPa}", limits) + sweep)
+    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "--check")
+    assert done.exit_code == 4
+    assert "gap" in done.stderr
+    margins = open_designs("case.h5").margins
+    assert set(margins) == {"peak_force", "bending_stress", "gap"}
+    assert (margins["gap"].values < 0).all()
+    assert (margins["bending_stress"].values > 0).all()
+
+
+def test_check_of_a_continuation_is_refused(call, here):
+    case = CASE[: CASE.index("vary:")] + "sweep: {kind: continuation, from: 60 Hz, to: 61 Hz}\n"
+    (here / "case.yaml").write_text(case)
     done = call("sweep", "case.yaml", "--check")
     assert done.exit_code == 2
-    assert "limits.bending_stress is not compared with a swept sine" in done.stderr
-    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
-    assert done.exit_code == 0, done.output
-    assert "warning: limits.bending_stress is not compared with a swept sine" in done.stderr
-    assert set(open_designs("case.h5").margins) == {"peak_force"}
+    assert "case.yaml:7: limits are not compared with a continuation" in done.stderr

@@ -142,3 +142,24 @@ def test_contact_levels_separate_linear_motions_from_others(gap):
         flow = ExactFlow(system.dynamics, Forcing(system.forcing.load, (signal,)), 50.0)
         trajectory = simulate(flow, linear_orbit(system, 0.2, factor * level, closed))
         assert bool(trajectory.event_time.size > 0) is changes
+
+
+def test_stress_and_gap_of_a_sweep_are_those_of_the_run():
+    """Limits on stress and gap: a stepped sweep's margins at one frequency against a long run there."""
+    from pathlib import Path
+
+    import beamsim
+    from beamsim.analyses.sweep import sweep
+
+    path = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
+    limits = {"bending_stress": "1 MPa", "gap": "0.1 mm"}
+    stepped = {"kind": "stepped", "from": "65 Hz", "to": "65.001 Hz", "points": 2, "direction": "up"}
+    common = {"reduction": {"modes": 6}, "limits": limits}
+    found = sweep(beamsim.load_scenario(path, {**common, "sweep": stepped})).summary["margins"]
+    run = beamsim.load_scenario(path, {**common, "run.duration": 6.0, "run.spectrum": {"last": 0.4, "window": "hann"}})
+    tail = beamsim.run(run)
+    late = tail.time > 5.5
+    assert found["gap"]["value"] == pytest.approx(tail.probes["tip"].displacement[late].max(), rel=1e-4)
+    assert 0.3 < found["bending_stress"]["value"] / tail.summary["largest_bending_stress_pa"] < 1.0
+    assert found["gap"]["exceeded"]
+    assert found["bending_stress"]["exceeded"]
