@@ -23,10 +23,9 @@ def compare(scenario: Scenario, target: Path, *, plots: bool) -> tuple[Expansion
     files: list[Path] = []
     if plots:
         from beamsim.plots.multiple_scales import comparison_figure
+        from beamsim.plots.save import save_figures
 
-        file = target.with_name(f"{target.stem}_multiple_scales.png")
-        comparison_figure(comparison).savefig(file, dpi=150)
-        files.append(file)
+        files = save_figures({"multiple_scales": comparison_figure(comparison)}, target.parent, target.stem)
     return comparison, files
 
 

@@ -64,7 +64,8 @@ def nnm(
 
     files = [write_nnm(result, target)]
     if not no_plots:
-        from beamsim.plots.orbits import nnm_figures, save_figures
+        from beamsim.plots.orbits import nnm_figures
+        from beamsim.plots.save import save_figures
 
         files += save_figures(nnm_figures(result), target.parent, target.stem)
     for warning in result.warnings:
@@ -96,7 +97,8 @@ def continue_response(scenario: Scenario, target: Path, *, json: bool, plots: bo
 
     files = [write_frequency_response(result, target)]
     if plots:
-        from beamsim.plots.orbits import frequency_response_figures, save_figures
+        from beamsim.plots.orbits import frequency_response_figures
+        from beamsim.plots.save import save_figures
 
         files += save_figures(frequency_response_figures(result), target.parent, target.stem)
     for warning in result.warnings:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare import ChannelComparison, Comparison
-from beamsim.files import replacing
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import finish, scale_for, thinned
 
 if TYPE_CHECKING:
@@ -67,15 +67,12 @@ def save_comparison_plots(
     """
     from matplotlib.figure import Figure
 
-    written = []
+    figures = {}
     for c in comparison.channels:
         figure = Figure(figsize=(8.0, 6.0), layout="constrained")
         figure.suptitle(f"{comparison.title}: {c.place}", x=0.012, ha="left", fontsize="medium", color="0.3")
         above, below = figure.subplots(2)
         plot_histories(c, above)
         plot_spectra(c, below)
-        path = Path(folder) / f"{stem}_{c.place}_{c.quantity}.{form}".replace(" ", "_")
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
-        written.append(path)
-    return written
+        figures[f"{c.place}_{c.quantity}".replace(" ", "_")] = figure
+    return save_figures(figures, folder, stem.replace(" ", "_"), form, dots_per_inch)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.designs_results import Coordinate, DesignsResult, Response
-from beamsim.files import replacing
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
 
 if TYPE_CHECKING:
@@ -189,13 +189,7 @@ def save_design_plots(
     ResultFileError
         When a file cannot be written.
     """
-    written = []
-    for name, figure in design_figures(result).items():
-        path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
-        written.append(path)
-    return written
+    return save_figures(design_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _of(result: DesignsResult, quantity: str) -> list[Response]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.identification_results import FrequencyTable, IdentificationResult, Profile, TestFit
-from beamsim.files import replacing
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
 
 if TYPE_CHECKING:
@@ -181,13 +181,7 @@ def save_identification_plots(
     ResultFileError
         When a file cannot be written.
     """
-    written = []
-    for name, figure in identification_figures(result).items():
-        path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
-        written.append(path)
-    return written
+    return save_figures(identification_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _profiles(result: IdentificationResult) -> list[tuple[Profile, float, str]]:

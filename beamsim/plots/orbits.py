@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.orbit_results import FrequencyResponse, ModeBranch, NormalModeResult, OrbitEvent
-from beamsim.files import replacing
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
 
 if TYPE_CHECKING:
@@ -27,7 +25,6 @@ __all__ = [
     "plot_orbit_spectrum",
     "plot_phase_portrait",
     "plot_response_curve",
-    "save_figures",
 ]
 
 Floats = NDArray[np.float64]
@@ -241,22 +238,3 @@ def _figure(title: str, draw: object) -> Figure:
     draw(ax)  # type: ignore[operator]
     figure.suptitle(title, fontsize="medium")
     return figure
-
-
-def save_figures(
-    figures: dict[str, Figure], folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save pictures as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        When a file cannot be written.
-    """
-    written = []
-    for name, figure in figures.items():
-        path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
-        written.append(path)
-    return written

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.results import ProbeHistory, RunResult, SnubberHistory, Spectrum
-from beamsim.files import replacing
 from beamsim.plots.random_response import plot_density, plot_transmissibility
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
 
 if TYPE_CHECKING:
@@ -227,13 +227,7 @@ def save_run_plots(
     ResultFileError
         When a file cannot be written.
     """
-    written = []
-    for name, figure in run_figures(result).items():
-        path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
-        written.append(path)
-    return written
+    return save_figures(run_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _histories(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.sweep_results import SweepCurve, SweepResult
-from beamsim.files import replacing
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import curve_style, finish, legend, scale_for
 
 if TYPE_CHECKING:
@@ -286,13 +286,7 @@ def save_sweep_plots(
     ResultFileError
         When a file cannot be written.
     """
-    written = []
-    for name, figure in sweep_figures(result).items():
-        path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
-        written.append(path)
-    return written
+    return save_figures(sweep_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _by_frequency(curve: SweepCurve, values: Floats) -> tuple[Floats, Floats]:

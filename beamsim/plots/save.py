@@ -1,0 +1,33 @@
+"""Figures to files: the one place where pictures are written, each whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from beamsim.files import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["save_figures"]
+
+
+def save_figures(
+    figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """Save every picture as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    written = []
+    for name, figure in figures.items():
+        path = Path(folder) / f"{stem}_{name}.{form}"
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=form, dpi=dots_per_inch)
+        written.append(path)
+    return written
