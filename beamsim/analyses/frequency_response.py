@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.orbit_results import FrequencyResponse, OrbitEvent, ResponseBranch
+from beamsim.analyses.orbit_events import OrbitEvent
+from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
 from beamsim.analyses.run import versions
 from beamsim.dynamics.continuation import BranchPoint, Settings
 from beamsim.dynamics.shooting import (

@@ -1,5 +1,4 @@
-"""``beamsim nnm``: a nonlinear normal mode followed in stiffness, energy or frequency, with what it meets on the way.
-``beamsim nnm``: a nonlinear normal mode followed in stiffness, energy or frequency, with what it meets on the way."""
+"""``beamsim nnm``: a nonlinear normal mode followed in stiffness, energy or frequency, with all it meets."""
 
 from __future__ import annotations
 
@@ -12,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.orbit_results import BranchJump, ModeBranch, NormalModeResult, OrbitEvent, OrbitMotion
+from beamsim.analyses.nnm_results import BranchJump, ModeBranch, NormalModeResult, OrbitMotion
+from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.analyses.run import versions
 from beamsim.dynamics.backbone import Backbone
 from beamsim.dynamics.continuation import BranchPoint, Settings, solve_at

@@ -11,7 +11,7 @@ import typer
 from beamsim.cli.designs import Check, check_limits, need_limits
 from beamsim.cli.failures import guarded, say
 from beamsim.cli.identification import register as register_identification
-from beamsim.cli.orbits import register as register_orbits
+from beamsim.cli.nnm import register as register_nnm
 from beamsim.cli.sweep import register as register_sweep
 
 __all__ = ["app"]
@@ -259,4 +259,4 @@ def export(
 
 register_identification(app)
 register_sweep(app)
-register_orbits(app)
+register_nnm(app)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from beamsim.analyses.results import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
-__all__ = ["margin_rows", "print_json", "print_run", "print_table", "summary_rows"]
+__all__ = ["margin_rows", "print_json", "print_result", "print_run", "print_table", "summary_rows"]
 
 LINES_SHOWN = 6
 Row = tuple[str, str]
@@ -24,6 +24,16 @@ Row = tuple[str, str]
 def print_json(values: Mapping[str, Any]) -> None:
     """One JSON object on standard output; what is not a finite number is null."""
     print(json.dumps(plain(values), ensure_ascii=False, allow_nan=False))
+
+
+def print_result(
+    title: str, summary: dict[str, Any], rows: Iterable[tuple[str, str]], files: Sequence[Path], *, as_json: bool
+) -> None:
+    """Print a summary as JSON, or its table with the files written below."""
+    if as_json:
+        print_json({**summary, "files": [str(path) for path in files]})
+        return
+    print_table(title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
 
 
 def print_run(result: RunResult, files: Sequence[Path], *, as_json: bool) -> None:

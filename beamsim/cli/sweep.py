@@ -59,7 +59,7 @@ def sweep(
 
         need_limits(scenario)
     if scenario.sweep is not None and scenario.sweep.kind == "continuation":
-        from beamsim.cli.orbits import continue_response
+        from beamsim.cli.continuation import continue_response
         from beamsim.errors import Problem, ScenarioError
 
         if check:

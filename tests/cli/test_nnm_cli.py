@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from beamsim.analyses.frequency_response import frequency_response
 from beamsim.analyses.nnm import nnm
 from beamsim.cli.app import app
-from beamsim.plots.orbits import frequency_response_figures, nnm_figures
+from beamsim.plots.continuation import frequency_response_figures
+from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"

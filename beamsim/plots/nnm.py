@@ -1,4 +1,4 @@
-"""Pictures of nonlinear modes and of response curves by continuation."""
+"""Pictures of nonlinear normal modes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.orbit_results import FrequencyResponse, ModeBranch, NormalModeResult, OrbitEvent
+from beamsim.analyses.nnm_results import ModeBranch, NormalModeResult
+from beamsim.analyses.orbit_events import OrbitEvent
+from beamsim.plots.branches import MARKS, figure_of, stretches
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
 
 if TYPE_CHECKING:
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "frequency_response_figures",
     "nnm_figures",
     "plot_backbone",
     "plot_configuration",
@@ -24,26 +25,15 @@ __all__ = [
     "plot_node_motion",
     "plot_orbit_spectrum",
     "plot_phase_portrait",
-    "plot_response_curve",
 ]
 
 Floats = NDArray[np.float64]
 
-_MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P", "grazing": "x"}
 _AXES = {
     "stiffness_factor": "Stiffness factor ε",
     "energy": "Energy (J)",
     "frequency": "Frequency (Hz)",
 }
-
-
-def _parts(x: Floats, y: Floats, stable: NDArray[np.bool_], wanted: bool) -> tuple[Floats, Floats]:
-    """The stretches of one stability, joined to their neighbours so that the curve has no holes."""
-    keep = stable == wanted
-    if not wanted:
-        keep = keep | np.append(keep[1:], False) | np.append(False, keep[:-1])
-    gap = np.where(keep, 0.0, np.nan)
-    return x + gap, y + gap
 
 
 def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
@@ -77,8 +67,8 @@ def plot_frequency_energy(result: NormalModeResult, ax: Axes) -> Axes:
 def _curve(ax: Axes, branch: ModeBranch, x: Floats, y: Floats, index: int) -> None:
     colour = curve_style(min(index, 1))["color"]
     width = 1.3 if branch.kind == "backbone" else 0.8
-    ax.plot(*_parts(x, y, branch.stable, True), color=colour, linewidth=width)
-    ax.plot(*_parts(x, y, branch.stable, False), color=colour, linewidth=width, linestyle=(0, (3, 1.5)))
+    ax.plot(*stretches(x, y, branch.stable, True), color=colour, linewidth=width)
+    ax.plot(*stretches(x, y, branch.stable, False), color=colour, linewidth=width, linestyle=(0, (3, 1.5)))
 
 
 def _sorted(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -92,7 +82,7 @@ def _marks(ax: Axes, special: tuple[OrbitEvent, ...], x: Floats, y: Floats) -> N
         at = [e.parameter for e in own]
         height = [y[int(np.argmin(np.abs(x - p)))] for p in at]
         ax.plot(
-            at, height, linestyle="none", marker=_MARKS[kind], markersize=5, color="0.2", markerfacecolor="white",
+            at, height, linestyle="none", marker=MARKS[kind], markersize=5, color="0.2", markerfacecolor="white",
             label=kind.replace("_", " "),
         )  # fmt: skip
     if special:
@@ -170,71 +160,16 @@ def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
     return ax
 
 
-def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
-    """Peak displacement against frequency: stable full, unstable dashed, special points marked."""
-    scale = scale_for("m", *(b.peak_displacement[probe] for b in result.branches))
-    colours = {level: k for k, level in enumerate(dict.fromkeys(b.level for b in result.branches))}
-    for branch in result.branches:
-        style = curve_style(colours[branch.level] if branch.period_multiple == 1 else colours[branch.level] + 1)
-        y = branch.peak_displacement[probe] * scale.factor
-        label = f"level {branch.level:.4g}" + (
-            f", period {branch.period_multiple}" if branch.period_multiple > 1 else ""
-        )
-        ax.plot(*_parts(branch.frequency_hz, y, branch.stable, True), color=style["color"], linewidth=1.2, label=label)
-        unstable = _parts(branch.frequency_hz, y, branch.stable, False)
-        ax.plot(*unstable, color=style["color"], linewidth=0.9, linestyle=(0, (3, 1.5)))
-    for kind, mark in _MARKS.items():
-        own = [(e, b) for b in result.branches if b.period_multiple == 1 for e in b.special if e.kind == kind]
-        if own:
-            at = [e.frequency_hz for e, _ in own]
-            height = [
-                _height(b.frequency_hz, b.peak_displacement[probe], e.frequency_hz) * scale.factor for e, b in own
-            ]
-            ax.plot(
-                at, height, linestyle="none", marker=mark, markersize=5, color="0.2", markerfacecolor="white",
-                label=kind.replace("_", " "),
-            )  # fmt: skip
-    ax.set_yscale("log")
-    finish(ax, "Excitation frequency (Hz)", f"Peak displacement of {probe} ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
-    return ax
-
-
-def _height(x: Floats, y: Floats, at: float) -> float:
-    return float(y[int(np.argmin(np.abs(x - at)))])
-
-
 def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     """Every picture of a nonlinear mode, by name."""
     figures = {
-        "backbone": _figure(result.title, lambda ax: plot_backbone(result, ax)),
-        "mode_shapes": _figure(result.title, lambda ax: plot_mode_shapes(result, ax)),
-        "motion": _figure(result.title, lambda ax: plot_node_motion(result, ax)),
-        "phase_portrait": _figure(result.title, lambda ax: plot_phase_portrait(result, ax)),
-        "configuration": _figure(result.title, lambda ax: plot_configuration(result, ax)),
-        "spectrum": _figure(result.title, lambda ax: plot_orbit_spectrum(result, ax)),
+        "backbone": figure_of(result.title, lambda ax: plot_backbone(result, ax)),
+        "mode_shapes": figure_of(result.title, lambda ax: plot_mode_shapes(result, ax)),
+        "motion": figure_of(result.title, lambda ax: plot_node_motion(result, ax)),
+        "phase_portrait": figure_of(result.title, lambda ax: plot_phase_portrait(result, ax)),
+        "configuration": figure_of(result.title, lambda ax: plot_configuration(result, ax)),
+        "spectrum": figure_of(result.title, lambda ax: plot_orbit_spectrum(result, ax)),
     }
     if result.parameter == "energy":
-        figures["frequency_energy"] = _figure(result.title, lambda ax: plot_frequency_energy(result, ax))
+        figures["frequency_energy"] = figure_of(result.title, lambda ax: plot_frequency_energy(result, ax))
     return figures
-
-
-def frequency_response_figures(result: FrequencyResponse) -> dict[str, Figure]:
-    """The response curve of every probe, by name."""
-    probes = list(result.branches[0].peak_displacement)
-    return {
-        f"response_{name}".replace("/", "_").replace(" ", "_"): _figure(
-            result.title, lambda ax, name=name: plot_response_curve(result, ax, name)
-        )
-        for name in probes[:MOST_CURVES]
-    }
-
-
-def _figure(title: str, draw: object) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-    ax = figure.add_subplot()
-    draw(ax)  # type: ignore[operator]
-    figure.suptitle(title, fontsize="medium")
-    return figure

@@ -1,11 +1,11 @@
-"""The command ``nnm``, and ``sweep`` of kind continuation."""
+"""The command ``nnm``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,12 +13,12 @@ from beamsim.cli.failures import guarded, say
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
 
 if TYPE_CHECKING:
-    from beamsim.analyses.orbit_results import FrequencyResponse, NormalModeResult
+    from beamsim.analyses.nnm_results import NormalModeResult
     from beamsim.scenario import Scenario
 
-__all__ = ["continue_response", "register"]
+__all__ = ["register"]
 
-SHOWN = 12  # special points in a table
+SHOWN = 12  # jumps in a table
 
 
 class Comparison(StrEnum):
@@ -60,11 +60,11 @@ def nnm(
         from beamsim.analyses.nnm import nnm as follow
 
         result = follow(scenario, progress)
-    from beamsim.store.orbits import write_nnm
+    from beamsim.store.nnm import write_nnm
 
     files = [write_nnm(result, target)]
     if not no_plots:
-        from beamsim.plots.orbits import nnm_figures
+        from beamsim.plots.nnm import nnm_figures
         from beamsim.plots.save import save_figures
 
         files += save_figures(nnm_figures(result), target.parent, target.stem)
@@ -79,33 +79,9 @@ def nnm(
         rows += expansion_rows(comparison)
         summary["multiple_scales"] = expansion_summary(comparison)
     if json or not quiet:
-        _print(result.title, {**summary, "wall_time_s": result.wall_time_s}, rows, files, as_json=json)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+        from beamsim.cli.report import print_result
 
-
-def continue_response(scenario: Scenario, target: Path, *, json: bool, plots: bool, quiet: bool) -> None:
-    """What ``beamsim sweep`` does with ``kind: continuation``."""
-    from beamsim.cli.progress import progress_bar
-    from beamsim.errors import NotTrustedError
-
-    with progress_bar("following the response", wanted=not (json or quiet)) as progress:
-        from beamsim.analyses.frequency_response import frequency_response
-
-        result = frequency_response(scenario, progress)
-    from beamsim.store.orbits import write_frequency_response
-
-    files = [write_frequency_response(result, target)]
-    if plots:
-        from beamsim.plots.orbits import frequency_response_figures
-        from beamsim.plots.save import save_figures
-
-        files += save_figures(frequency_response_figures(result), target.parent, target.stem)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        summary = {**result.summary, "wall_time_s": result.wall_time_s}
-        _print(result.title, summary, response_rows(result), files, as_json=json)
+        print_result(result.title, {**summary, "wall_time_s": result.wall_time_s}, rows, files, as_json=json)
     if not result.complete:
         raise NotTrustedError(f"{result.status}; the partial result is in {target}")
 
@@ -116,18 +92,9 @@ def _expand(scenario: Scenario, target: Path, *, json: bool, plots: bool, quiet:
 
     comparison, files = compare(scenario, target, plots=plots)
     if json or not quiet:
-        _print(scenario.title, expansion_summary(comparison), expansion_rows(comparison), files, as_json=json)
+        from beamsim.cli.report import print_result
 
-
-def _print(
-    title: str, summary: dict[str, Any], rows: Iterable[tuple[str, str]], files: Sequence[Path], *, as_json: bool
-) -> None:
-    from beamsim.cli.report import print_json, print_table
-
-    if as_json:
-        print_json({**summary, "files": [str(path) for path in files]})
-        return
-    print_table(title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
+        print_result(scenario.title, expansion_summary(comparison), expansion_rows(comparison), files, as_json=json)
 
 
 def nnm_rows(result: NormalModeResult) -> Iterator[tuple[str, str]]:
@@ -151,21 +118,3 @@ def nnm_rows(result: NormalModeResult) -> Iterator[tuple[str, str]]:
     yield "grazings", str(s["grazings"])
     yield "largest residual", f"{s['largest_residual']:.2g}"
     yield "solver", f"half-period shooting, processor time {s['processor_time_s']:.3g} s"
-
-
-def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
-    """Label and text of every row of the table of a response curve."""
-    if not result.complete:
-        yield "status", result.status
-    for branch in result.branches:
-        stable = int(branch.stable.sum())
-        yield (
-            f"level {branch.level:.4g}, period {branch.period_multiple}",
-            f"{branch.frequency_hz.size} points, {stable} of them stable; {branch.status}",
-        )
-        for event in branch.special[:SHOWN]:
-            of = f" of {event.snubber}" if event.snubber else ""
-            yield "", f"{event.kind.replace('_', ' ')}{of} at {event.frequency_hz:.8g} Hz"
-    for peak in result.summary["peaks"]:
-        yield "largest", f"{peak['probe']}: {peak['value_m']:.5g} m at {peak['frequency_hz']:.6g} Hz ({peak['kind']})"
-    yield "solver", f"shooting, processor time {result.summary['processor_time_s']:.3g} s"
