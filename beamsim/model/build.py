@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +17,13 @@ from beamsim.model.equilibrium import CubicSprings, Equilibrium, find_equilibriu
 from beamsim.model.excitation import BaseMotion, base_motion, level_signal, single_frequency_hz
 from beamsim.model.initial import largest_deflection, project_field, project_polynomial
 from beamsim.model.modes import closed_frequencies
+from beamsim.model.moving_point import deflection_and_slope, places_needed
+from beamsim.model.places import pair_of, place_of, row_of
 from beamsim.model.recovery import deflection_rows, inertia_remainder, moment_rows, stations
 from beamsim.model.reduction import LoadPattern, ReducedBasis, reduce_model
 from beamsim.model.reduction_error import LinearState, reduction_error
-from beamsim.model.snubbers import build_contacts, resolve_preloads, springs_of
+from beamsim.model.snubbers import build_contacts, resists, resolve_preloads, springs_of
+from beamsim.model.springs import cubic_springs, describe_springs, nonlinear_springs, spring_contacts
 from beamsim.model.structure import BeamRecovery, ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
 from beamsim.scenario.run import ModeStart, PolynomialStart, ReleasedForceStart
@@ -30,7 +34,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.run import Start
 
-__all__ = ["build_system"]
+__all__ = ["build_system", "build_with_moving_point"]
 
 Floats = NDArray[np.float64]
 
@@ -56,9 +60,10 @@ class _Parts:
         row = self.model.deflection(place) @ self.basis.vectors
         return np.asarray(row / np.sqrt(self.model.mass_scale))
 
-    def shapes(self, places: list[float]) -> Floats:
-        """(len(places), n) of them."""
-        return np.array([self.shape(x) for x in places]).reshape(len(places), self.basis.size)
+    def shapes(self, things: Sequence[Any]) -> Floats:
+        """(len(things), n) deflection, between two masses stretch, at what sits somewhere, 1/sqrt(kg)."""
+        rows = [row_of(self.model, thing) @ self.basis.vectors for thing in things]
+        return np.asarray(np.array(rows).reshape(len(things), self.basis.size) / np.sqrt(self.model.mass_scale))
 
     @property
     def inertia(self) -> Floats:
@@ -86,34 +91,70 @@ def build_system(scenario: Scenario) -> StructuralSystem:
         the start asks for a mode that the reduction does not keep.
     """
     try:
-        return _build(scenario)
+        return _build(_parts(scenario))
     except ScenarioError as error:
         raise scenario.located(error) from None
 
 
-def _build(scenario: Scenario) -> StructuralSystem:
+def build_with_moving_point(
+    scenario: Scenario, low: float, high: float
+) -> tuple[StructuralSystem, Callable[[float], tuple[Floats, Floats]]]:
+    """The system in coordinates that serve a snubber anywhere between two positions of the beam, m.
+
+    Static vectors are added until the reduced model's compliance is that of the full one all along the way. The second
+    of what is returned gives the deflection (n,) for a unit of each coordinate at a position, and its derivative by it.
+    """
+    try:
+        added = [low, high]
+        parts = _parts(scenario, added)
+        while more := places_needed(parts.model, parts.basis, low, high, added):
+            added += more
+            parts = _parts(scenario, added)
+        system = _build(parts)
+    except ScenarioError as error:
+        raise scenario.located(error) from None
+    scale = 1 / np.sqrt(parts.model.mass_scale)
+    assert scenario.beam is not None
+    length = scenario.beam.length
+
+    def shape_at(position: float) -> tuple[Floats, Floats]:
+        deflection, slope = deflection_and_slope(parts.model, parts.basis.vectors, position / length)
+        return deflection * scale, slope * (scale / length)
+
+    return system, shape_at
+
+
+def _parts(scenario: Scenario, also_at: Sequence[float] = ()) -> _Parts:
     structure: Any = scenario.beam if scenario.beam is not None else scenario.chain
     model = assemble_beam(scenario.beam) if scenario.beam is not None else assemble_chain(structure)
-    basis = _reduce(scenario, model)
-    parts = _Parts(scenario, model, basis, basis.omega * model.frequency_scale)
+    basis = _reduce(scenario, model, also_at)
+    return _Parts(scenario, model, basis, basis.omega * model.frequency_scale)
+
+
+def _build(parts: _Parts) -> StructuralSystem:
+    scenario, model, basis = parts.scenario, parts.model, parts.basis
+    structure: Any = scenario.beam if scenario.beam is not None else scenario.chain
     stiffness = parts.omega**2
     damping = damping_matrix(structure, model, basis, parts.omega)
     warnings: list[str] = []
 
     snubbers = scenario.all_snubbers
     path = "snubbers" if scenario.beam is not None else "chain.snubbers"
-    contacts = build_contacts(snubbers, parts.shapes([_place(s) for s in snubbers]), parts.omega, basis.rigid, path)
+    stops = build_contacts(snubbers, parts.shapes(snubbers), parts.omega, basis.rigid, path)
+    nonlinear = [spring for _, spring in nonlinear_springs(scenario.chain)]
+    springs = describe_springs(scenario.chain, parts.shapes(nonlinear))
     loads = _constant_loads(parts)
-    cubic = _cubic(parts)
+    cubic = cubic_springs(springs, basis.size)
+    contacts = stops.with_others(spring_contacts(springs, basis.size))
     contacts = resolve_preloads(contacts, [s.preload for s in snubbers], stiffness, basis.rigid, loads, cubic, path)
     equilibrium = find_equilibrium(stiffness, basis.rigid, springs_of(contacts), loads, cubic)
     initial = _initial_state(parts, contacts, loads, cubic, equilibrium, warnings)
 
-    motion, forcing = _forcing(parts, contacts)
-    probes = tuple(ProbeRow(p.name, _place(p), parts.shape(_place(p))) for p in scenario.effective_probes)
+    motion, forcing = _forcing(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
+    probes = tuple(ProbeRow(p.name, place_of(p), parts.shape(place_of(p))) for p in scenario.effective_probes)
     beam, position, shapes = _recovery(parts)
-    error = reduction_error(model, basis, damping, _linear_state(parts, contacts))
-    closed = closed_frequencies(parts.omega, contacts.shape, contacts.stiffness, basis.rigid)
+    error = reduction_error(model, basis, damping, _linear_state(parts, stops))
+    closed = closed_frequencies(parts.omega, stops.shape, stops.stiffness, basis.rigid)
     return StructuralSystem(
         dynamics=PiecewiseLinearSystem(stiffness, damping, contacts, loads.sum(axis=0)),
         forcing=forcing,
@@ -139,14 +180,9 @@ def _build(scenario: Scenario) -> StructuralSystem:
         static_reason=equilibrium.reason,
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
+        springs=springs,
         warnings=tuple(warnings),
     )
-
-
-def _place(thing: Any) -> float:
-    """Position in m along a beam, or mass number in a chain, of whatever carries one."""
-    position = getattr(thing, "position", None)
-    return float(thing.mass if position is None else position)
 
 
 def _start(scenario: Scenario) -> Start | None:
@@ -158,30 +194,33 @@ def _point_of_excitation(scenario: Scenario) -> float | None:
     excitation = scenario.excitation
     if excitation.kind == "none" or excitation.applied_to == "base":
         return None
-    return _place(excitation.applied_to)
+    return place_of(excitation.applied_to)
 
 
 def _forces(scenario: Scenario) -> list[float]:
     """Places of every point force, released ones included."""
-    places = [_place(force) for force in scenario.constant_forces]
+    places = [place_of(force) for force in scenario.constant_forces]
     point = _point_of_excitation(scenario)
     if point is not None:
         places.append(point)
     start = _start(scenario)
     if isinstance(start, ReleasedForceStart):
-        places.append(_place(start.released_force))
+        places.append(place_of(start.released_force))
     return places
 
 
-def _reduce(scenario: Scenario, model: FullModel) -> ReducedBasis:
-    """The reduced basis that the scenario asks for, or the default.
+def _reduce(scenario: Scenario, model: FullModel, also_at: Sequence[float]) -> ReducedBasis:
+    """The reduced basis that the scenario asks for, or the default, with static vectors at further places.
 
     A chain keeps all its modes by default. A beam is reduced for frequencies up to half the sample rate, at
     least ten times the excitation frequency and six flexible modes; modes whose number exceeds that of the elements,
     which the mesh does not carry, are left out unless asked for.
     """
-    places = [_place(s) for s in scenario.all_snubbers] + _forces(scenario)
+    felt = [*scenario.all_snubbers, *(spring for _, spring in nonlinear_springs(scenario.chain))]
+    places = [place_of(thing) for thing in felt if pair_of(thing) is None] + _forces(scenario) + list(also_at)
     patterns = [LoadPattern(model.deflection(x), x) for x in dict.fromkeys(places)]
+    pairs = {pair: thing for thing in felt if (pair := pair_of(thing)) is not None}
+    patterns += [LoadPattern(row_of(model, thing), place_of(thing)) for thing in pairs.values()]
     if scenario.gravity != 0:
         patterns.append(LoadPattern(model.inertia, None))
     asked = scenario.reduction
@@ -204,20 +243,14 @@ def _reduce(scenario: Scenario, model: FullModel) -> ReducedBasis:
 
 def _constant_loads(parts: _Parts) -> Floats:
     """(L, n) gravity (towards negative deflection) and constant forces, N/sqrt(kg)."""
-    loads = [force.force * parts.shape(_place(force)) for force in parts.scenario.constant_forces]
+    loads = [force.force * parts.shape(place_of(force)) for force in parts.scenario.constant_forces]
     if parts.scenario.gravity != 0:
         loads.append(-parts.scenario.gravity * parts.inertia)
     return np.array(loads).reshape(len(loads), parts.basis.size)
 
 
-def _cubic(parts: _Parts) -> CubicSprings:
-    chain = parts.scenario.chain
-    springs = [] if chain is None else [s for s in chain.springs_to_ground if s.kind == "cubic"]
-    return CubicSprings(parts.shapes([float(s.mass) for s in springs]), np.array([float(s.stiffness) for s in springs]))
-
-
-def _forcing(parts: _Parts, contacts: Contacts) -> tuple[BaseMotion | None, Forcing]:
-    """The base's motion (None at rest) and the time-dependent loads."""
+def _forcing(parts: _Parts, felt: bool) -> tuple[BaseMotion | None, Forcing]:
+    """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground."""
     excitation = parts.scenario.excitation
     n = parts.basis.size
     if excitation.kind == "none":
@@ -233,7 +266,6 @@ def _forcing(parts: _Parts, contacts: Contacts) -> tuple[BaseMotion | None, Forc
     if parts.model.ground.any():  # springs to ground stretch by the base's displacement as well
         load.append(np.asarray(parts.model.ground @ parts.basis.vectors) / np.sqrt(parts.model.mass_scale))
         signal.append(motion.displacement)
-    felt = bool(contacts.on_ground.any()) or _cubic(parts).count > 0
     return motion, Forcing(np.array(load), tuple(signal), motion.displacement if felt else None)
 
 
@@ -245,7 +277,7 @@ def _recovery(parts: _Parts) -> tuple[BeamRecovery | None, Floats, Floats]:
     if beam is None or model.mesh is None:
         return None, np.arange(1.0, model.size + 1), basis.vectors.T * scale
     length = beam.length
-    points = [_place(s) for s in parts.scenario.all_snubbers] + _forces(parts.scenario)
+    points = [place_of(s) for s in parts.scenario.all_snubbers] + _forces(parts.scenario)
     x = stations(model.mesh, [p / length for p in points])
     field = np.zeros((2 * model.mesh.nodes.size, basis.size))
     field[model.free] = basis.vectors
@@ -273,10 +305,10 @@ def _linear_state(parts: _Parts, contacts: Contacts) -> LinearState:
     if scenario.excitation.kind != "none":
         load = model.inertia if point is None else model.deflection(point)
     return LinearState(
-        contact_rows=model.rows([_place(s) for s in scenario.all_snubbers]),
+        contact_rows=np.array([row_of(model, s) for s in scenario.all_snubbers]).reshape(-1, model.size),
         stiffness=contacts.stiffness,
         dashpot=contacts.dashpot,
-        output_rows=model.rows([_place(p) for p in scenario.effective_probes]),
+        output_rows=model.rows([place_of(p) for p in scenario.effective_probes]),
         load=load,
         omega=tuple(2 * np.pi * f for f in scenario.excitation.frequencies_hz),
     )
@@ -292,8 +324,8 @@ def _describe_snubbers(parts: _Parts, contacts: Contacts, equilibrium: Equilibri
     return tuple(
         SnubberInfo(
             name=s.name,
-            position=_place(s),
-            side=s.side,
+            position=place_of(s),
+            side=resists(s),
             stiffness=float(contacts.stiffness[i]),
             dashpot=float(contacts.dashpot[i]),
             gap=float(contacts.gap[i]),
@@ -332,7 +364,7 @@ def _initial_state(
         q = equilibrium.q
     elif isinstance(start, ReleasedForceStart):
         force = start.released_force
-        extra = (force.force * parts.shape(_place(force)))[None, :]
+        extra = (force.force * parts.shape(place_of(force)))[None, :]
         held = find_equilibrium(
             parts.omega**2, parts.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic
         )

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.model.full import FullModel
+from beamsim.model.places import pair_of
+from beamsim.model.springs import linear_stiffness
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,25 +32,37 @@ def _stretch(count: int, links: int) -> Floats:
     return matrix
 
 
-def floating_groups(count: int, springs: Sequence[float], grounded: Sequence[int]) -> list[list[int]]:
-    """Groups of masses (0-based) joined by springs that neither a wall nor the ground holds."""
-    groups: list[list[int]] = []
-    held: list[bool] = []
-    for i in range(count):
-        if i == 0 or springs[i] == 0:
-            groups.append([])
-            held.append(i == 0 and springs[0] > 0)
-        groups[-1].append(i)
-        held[-1] = held[-1] or i in grounded or (i == count - 1 and len(springs) > count and springs[count] > 0)
-    return [group for group, h in zip(groups, held, strict=True) if not h]
+def floating_groups(
+    count: int, springs: Sequence[float], grounded: Sequence[int], links: Sequence[tuple[int, int]] = ()
+) -> list[list[int]]:
+    """Groups of masses (0-based) joined by springs that neither a wall nor the ground holds.
+
+    ``springs`` are those of the row; ``links`` are pairs of masses that further springs join.
+    """
+    label = list(range(count))
+
+    def join(a: int, b: int) -> None:
+        old, new = label[b], label[a]
+        label[:] = [new if x == old else x for x in label]
+
+    for a, b in [(i - 1, i) for i in range(1, count) if springs[i] > 0] + list(links):
+        join(a, b)
+    held = {label[i] for i in grounded}
+    held |= {label[0]} if springs[0] > 0 else set()
+    held |= {label[-1]} if len(springs) > count and springs[count] > 0 else set()
+    groups: dict[int, list[int]] = {}
+    for i, x in enumerate(label):
+        if x not in held:
+            groups.setdefault(x, []).append(i)
+    return list(groups.values())
 
 
 def assemble_chain(chain: Chain) -> FullModel:
-    """Matrices of a chain: springs and dashpots between neighbours and walls, linear springs to ground in K.
+    """Matrices of a chain: dashpots and springs between neighbours and walls, and the linear part of all other springs.
 
     The walls move with the base; the ground does not, so under base motion a spring to ground pulls
-    with -k d(t) on the relative coordinates (field ``ground``). Cubic springs to ground have no place
-    in a linear model and are left to the caller.
+    with -k d(t) on the relative coordinates (field ``ground``). What is not linear in a spring has no place in this
+    model; see `beamsim.model.springs`.
     """
     from scipy.sparse import csc_array, csr_array
 
@@ -57,24 +71,30 @@ def assemble_chain(chain: Chain) -> FullModel:
     count = masses.size
     ground = np.zeros(count)
     for spring in chain.springs_to_ground:
-        if spring.kind == "linear":
-            ground[spring.mass - 1] += spring.stiffness
+        ground[spring.mass - 1] += linear_stiffness(spring)
+    between = [(pair_of(s), linear_stiffness(s)) for s in chain.springs_between]
+    links = [(pair[0] - 1, pair[1] - 1, k) for pair, k in between if pair is not None and k > 0]
 
     mass_scale = float(np.mean(masses))
-    stiffness_scale = float(max(springs.max(initial=0.0), ground.max()))
+    stiffness_scale = float(max(springs.max(initial=0.0), ground.max(), *(k for _, _, k in links), 0.0))
     if stiffness_scale == 0.0:
         stiffness_scale = 1.0
     stretch = _stretch(count, springs.size)
-    rows = np.vstack([stretch * np.sqrt(springs)[:, None], np.diag(np.sqrt(ground))])
+    linked = np.zeros((len(links), count))
+    for row, (a, b, k) in zip(linked, links, strict=True):
+        row[[a, b]] = -np.sqrt(k), np.sqrt(k)
+    rows = np.vstack([stretch * np.sqrt(springs)[:, None], np.diag(np.sqrt(ground)), linked])
     rows = rows[np.any(rows != 0, axis=1)] / np.sqrt(stiffness_scale)
 
     dashpots = np.array(chain.dashpots, dtype=float)
     damping: Any = None
     if dashpots.any():
-        links = _stretch(count, dashpots.size)
-        damping = csc_array(links.T @ (dashpots[:, None] * links))
+        beside = _stretch(count, dashpots.size)
+        damping = csc_array(beside.T @ (dashpots[:, None] * beside))
 
-    groups = floating_groups(count, [float(k) for k in springs], [int(i) for i in np.flatnonzero(ground)])
+    groups = floating_groups(
+        count, [float(k) for k in springs], [int(i) for i in np.flatnonzero(ground)], [(a, b) for a, b, _ in links]
+    )
     rigid = np.zeros((count, len(groups)))
     for j, group in enumerate(groups):
         rigid[group, j] = 1.0 / np.sqrt(masses[group].sum() / mass_scale)

@@ -36,7 +36,9 @@ def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Sce
     omega = np.sqrt(dynamics.stiffness)
     rigid = int(np.sum(omega == 0))
     path = "snubbers" if after.beam is not None else "chain.snubbers"
-    contacts = build_contacts(snubbers, dynamics.contacts.shape, omega, rigid, path)
+    count = len(snubbers)
+    contacts = build_contacts(snubbers, dynamics.contacts.shape[:count], omega, rigid, path)
+    contacts = contacts.with_others(dynamics.contacts.take(slice(count, None)))
     contacts = resolve_preloads(
         contacts,
         [s.preload for s in snubbers],
@@ -75,7 +77,8 @@ def _same_structure(before: Scenario, after: Scenario) -> bool:
 def _same_places(old: Any, new: Any) -> bool:
     """Whether snubbers differ in stiffness, damping, gap and preload only."""
     return len(old) == len(new) and all(
-        a is b or all(getattr(a, f) == getattr(b, f) for f in type(a).model_fields if f not in _FREE)
+        a is b
+        or (type(a) is type(b) and all(getattr(a, f) == getattr(b, f) for f in type(a).model_fields if f not in _FREE))
         for a, b in zip(old, new, strict=True)
     )
 

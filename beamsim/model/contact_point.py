@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from beamsim.model.beam import assemble_beam
 from beamsim.model.chain import assemble_chain
 from beamsim.model.modes import DENSE_LIMIT, natural_modes
+from beamsim.model.places import place_of, row_of
 from beamsim.model.reduction import LoadPattern, reduce_model
 from beamsim.model.secular import SpringPoint
 
 if TYPE_CHECKING:
     from beamsim.model.full import FullModel
     from beamsim.scenario import Scenario
+    from beamsim.scenario.snubber import SnubberBase
 
-__all__ = ["assemble", "free_frequencies", "mode_shapes", "snubber_place", "snubber_point"]
+__all__ = ["assemble", "free_frequencies", "mode_shapes", "snubber_named", "snubber_point"]
 
 Floats = NDArray[np.float64]
 
@@ -33,11 +35,9 @@ def assemble(scenario: Scenario) -> FullModel:
     return assemble_chain(scenario.chain)
 
 
-def snubber_place(scenario: Scenario, name: str) -> float:
-    """Position (m), or mass number, of a snubber."""
-    snubber = next(s for s in scenario.all_snubbers if s.name == name)
-    position = getattr(snubber, "position", None)
-    return float(snubber.mass if position is None else position)  # type: ignore[union-attr]
+def snubber_named(scenario: Scenario, name: str) -> SnubberBase:
+    """The snubber with this name."""
+    return next(s for s in scenario.all_snubbers if s.name == name)
 
 
 def snubber_point(scenario: Scenario, name: str, wanted: int = 1) -> SpringPoint:
@@ -47,13 +47,13 @@ def snubber_point(scenario: Scenario, name: str, wanted: int = 1) -> SpringPoint
     snubber, which carries the static compliance of the rest.
     """
     model = assemble(scenario)
-    place = snubber_place(scenario, name)
-    row = model.deflection(place)
+    snubber = snubber_named(scenario, name)
+    row = row_of(model, snubber)
     if model.size <= DENSE_LIMIT:
         modes = natural_modes(model)
         omega, vectors = modes.omega, modes.vectors
     else:
-        basis = reduce_model(model, [LoadPattern(row, place)], count=wanted + _EXTRA_MODES)
+        basis = reduce_model(model, [LoadPattern(row, place_of(snubber))], count=wanted + _EXTRA_MODES)
         omega, vectors = basis.omega, basis.vectors
     return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
 

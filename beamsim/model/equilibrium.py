@@ -7,6 +7,9 @@ Eliminating the flexible coordinates leaves the contact forces N >= 0, the minim
 quadratic function under the balance of the rigid-body modes, :math:`\Phi_R^T s N + f_R = 0`, whose multipliers
 are the rigid-body coordinates. An active-set method finds which contacts push; a linear solve for that set
 then gives the forces to machine precision.
+
+Cubic springs, and one-sided ones of negative stiffness (a piecewise-linear spring that softens; the energy as a whole
+is convex still), have no such dual: Newton's method on the energy itself takes over.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ class Springs:
 
     shape: Floats  # (m, n)
     sign: Floats  # (m,) +1 below, -1 above
-    stiffness: Floats  # (m,) N/m
+    stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
     gap: Floats  # (m,) m
 
     def take(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Springs:
@@ -49,15 +52,21 @@ class Springs:
 
 @dataclass(frozen=True)
 class CubicSprings:
-    """Cubic springs to ground: force -stiffness * (shape @ q + d(t))**3 along shape."""
+    """Cubic springs to the ground, force -stiffness * (shape @ q + d(t))**3 along shape; between masses without d."""
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
+    on_ground: NDArray[np.bool_] | None = None  # (nc,) feels the base's displacement d(t); None: all of them
 
     @property
     def count(self) -> int:
         """Number of springs."""
         return int(self.stiffness.size)
+
+    @property
+    def felt(self) -> Floats:
+        """(nc,) share of the base's displacement in each spring's stretch: 1 to the ground, 0 between masses."""
+        return np.ones(self.count) if self.on_ground is None else self.on_ground.astype(float)
 
 
 @dataclass(frozen=True)
@@ -80,20 +89,22 @@ def find_equilibrium(
     rigid : number of rigid-body coordinates.
     springs : the one-sided springs.
     loads : (L, n) constant loads, summed here (kept apart to tell balance from round-off).
-    cubic : cubic springs to ground, if any (then Newton's method finishes what the linear springs begin).
+    cubic : cubic springs, if any (then Newton's method finishes what the linear springs begin).
 
     Raises
     ------
     NotTrustedError
         If round-off keeps the contact conditions from being met (a relative 1e-9).
     """
-    found = _without_cubic(stiffness, rigid, springs, loads)
+    if np.any(springs.stiffness < 0):
+        return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, Equilibrium(None, springs.gap))
+    found = _by_forces(stiffness, rigid, springs, loads)
     if cubic is None or cubic.count == 0 or (found.q is not None and not np.any(cubic.shape @ found.q)):
         return found
-    return _with_cubic(stiffness, springs, loads.sum(axis=0), cubic, found)
+    return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, found)
 
 
-def _without_cubic(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -> Equilibrium:
+def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -> Equilibrium:
     m = springs.stiffness.size
     nothing = np.full(m, np.nan)
     load = loads.sum(axis=0)
@@ -214,43 +225,40 @@ def _loose(away: Floats) -> Floats:
     return np.asarray(vt[int(np.sum(s > _ROUND_OFF * s.max(initial=0.0))) :])
 
 
-def _with_cubic(
-    stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings, start: Equilibrium
+def _by_newton(
+    stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings | None, start: Equilibrium
 ) -> Equilibrium:
-    """Levenberg-damped Newton on the energy with cubic springs added (convex and smooth up to the contacts)."""
+    """Levenberg-damped Newton on the energy with every spring in it (smooth up to the contacts).
+
+    The minimum of a convex energy is the only one unless a direction leads on from it without a slope.
+    """
     normal = springs.sign[:, None] * springs.shape
+    bent, third = (np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else (cubic.shape, cubic.stiffness)
 
     def energy(q: Floats) -> float:
         delta = np.maximum(-springs.gap - normal @ q, 0.0)
-        w = cubic.shape @ q
-        return float(
-            0.5 * q @ (stiffness * q) + 0.5 * springs.stiffness @ delta**2 + 0.25 * cubic.stiffness @ w**4 - load @ q
-        )
+        w = bent @ q
+        return float(0.5 * q @ (stiffness * q) + 0.5 * springs.stiffness @ delta**2 + 0.25 * third @ w**4 - load @ q)
 
     def derivatives(q: Floats) -> tuple[Floats, Floats, float]:
         delta = np.maximum(-springs.gap - normal @ q, 0.0)
-        w = cubic.shape @ q
-        terms = [
-            stiffness * q,
-            -normal.T @ (springs.stiffness * delta),
-            cubic.shape.T @ (cubic.stiffness * w**3),
-            -load,
-        ]
+        w = bent @ q
+        terms = [stiffness * q, -normal.T @ (springs.stiffness * delta), bent.T @ (third * w**3), -load]
         closed = normal[delta > 0]
         tangent = np.diag(stiffness) + closed.T @ (springs.stiffness[delta > 0, None] * closed)
-        tangent += cubic.shape.T @ ((3 * cubic.stiffness * w**2)[:, None] * cubic.shape)
+        tangent += bent.T @ ((3 * third * w**2)[:, None] * bent)
         return np.sum(terms, axis=0), tangent, float(max(np.abs(t).max(initial=0.0) for t in terms))
 
     q = np.zeros_like(stiffness) if start.q is None else start.q
-    reach = np.abs(cubic.shape).max(axis=1)
+    reach = np.abs(bent).max(axis=1)
     reach = np.where(reach > 0, reach, 1.0)
     scales = [
         stiffness,
-        springs.stiffness @ normal**2,
-        np.cbrt(np.abs(cubic.stiffness) * (np.abs(load).max() / reach) ** 2)
-        * reach**2,  # tangent where it holds the load
+        np.abs(springs.stiffness) @ normal**2,
+        np.cbrt(np.abs(third) * (np.abs(load).max() / reach) ** 2) * reach**2,  # tangent where it holds the load
     ]
-    floor = 1e-12 * float(max(np.max(scale, initial=1e-290) for scale in scales))
+    largest = float(max(np.max(scale, initial=1e-290) for scale in scales))
+    floor = 1e-12 * largest
     damping = floor
     value = energy(q)
     for _ in range(500):
@@ -264,6 +272,33 @@ def _with_cubic(
         else:
             damping *= 10
     gradient, _, size = derivatives(q)
-    if np.abs(gradient).max(initial=0.0) > 1e-9 * size:
-        return Equilibrium(None, np.full(springs.stiffness.size, np.nan), start.reason or RUNS_AWAY)
+    nothing = np.full(springs.stiffness.size, np.nan)
+    left = float(np.abs(gradient).max(initial=0.0))
+    # far away the forces of a softened spring's parts cancel: what they leave is compared with what does not grow
+    given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
+    if left > 1e-9 * size or (np.any(springs.stiffness < 0) and left > 1e-6 * given):
+        return Equilibrium(None, nothing, start.reason or RUNS_AWAY)
+    if np.any(springs.stiffness < 0) and not _only_one(stiffness, springs, bent, q, largest):
+        return Equilibrium(None, nothing, FLOATS)
     return Equilibrium(q, springs.stiffness * np.maximum(-springs.gap - normal @ q, 0.0))
+
+
+def _only_one(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, largest: float) -> bool:
+    """Whether a minimum of the convex energy is the only one: every direction from it meets a spring.
+
+    Contacts that just touch count as closed where that softens the structure, and as stops where it stiffens it.
+    """
+    normal = springs.sign[:, None] * springs.shape
+    clear = springs.gap + normal @ q
+    near = _ROUND_OFF * float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
+    softer = springs.stiffness < 0
+    closed = (clear < -near) | (softer & (clear <= near))
+    tangent = np.diag(stiffness) + normal[closed].T @ (springs.stiffness[closed, None] * normal[closed])
+    values, vectors = np.linalg.eigh(tangent)
+    loose = vectors[:, values <= _ROUND_OFF * largest].T
+    if bent.shape[0]:  # a cubic spring stops every motion that stretches it
+        loose = _loose(bent @ loose.T) @ loose
+    if loose.shape[0] == 0:
+        return True
+    touching = normal[(np.abs(clear) <= near) & ~softer]
+    return _held(touching @ loose.T, np.zeros(touching.shape[0], dtype=bool), np.ones(touching.shape[0], dtype=bool))

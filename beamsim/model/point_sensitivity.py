@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.model.contact_point import assemble, snubber_place
+from beamsim.model.contact_point import assemble, snubber_named
 from beamsim.model.hermite import shape_functions
+from beamsim.model.places import row_of
+from beamsim.model.springs import linear_stiffness
 
 if TYPE_CHECKING:
     from beamsim.model.full import FullModel
@@ -37,7 +39,7 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
     What sits on the beam's end moves with it when the length changes.
     """
     model = assemble(scenario)
-    row = model.deflection(snubber_place(scenario, snubber))
+    row = row_of(model, snubber_named(scenario, snubber))
     index = [s.name for s in scenario.all_snubbers].index(snubber)
     squared = (omega / model.frequency_scale) ** 2
     v, k = _mode(model, row, squared)
@@ -135,9 +137,12 @@ def _of_chain(chain: Chain, model: FullModel, v: Floats, k: float, squared: floa
     for i, spring in enumerate(chain.springs):
         if spring > 0:
             found["chain", "springs", i] = -spring / model.stiffness_scale * float(ends[i + 1] - ends[i]) ** 2 / k
-    for i, ground in enumerate(chain.springs_to_ground):
-        if ground.kind == "linear":
-            found["chain", "springs_to_ground", i, "stiffness"] = (
-                -ground.stiffness / model.stiffness_scale * float(v[ground.mass - 1]) ** 2 / k
-            )
+    for name in ("springs_to_ground", "springs_between"):
+        for i, beside in enumerate(getattr(chain, name)):
+            stretch = float(row_of(model, beside) @ v)
+            rate = -linear_stiffness(beside) / model.stiffness_scale * stretch**2 / k
+            if beside.kind == "linear":
+                found["chain", name, i, "stiffness"] = rate
+            elif beside.kind == "piecewise_linear":
+                found["chain", name, i, "stiffnesses", beside.number_at_rest] = rate
     return found

@@ -53,14 +53,7 @@ class Signal:
         """Value at times t (any shape); before the first piece the first piece is continued."""
         t = np.asarray(t, dtype=float)
         k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, None)
-        sigma = t - self.start[k]
-        value = np.zeros(t.shape)
-        for i, nu in enumerate(self.exponent):
-            polynomial = np.zeros(t.shape, dtype=complex)
-            for p in range(self.coefficient.shape[2] - 1, -1, -1):
-                polynomial = polynomial * sigma + self.coefficient[k, i, p]
-            value = value + (polynomial * np.exp(nu * sigma)).real
-        return value
+        return self.within(k, t - self.start[k])
 
     def __mul__(self, factor: float) -> Signal:
         return Signal(self.start, self.exponent, self.coefficient * factor)
@@ -93,10 +86,19 @@ class Signal:
                 for p in range(degree, -1, -1):
                     above = out[:, i, p + 1] * (p + 1) if p < degree else 0.0
                     out[:, i, p] = (c[:, i, p] - above) / nu
-        value = initial
-        for k in range(self.start.size):
-            out[k, constant, 0] += value - out[k, :, 0].sum().real
-            if k + 1 < self.start.size:
-                piece = Signal(self.start[k : k + 1], exponent, out[k : k + 1])
-                value = float(piece(self.start[k + 1]))
+        length = np.diff(self.start)
+        grown = Signal(self.start, exponent, out).within(np.arange(length.size), length)  # without the constants
+        first = out[:, :, 0].sum(axis=1).real
+        # each piece begins where the one before ended
+        out[:, constant, 0] += initial + np.concatenate([[0.0], np.cumsum(grown - first[:-1])]) - first
         return Signal(self.start, exponent, out)
+
+    def within(self, piece: NDArray[np.int64], sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Value of pieces at times ``sigma`` since their own starts (arrays of one shape)."""
+        value = np.zeros(sigma.shape)
+        for i, nu in enumerate(self.exponent):
+            polynomial = np.zeros(sigma.shape, dtype=complex)
+            for p in range(self.coefficient.shape[2] - 1, -1, -1):
+                polynomial = polynomial * sigma + self.coefficient[piece, i, p]
+            value = value + (polynomial * np.exp(nu * sigma)).real
+        return value

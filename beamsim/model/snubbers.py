@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from beamsim.model.system import Contacts
 
 if TYPE_CHECKING:
     from beamsim.model.equilibrium import CubicSprings
-    from beamsim.scenario import ChainSnubber, Snubber
+    from beamsim.scenario.snubber import SnubberBase
 
-__all__ = ["build_contacts", "dashpot_from_ratio", "resolve_preloads", "springs_of"]
+__all__ = ["build_contacts", "dashpot_from_ratio", "resists", "resolve_preloads", "springs_of"]
 
 Floats = NDArray[np.float64]
 
@@ -36,9 +36,7 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
     return float(2 * ratio * stiffness / moving[0])
 
 
-def build_contacts(
-    snubbers: Sequence[Snubber | ChainSnubber], shape: Floats, omega: Floats, rigid: int, path: str
-) -> Contacts:
+def build_contacts(snubbers: Sequence[SnubberBase], shape: Floats, omega: Floats, rigid: int, path: str) -> Contacts:
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
     Parameters
@@ -67,13 +65,18 @@ def build_contacts(
         raise ScenarioError(problems)
     return Contacts(
         shape=shape,
-        sign=np.array([1.0 if s.side == "below" else -1.0 for s in snubbers]),
+        sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
         stiffness=np.array([s.stiffness for s in snubbers], dtype=float),
         dashpot=dashpot,
         gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
-        on_ground=np.array([s.mounted_on == "ground" for s in snubbers], dtype=bool),
+        on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
         no_tension=np.array([s.law == "no_tension" for s in snubbers], dtype=bool),
     )
+
+
+def resists(snubber: Any) -> str:
+    """Which way it resists: "below" or "above", between two masses "approach" or "separation"."""
+    return str(getattr(snubber, "side", "") or snubber.resists)
 
 
 def springs_of(contacts: Contacts) -> Springs:
@@ -90,7 +93,7 @@ def resolve_preloads(
     cubic: CubicSprings,
     path: str,
 ) -> Contacts:
-    """Contacts whose gaps give the preloads asked for, as contact forces at static equilibrium.
+    """Contacts whose gaps give the preloads asked for (of the first of them), as contact forces at static equilibrium.
 
     At that equilibrium a preloaded snubber is a constant push s phi P, so the others decide the shape; its gap then
     follows from P = k (-gap - s w). Raises ScenarioError where no such equilibrium exists: on
@@ -99,7 +102,9 @@ def resolve_preloads(
     given = np.array([p is not None for p in preload], dtype=bool)
     if not given.any():
         return contacts
-    force = np.array([0.0 if p is None else p for p in preload])
+    others = contacts.count - given.size
+    given = np.append(given, np.zeros(others, dtype=bool))
+    force = np.append([0.0 if p is None else p for p in preload], np.zeros(others))
     pushes = (contacts.sign * force)[:, None] * contacts.shape
     rest = springs_of(contacts).take(~given)
     found = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, pushes[given]]), cubic)

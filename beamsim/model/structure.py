@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from beamsim.model.equilibrium import CubicSprings
 from beamsim.model.signal import Signal
+from beamsim.model.springs import SpringInfo
 from beamsim.model.system import Forcing, PiecewiseLinearSystem
 
-__all__ = ["BeamRecovery", "CubicSprings", "ModeTable", "ProbeRow", "SnubberInfo", "StructuralSystem"]
+__all__ = ["BeamRecovery", "CubicSprings", "ModeTable", "ProbeRow", "SnubberInfo", "SpringInfo", "StructuralSystem"]
 
 Floats = NDArray[np.float64]
 
@@ -30,8 +31,8 @@ class SnubberInfo:
     """One snubber with every number resolved."""
 
     name: str
-    position: float  # m along the beam; the mass number for a chain
-    side: str  # "below" or "above"
+    position: float  # m along the beam; the mass number for a chain, halfway for a snubber between two masses
+    side: str  # "below" or "above"; between two masses "approach" or "separation"
     stiffness: float  # N/m
     dashpot: float  # N s/m
     gap: float  # m, clearance positive; resolved where a preload was given
@@ -60,7 +61,7 @@ class ModeTable:
     """Natural frequencies and shapes behind a run."""
 
     open_frequencies_hz: Floats  # (r,) reduced model, every contact open
-    closed_frequencies_hz: Floats  # (r,) every contact closed
+    closed_frequencies_hz: Floats  # (r,) every snubber closed, piecewise-linear springs as at rest
     shapes: Floats  # (r, nx) open mode shapes, unit modal mass (1/sqrt(kg)) at `position`
     position: Floats  # (nx,) m, or mass numbers
     damping_ratios: Floats  # (r,) of the open structure (nan for rigid-body modes)
@@ -92,4 +93,11 @@ class StructuralSystem:
     static_reason: str  # why there is no static equilibrium; empty where there is one
     excitation_frequency_hz: float  # nan where there is none, or several
     cubic: CubicSprings
+    springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; one-sided parts follow the snubbers in ``dynamics.contacts``
     warnings: tuple[str, ...] = ()
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """(m,) whose each of the contacts is: a snubber's name, or that of a piecewise-linear spring."""
+        parts = [spring.name for spring in self.springs for _ in range(spring.gap.size)]
+        return (*(snubber.name for snubber in self.snubbers), *parts)

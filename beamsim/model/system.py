@@ -32,7 +32,7 @@ class Contacts:
 
     shape: Floats  # (m, n) deflection at the contact for a unit of each coordinate
     sign: Floats  # (m,) +1 below the structure (resists negative deflection), -1 above
-    stiffness: Floats  # (m,) N/m
+    stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
     dashpot: Floats  # (m,) N s/m
     gap: Floats  # (m,) m; clearance positive, prestress negative
     on_ground: NDArray[np.bool_]  # (m,) feels the absolute deflection, shape @ q + d(t)
@@ -42,6 +42,14 @@ class Contacts:
     def count(self) -> int:
         """m."""
         return int(self.stiffness.size)
+
+    def take(self, which: slice) -> Contacts:
+        """Some of them."""
+        return Contacts(**{name: values[which] for name, values in vars(self).items()})
+
+    def with_others(self, others: Contacts) -> Contacts:
+        """These and then the others."""
+        return Contacts(**{name: np.concatenate([values, vars(others)[name]]) for name, values in vars(self).items()})
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@
 """
 
 from beamsim.scenario.beam import Beam, GeneralSection, PointMass, RectangleSection, Supports, TubeSection
-from beamsim.scenario.chain import Chain, CubicGroundSpring, GroundSpring, LinearGroundSpring
+from beamsim.scenario.chain import Chain
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
 from beamsim.scenario.designs import Grid, LatinHypercube, Zipped
 from beamsim.scenario.excitation import (
@@ -34,11 +34,29 @@ from beamsim.scenario.nnm import (
     NonlinearMode,
     StiffnessFactorContinuation,
 )
+from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, ShootingMethod, ThesisMethod
 from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, PlacedForce, Probe
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.snubber import ChainSnubber, Snubber, SnubberRatioDamping, SnubberViscousDamping
+from beamsim.scenario.snubber import (
+    ChainSnubber,
+    LinkSnubber,
+    MassSnubber,
+    Snubber,
+    SnubberRatioDamping,
+    SnubberViscousDamping,
+)
+from beamsim.scenario.spring import (
+    CubicGroundSpring,
+    CubicLinkSpring,
+    GroundSpring,
+    LinearGroundSpring,
+    LinearLinkSpring,
+    LinkSpring,
+    PiecewiseLinearGroundSpring,
+    PiecewiseLinearLinkSpring,
+)
 from beamsim.scenario.sweep import Continuation, SteppedSine, Sweep, SweptSine
 from beamsim.scenario.template import template
 
@@ -53,9 +71,12 @@ __all__ = [
     "Continuation",
     "ContinueIn",
     "CubicGroundSpring",
+    "CubicLinkSpring",
     "EnergyContinuation",
     "Excitation",
+    "ExpansionMethod",
     "FrequencyContinuation",
+    "FullPeriodMethod",
     "GeneralSection",
     "Grid",
     "GroundSpring",
@@ -65,12 +86,18 @@ __all__ = [
     "LatinHypercube",
     "Limits",
     "LinearGroundSpring",
+    "LinearLinkSpring",
+    "LinkSnubber",
+    "LinkSpring",
+    "MassSnubber",
     "ModalDamping",
     "ModeStart",
     "MultiTone",
     "NoExcitation",
     "NonlinearMode",
     "Pad",
+    "PiecewiseLinearGroundSpring",
+    "PiecewiseLinearLinkSpring",
     "PlacedForce",
     "PointMass",
     "PolynomialStart",
@@ -82,6 +109,7 @@ __all__ = [
     "ReleasedForceStart",
     "Run",
     "Scenario",
+    "ShootingMethod",
     "Snubber",
     "SnubberRatioDamping",
     "SnubberViscousDamping",
@@ -92,6 +120,7 @@ __all__ = [
     "Supports",
     "Sweep",
     "SweptSine",
+    "ThesisMethod",
     "Tone",
     "TubeSection",
     "ViscousDamping",

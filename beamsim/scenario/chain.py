@@ -2,44 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
-from pydantic import Field, Tag
+from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Schema, fail, known
+from beamsim.scenario.base import Schema, fail, known
 from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.quantities import CubicStiffness, Dashpot, Mass, MassNumber, NonNegativeStiffness
-from beamsim.scenario.snubber import ChainSnubber, named
+from beamsim.scenario.names import named
+from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
+from beamsim.scenario.snubber import ChainSnubber
+from beamsim.scenario.spring import GroundSpring, LinkSpring
 
-__all__ = ["Chain", "CubicGroundSpring", "GroundSpring", "LinearGroundSpring"]
-
-
-class LinearGroundSpring(Schema):
-    """A linear spring from a mass to the ground, which stands still."""
-
-    mass: MassNumber
-    """Number of the mass, from 1."""
-    kind: Literal["linear"] = "linear"
-    """Force = stiffness times displacement."""
-    stiffness: NonNegativeStiffness
-    """Stiffness."""
-
-
-class CubicGroundSpring(Schema):
-    """A cubic spring from a mass to the ground, which stands still."""
-
-    mass: MassNumber
-    """Number of the mass, from 1."""
-    kind: Literal["cubic"] = "cubic"
-    """Force = stiffness times displacement cubed."""
-    stiffness: CubicStiffness
-    """Stiffness; negative softens."""
-
-
-GroundSpring = Annotated[
-    Annotated[LinearGroundSpring, Tag("<linear>")] | Annotated[CubicGroundSpring, Tag("<cubic>")],
-    BY_KIND,
-]
+__all__ = ["Chain"]
 
 
 class Chain(Schema):
@@ -54,14 +28,19 @@ class Chain(Schema):
     damping: ChainDamping | None = None
     """Damping of the chain as a whole, added to the dashpots."""
     snubbers: tuple[ChainSnubber, ...] = ()
-    """One-sided stops."""
+    """One-sided stops on masses, bumpers and cables between them."""
     springs_to_ground: tuple[GroundSpring, ...] = ()
-    """Springs from masses to the ground, linear or cubic."""
+    """Springs from masses to the ground, linear, cubic or piecewise linear."""
+    springs_between: tuple[LinkSpring, ...] = ()
+    """Further springs between any two masses, linear, cubic or piecewise linear."""
 
     def settle(self) -> None:
         """Check the lengths of the lists; resolve dashpots and names."""
-        if known(self.snubbers):
-            self.resolve("snubbers", named(self.snubbers))
+        for name, prefix in (
+            ("snubbers", "snubber"), ("springs_to_ground", "ground_spring"), ("springs_between", "link_spring"),
+        ):  # fmt: skip
+            if known(items := self.__dict__[name]):
+                self.resolve(name, named(items, prefix))
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots)
         if springs not in (masses, masses + 1):
             raise fail(
@@ -82,3 +61,19 @@ class Chain(Schema):
     def count(self) -> int:
         """Number of masses."""
         return len(self.masses)
+
+    @property
+    def bends(self) -> bool:
+        """Whether a spring is not linear."""
+        return any(spring.kind != "linear" for spring in (*self.springs_to_ground, *self.springs_between))
+
+    @property
+    def stiffest_spring(self) -> float:
+        """Largest slope of a linear or piecewise-linear spring, N/m."""
+        slopes = list(self.springs)
+        for spring in (*self.springs_to_ground, *self.springs_between):
+            if spring.kind == "linear":
+                slopes.append(spring.stiffness)
+            elif spring.kind == "piecewise_linear":
+                slopes.extend(spring.stiffnesses)
+        return max(slopes)

@@ -6,26 +6,31 @@ Every check yields the problems it finds. A check that meets a value which is wr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, walk
 from beamsim.scenario.beam import PointMass
-from beamsim.scenario.chain import CubicGroundSpring, LinearGroundSpring
+from beamsim.scenario.continuation import Continuation, continuation_problems
 from beamsim.scenario.designs import design_problems
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.identification_checks import identification_problems
 from beamsim.scenario.limits import limit_problems
+from beamsim.scenario.names import Named
+from beamsim.scenario.nnm import StiffnessFactorContinuation
+from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, OneOfTwoPlaces, Probe
 from beamsim.scenario.quantities import LevelValue
 from beamsim.scenario.run import ModeStart, PolynomialStart
-from beamsim.scenario.snubber import ChainSnubber, Snubber
+from beamsim.scenario.snubber import LinkSnubber, MassSnubber, Snubber
+from beamsim.scenario.spring import BetweenMasses, OnMass, PiecewiseLinearSpring
 from beamsim.scenario.sweep import SweptSine
 
 if TYPE_CHECKING:
     from beamsim.scenario.beam import Beam
+    from beamsim.scenario.chain import Chain
     from beamsim.scenario.run import Run
     from beamsim.scenario.scenario import Scenario
 
@@ -39,7 +44,10 @@ Found = Iterator[Problem]
 
 def problems(scenario: Scenario) -> list[Problem]:
     """Return everything wrong between the parts of a scenario."""
-    checks = (_structure, _places, _names, _run, _start, _sweep, _identification, _modes, _designs, _limits)
+    checks = (
+        _structure, _places, _names, _run, _start, _sweep, _identification, _modes, phase_resonance_problems, _designs,
+        _limits,
+    )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
 
@@ -80,16 +88,20 @@ def _places(scenario: Scenario) -> Found:
 def _place(scenario: Scenario, path: Path, part: Schema) -> Found:
     position: float | None = None
     mass: int | None = None
-    if isinstance(part, OneOfTwoPlaces):
+    if isinstance(part, (LinkSnubber, BetweenMasses)):
+        key = "between" if isinstance(part, LinkSnubber) else "masses"
+        for index, number in enumerate(getattr(part, key)):
+            yield from _on_chain(scenario, (*path, key, index), number)
+    elif isinstance(part, OneOfTwoPlaces):
         position, mass = part.position, part.mass
     elif isinstance(part, (AtPosition, Snubber, PointMass)):
         position = part.position
-    elif isinstance(part, (AtMass, ChainSnubber, LinearGroundSpring, CubicGroundSpring)):
+    elif isinstance(part, (AtMass, MassSnubber, OnMass)):
         mass = part.mass
     if position is not None:
         yield from _on_beam(scenario, path, part, position)
     if mass is not None:
-        yield from _on_chain(scenario, path, mass)
+        yield from _on_chain(scenario, (*path, "mass"), mass)
 
 
 def _on_beam(scenario: Scenario, path: Path, part: Schema, position: float) -> Found:
@@ -136,8 +148,7 @@ def _held_end(beam: Beam, position: float) -> tuple[str, str] | None:
     return None
 
 
-def _on_chain(scenario: Scenario, path: Path, mass: int) -> Found:
-    at = (*path, "mass")
+def _on_chain(scenario: Scenario, at: Path, mass: int) -> Found:
     if scenario.chain is None:
         if scenario.beam is not None:
             yield _problem(
@@ -149,21 +160,25 @@ def _on_chain(scenario: Scenario, path: Path, mass: int) -> Found:
 
 
 def _names(scenario: Scenario) -> Found:
-    if scenario.chain is not None:
-        yield from _guarded(_unique(("chain", "snubbers"), scenario.chain.snubbers))
-    yield from _guarded(_unique(("snubbers",), scenario.snubbers))
-    yield from _guarded(_unique(("probes",), scenario.probes))
+    chain = scenario.chain
+    if chain is not None:
+        lists = ("snubbers", "springs_to_ground", "springs_between")
+        yield from _guarded(_unique((("chain", name), getattr(chain, name)) for name in lists))
+    yield from _guarded(_unique([(("snubbers",), scenario.snubbers)]))
+    yield from _guarded(_unique([(("probes",), scenario.probes)]))
 
 
-def _unique(path: Path, items: Sequence[Snubber | ChainSnubber | Probe]) -> Found:
-    first: dict[str, int] = {}
-    for index, item in enumerate(items):
-        if item.name in first:
-            other = path_text((*path, first[item.name]))
-            yield _problem(
-                (*path, index, "name"), f"= {item.name} is already the name of {other}", "choose another name"
-            )
-        first.setdefault(item.name, index)
+def _unique(lists: Iterable[tuple[Path, Sequence[Named | Probe]]]) -> Found:
+    """Names within lists whose items are told apart by them."""
+    first: dict[str, Path] = {}
+    for path, items in lists:
+        for index, item in enumerate(items):
+            if item.name in first:
+                other = path_text(first[item.name])
+                yield _problem(
+                    (*path, index, "name"), f"= {item.name} is already the name of {other}", "choose another name"
+                )
+            first.setdefault(item.name, (*path, index))
 
 
 def _run(scenario: Scenario) -> Found:
@@ -291,6 +306,8 @@ def _sweep(scenario: Scenario) -> Found:
                 f"is given in a unit of {meant}, and the excitation's level is of {excitation.quantity}",
                 "give the levels of the sweep in the unit of excitation.level",
             )
+    if isinstance(sweep, Continuation):
+        yield from continuation_problems(scenario, sweep)
     if isinstance(sweep, SweptSine):
         for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
             for index, point in enumerate(points):
@@ -326,6 +343,26 @@ def _modes(scenario: Scenario) -> Found:
             f"= {scenario.nnm.mode}, but a chain of {count} masses has {count} modes",
             f"choose a mode from 1 to {count}",
         )
+    if isinstance(scenario.nnm.continue_in, StiffnessFactorContinuation):
+        yield from _guarded(_factor(scenario.chain, scenario.nnm.continue_in))
+
+
+def _factor(chain: Chain, going: StiffnessFactorContinuation) -> Found:
+    """The factor multiplies changes of slope: a softening spring must not come out with a negative one."""
+    key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
+    for name in ("springs_to_ground", "springs_between"):
+        for index, spring in enumerate(getattr(chain, name)):
+            if not isinstance(spring, PiecewiseLinearSpring):
+                continue
+            slope = spring.slope_at_rest
+            least = slope + largest * (min(spring.stiffnesses) - slope)
+            if least < 0:
+                yield _problem(
+                    ("nnm", "continue_in", key),
+                    f"= {largest:g} gives chain.{name}[{index}] the slope {least:g} N/m: the factor multiplies its "
+                    f"changes of slope from the {slope:g} N/m at rest",
+                    f"go up to {slope / (slope - min(spring.stiffnesses)):.6g} at most",
+                )
 
 
 def _designs(scenario: Scenario) -> Found:

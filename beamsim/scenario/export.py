@@ -24,7 +24,7 @@ _Dumper.add_implicit_resolver(
 )
 
 
-_FIRST = ("name", "kind", "position", "mass", "applied_to", "level")
+_FIRST = ("name", "kind", "position", "mass", "between", "masses", "applied_to", "level")
 
 
 def to_yaml(scenario: Scenario) -> str:

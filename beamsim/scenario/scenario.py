@@ -14,11 +14,12 @@ from beamsim.scenario.designs import Vary
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.limits import Limits
+from beamsim.scenario.names import named
 from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.place import ConstantForce, Probe
 from beamsim.scenario.quantities import Gravity, Text
 from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.snubber import ChainSnubber, Snubber, named
+from beamsim.scenario.snubber import ChainSnubber, LinkSnubber, Snubber
 from beamsim.scenario.sweep import Sweep
 from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
@@ -44,7 +45,7 @@ class Scenario(Schema):
     excitation: Excitation = NoExcitation()
     """What drives the structure; nothing by default."""
     probes: tuple[Probe, ...] = ()
-    """Points whose motion is recorded; by default one at each snubber."""
+    """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
     run: Run | None = None
     """A run in time (`beamsim run`)."""
     reduction: Reduction | None = None
@@ -63,7 +64,7 @@ class Scenario(Schema):
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""
         if known(self.snubbers):
-            self.resolve("snubbers", named(self.snubbers))
+            self.resolve("snubbers", named(self.snubbers, "snubber"))
         if self.beam is not None and known(self.beam) and known(self.beam.length):
             self._snap_to_end(self.beam.length)
         if known(self.run, self.excitation, self.beam, self.chain):
@@ -127,7 +128,7 @@ class Scenario(Schema):
             return self.probes
         if self.chain is not None:
             if self.chain.snubbers:
-                return tuple(Probe(name=snubber.name, mass=snubber.mass) for snubber in self.chain.snubbers)
+                return _probes_of(self.chain.snubbers)
             return (Probe(name=f"mass_{self.chain.count}", mass=self.chain.count),)
         if self.snubbers:
             return tuple(Probe(name=snubber.name, position=snubber.position) for snubber in self.snubbers)
@@ -176,18 +177,26 @@ class Scenario(Schema):
             return math.pi / 2.0 * math.sqrt(beam.bending_stiffness / beam.mass_per_length) / beam.length**2
         if self.chain is None:
             return 0.0
-        return math.sqrt(max(self.chain.springs) / min(self.chain.masses)) / (2.0 * math.pi)
+        return math.sqrt(self.chain.stiffest_spring / min(self.chain.masses)) / (2.0 * math.pi)
 
     def _plain_sweep_levels(self) -> None:
         """Forget the units of the sweep's levels, which are those of the excitation."""
         if self.sweep is not None:
-            levels = tuple(float(level) for level in self.sweep.levels)
-            self.resolve("sweep", self.sweep.model_copy(update={"levels": levels}))
+            self.resolve("sweep", self.sweep.plain_levels())
 
     def _snap_to_end(self, length: float) -> None:
         """Put on the end what is beyond it by round-off (3 ft and 36 in differ in the last digit)."""
         for name in ("beam", "snubbers", "constant_forces", "excitation", "probes", "run"):
             self.resolve(name, _snapped(self.__dict__[name], length))
+
+
+def _probes_of(snubbers: tuple[ChainSnubber, ...]) -> tuple[Probe, ...]:
+    """Return a probe at each snubber on a mass, and one on every mass that a snubber between two acts on."""
+    probes = {snubber.name: snubber.mass for snubber in snubbers if not isinstance(snubber, LinkSnubber)}
+    for snubber in snubbers:
+        for mass in snubber.between if isinstance(snubber, LinkSnubber) else ():
+            probes.setdefault(f"mass_{mass}", mass)
+    return tuple(Probe(name=name, mass=mass) for name, mass in probes.items())
 
 
 def _whole_multiple(least: float, unit: float) -> float:

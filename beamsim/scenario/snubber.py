@@ -1,12 +1,13 @@
-"""One-sided elastic stops ("snubbers") on a beam or on the masses of a chain."""
+"""One-sided elastic stops ("snubbers") on a beam, on the masses of a chain and between them."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, fail, known
+from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
+from beamsim.scenario.names import Named
 from beamsim.scenario.quantities import (
     Dashpot,
     Gap,
@@ -17,8 +18,18 @@ from beamsim.scenario.quantities import (
     Ratio,
     Stiffness,
 )
+from beamsim.scenario.spring import Pair, check_pair
 
-__all__ = ["ChainSnubber", "Snubber", "SnubberDamping", "SnubberRatioDamping", "SnubberViscousDamping", "named"]
+__all__ = [
+    "ChainSnubber",
+    "LinkSnubber",
+    "MassSnubber",
+    "Snubber",
+    "SnubberBase",
+    "SnubberDamping",
+    "SnubberRatioDamping",
+    "SnubberViscousDamping",
+]
 
 
 class SnubberRatioDamping(Schema):
@@ -48,15 +59,11 @@ SnubberDamping = Annotated[
 ]
 
 
-class _SnubberBase(Schema):
-    """What the snubbers of beams and chains share; N = k delta + c delta' while in contact."""
+class SnubberBase(Named):
+    """What all snubbers share; N = k delta + c delta' while in contact."""
 
     name: Name = ""
     """Name, unique; snubber_1, snubber_2, ... by default."""
-    side: Literal["below", "above"]
-    """Below resists negative displacements, above positive ones."""
-    mounted_on: Literal["base", "ground"] = "base"
-    """Base moves with the excitation of the base; ground doesn't move."""
     stiffness: Stiffness
     """Stiffness while in contact."""
     damping: SnubberDamping | None = None
@@ -77,26 +84,61 @@ class _SnubberBase(Schema):
             raise fail("and gap exclude each other", "keep one of the two; preload finds the gap", ("preload",))
 
 
-class Snubber(_SnubberBase):
+class _Stop(SnubberBase):
+    """A snubber that stands on the base or on the ground."""
+
+    side: Literal["below", "above"]
+    """Below resists negative displacements, above positive ones."""
+    mounted_on: Literal["base", "ground"] = "base"
+    """Base moves with the excitation of the base; ground doesn't move."""
+
+
+class Snubber(_Stop):
     """A one-sided spring, with or without dashpot, on the beam."""
 
     position: Position
     """Distance from the left end of the beam."""
 
 
-class ChainSnubber(_SnubberBase):
+class MassSnubber(_Stop):
     """A one-sided spring, with or without dashpot, on a mass of a chain."""
 
     mass: MassNumber
     """Number of the mass, from 1."""
 
 
-AnySnubber = TypeVar("AnySnubber", bound=_SnubberBase)
+class LinkSnubber(SnubberBase):
+    """A one-sided spring, with or without dashpot, between two masses of a chain."""
+
+    between: Pair
+    """Numbers of the two masses, neighbours or not."""
+    resists: Literal["approach", "separation"] = "approach"
+    """Approach: a bumper, met when the masses come together; separation: a cable, taut when they draw apart."""
+
+    def settle(self) -> None:
+        """Demand two different masses."""
+        check_pair(self.between, "between")
+        super().settle()
 
 
-def named(snubbers: tuple[AnySnubber, ...]) -> tuple[AnySnubber, ...]:
-    """Give snubbers without a name their default one, snubber_1, snubber_2, ..."""
-    return tuple(
-        snubber if not known(snubber.name) or snubber.name else snubber.model_copy(update={"name": f"snubber_{number}"})
-        for number, snubber in enumerate(snubbers, start=1)
-    )
+def choose_place(value: Any) -> str | None:
+    """Tag of the place a raw value means; none where it means no place or two."""
+    if isinstance(value, MassSnubber):
+        return "<mass>"
+    if isinstance(value, LinkSnubber):
+        return "<between>"
+    if isinstance(value, dict):
+        on, between = value.get("mass") is not None, value.get("between") is not None
+        if on != between:
+            return "<mass>" if on else "<between>"
+    return None
+
+
+ChainSnubber = Annotated[
+    Annotated[MassSnubber, Tag("<mass>")] | Annotated[LinkSnubber, Tag("<between>")],
+    by_key(
+        choose_place,
+        "must name one mass or the two it acts between",
+        "give mass: 1 with side: below or above, or between: [1, 2] with resists: approach or separation, not both",
+    ),
+]

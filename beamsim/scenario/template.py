@@ -76,8 +76,11 @@ chain:
       stiffness: 100 N/m
       gap: 1 m                       # > 0 backlash, < 0 prestress; or preload: 1 N instead
       # damping: {kind: viscous, coefficient: 0.1 N s/m}     # or {kind: ratio, ratio: 2 %}
-  # springs_to_ground:               # from a mass to the base, linear or cubic
+  #   - {name: bumper, between: [1, 2], resists: approach, stiffness: 100 N/m, gap: 0.5 m}     # or separation: a cable
+  # springs_to_ground:               # from a mass to the ground, which stands still: linear, cubic, piecewise_linear
   #   - {mass: 2, kind: cubic, stiffness: 0.5 N/m^3}
+  # springs_between:                 # between any two masses; slopes below, between and above the breakpoints
+  #   - {masses: [1, 2], kind: piecewise_linear, breakpoints: [-1 m, 1 m], stiffnesses: [2, 1, 0.5]}
 
 gravity: 0 m/s^2                     # 1 g acts towards negative displacement
 

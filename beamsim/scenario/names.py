@@ -1,0 +1,28 @@
+"""Items of a list that have a name, given or by default."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from beamsim.scenario.base import Schema, known
+from beamsim.scenario.quantities import Name
+
+__all__ = ["Named", "named"]
+
+
+class Named(Schema):
+    """Something with a name."""
+
+    name: Name = ""
+    """Name, unique; made of the kind and a number by default."""
+
+
+AnyNamed = TypeVar("AnyNamed", bound=Named)
+
+
+def named(items: tuple[AnyNamed, ...], prefix: str) -> tuple[AnyNamed, ...]:
+    """Give items without a name their default one: the prefix and their number, from 1."""
+    return tuple(
+        item if not known(item) or not known(item.name) or item.name else item.model_copy(update={"name": name})
+        for item, name in ((item, f"{prefix}_{number}") for number, item in enumerate(items, start=1))
+    )

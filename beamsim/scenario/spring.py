@@ -1,0 +1,170 @@
+"""Springs of a chain beside those in its row: from a mass to the ground, or between any two masses."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import replace
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, Tag
+
+from beamsim.scenario import units
+from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.names import Named
+from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
+
+__all__ = [
+    "BetweenMasses",
+    "CubicGroundSpring",
+    "CubicLinkSpring",
+    "GroundSpring",
+    "LinearGroundSpring",
+    "LinearLinkSpring",
+    "LinkSpring",
+    "OnMass",
+    "Pair",
+    "PiecewiseLinearGroundSpring",
+    "PiecewiseLinearLinkSpring",
+    "PiecewiseLinearSpring",
+    "Spring",
+    "check_pair",
+]
+
+Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
+Pair = Annotated[tuple[MassNumber, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+
+
+def check_pair(masses: tuple[int, ...], key: str) -> None:
+    """Refuse anything but two different masses."""
+    if len(masses) != 2:
+        given = f"{len(masses)} mass{'' if len(masses) == 1 else 'es'}"
+        raise fail(f"names {given}", "name the two masses that it joins, for example [1, 2]", (key,))
+    if masses[0] == masses[1]:
+        raise fail(f"= [{masses[0]}, {masses[1]}] joins a mass to itself", "name two different masses", (key,))
+
+
+class Spring(Named):
+    """What all of them share."""
+
+    name: Name = ""
+    """Name, unique; ground_spring_1, ... or link_spring_1, ... by default."""
+
+
+class OnMass(Spring):
+    """A spring from a mass to the ground."""
+
+    mass: MassNumber
+    """Number of the mass, from 1."""
+
+
+class BetweenMasses(Spring):
+    """A spring between two masses, neighbours or not."""
+
+    masses: Pair
+    """Numbers of the two masses; the stretch is positive when they draw apart."""
+
+    def settle(self) -> None:
+        """Demand two different masses."""
+        check_pair(self.masses, "masses")
+        super().settle()
+
+
+class LinearSpring(Schema):
+    """Force = stiffness times stretch."""
+
+    kind: Literal["linear"] = "linear"
+    """Force = stiffness times stretch."""
+    stiffness: NonNegativeStiffness
+    """Stiffness."""
+
+
+class CubicSpring(Schema):
+    """Force = stiffness times stretch cubed."""
+
+    kind: Literal["cubic"] = "cubic"
+    """Force = stiffness times stretch cubed."""
+    stiffness: CubicStiffness
+    """Stiffness; negative softens."""
+
+
+class PiecewiseLinearSpring(Schema):
+    """A continuous force of straight pieces through the origin."""
+
+    kind: Literal["piecewise_linear"] = "piecewise_linear"
+    """Force of straight pieces, continuous, zero at zero."""
+    breakpoints: Annotated[tuple[Stretch, ...], Field(json_schema_extra={"minItems": 1})]
+    """Stretches at which the slope changes, increasing."""
+    stiffnesses: tuple[NonNegativeStiffness, ...]
+    """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
+
+    def settle(self) -> None:
+        """Check the lengths and the order."""
+        bends, slopes = len(self.breakpoints), len(self.stiffnesses)
+        if not bends:
+            raise fail("is an empty list", "give at least one value, or use kind: linear", ("breakpoints",))
+        if slopes != bends + 1:
+            raise fail(
+                f"has {slopes} {'value' if slopes == 1 else 'values'} for {bends} "
+                f"{'breakpoint' if bends == 1 else 'breakpoints'}",
+                f"give {bends + 1} slopes: below the first breakpoint, between neighbours, above the last",
+                ("stiffnesses",),
+            )
+        for index, (a, b) in enumerate(pairwise(self.breakpoints), start=1):
+            if not b > a:
+                raise fail(
+                    f"= {b:g} m does not lie above the one before, {a:g} m",
+                    "list the breakpoints from the lowest to the highest, each once",
+                    ("breakpoints", index),
+                )
+        super().settle()
+
+    @property
+    def number_at_rest(self) -> int:
+        """Which of the slopes (from 0) is that about zero stretch; the smaller one where zero is a breakpoint."""
+        at = bisect_left(self.breakpoints, 0.0)
+        on_it = at < len(self.breakpoints) and self.breakpoints[at] == 0.0
+        return at + 1 if on_it and self.stiffnesses[at + 1] < self.stiffnesses[at] else at
+
+    @property
+    def slope_at_rest(self) -> float:
+        """That slope, N/m."""
+        return self.stiffnesses[self.number_at_rest]
+
+
+class LinearGroundSpring(LinearSpring, OnMass):
+    """A linear spring from a mass to the ground, which stands still."""
+
+
+class CubicGroundSpring(CubicSpring, OnMass):
+    """A cubic spring from a mass to the ground, which stands still."""
+
+
+class PiecewiseLinearGroundSpring(PiecewiseLinearSpring, OnMass):
+    """A piecewise-linear spring from a mass to the ground, which stands still."""
+
+
+class LinearLinkSpring(LinearSpring, BetweenMasses):
+    """A linear spring between two masses."""
+
+
+class CubicLinkSpring(CubicSpring, BetweenMasses):
+    """A cubic spring between two masses."""
+
+
+class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, BetweenMasses):
+    """A piecewise-linear spring between two masses."""
+
+
+GroundSpring = Annotated[
+    Annotated[LinearGroundSpring, Tag("<linear>")]
+    | Annotated[CubicGroundSpring, Tag("<cubic>")]
+    | Annotated[PiecewiseLinearGroundSpring, Tag("<piecewise_linear>")],
+    BY_KIND,
+]
+LinkSpring = Annotated[
+    Annotated[LinearLinkSpring, Tag("<linear>")]
+    | Annotated[CubicLinkSpring, Tag("<cubic>")]
+    | Annotated[PiecewiseLinearLinkSpring, Tag("<piecewise_linear>")],
+    BY_KIND,
+]

@@ -1,0 +1,356 @@
+"""Bumpers, cables and nonlinear springs between the masses of chains and to the ground, against closed forms."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.special import ellipj, ellipk
+
+import beamsim
+from beamsim.analyses.nnm import nnm
+from beamsim.dynamics.flow import ExactFlow
+from beamsim.dynamics.transient import simulate
+from beamsim.errors import ScenarioError
+from beamsim.model.build import build_system
+from beamsim.model.contact_point import snubber_point
+from beamsim.model.point_sensitivity import stiffness_sensitivities
+from beamsim.model.springs import one_sided_parts
+from beamsim.scenario import Scenario
+from beamsim.scenario.parameters import find_parameters, with_values
+
+
+def chain(masses, springs, more=None, **rest):
+    count = len(masses)
+    probes = [{"name": f"m{i + 1}", "mass": i + 1} for i in range(count)]
+    return Scenario.model_validate(
+        {"chain": {"masses": masses, "springs": springs, **(more or {})}, "probes": probes, **rest}
+    )
+
+
+def run_section(duration, displacement, velocity=(), rate=50.0, **more):
+    start = {"displacement": displacement, "velocity": list(velocity)}
+    return {"duration": duration, "sample_rate": rate, "start": start, **more}
+
+
+# -- two free masses with a bumper between them: the relative motion is a bilinear oscillator --------------------------
+M1, M2, SPRING, BUMPER = 1.0, 3.0, 2.0, 30.0
+REDUCED = M1 * M2 / (M1 + M2)
+OPEN, CLOSED = np.sqrt(SPRING / REDUCED), np.sqrt((SPRING + BUMPER) / REDUCED)
+
+
+@pytest.mark.parametrize("resists", ["approach", "separation"])
+def test_free_masses_with_a_bumper_between_keep_the_bilinear_frequency(resists):
+    link = {"name": "link", "between": [1, 2], "stiffness": BUMPER, "resists": resists}
+    # momentum zero: the centre of mass stays at rest
+    case = chain([M1, M2], [0, SPRING], {"snubbers": [link]}, run=run_section(60.0, [3.0, -1.0]))
+    result = beamsim.run(case)
+    period = np.pi / OPEN + np.pi / CLOSED
+    closings = result.events.time[result.events.closing]
+    np.testing.assert_allclose(np.diff(closings), period, rtol=1e-12)
+    centre = M1 * result.probes["m1"].displacement + M2 * result.probes["m2"].displacement
+    assert np.abs(centre).max() < 1e-12
+    assert result.summary["energy_error"] < 1e-12
+    stretch = result.snubbers["link"].displacement
+    pushed = result.snubbers["link"].force > 0
+    assert np.all(stretch[pushed] < 0) if resists == "approach" else np.all(stretch[pushed] > 0)
+    assert result.summary["contact_share"]["link"] == pytest.approx(np.pi / CLOSED / period, abs=0.02)
+    assert (result.snubbers["link"].side, result.snubbers["link"].position) == (resists, 1.5)
+
+
+def test_the_nonlinear_mode_of_two_free_masses():
+    case = chain([M1, M2], [0, SPRING], {"snubbers": [{"between": [2, 1], "stiffness": BUMPER}]}, nnm={"mode": 2})
+    backbone = nnm(case).branches[0]
+    factor = backbone.parameter
+    closed = np.sqrt((SPRING + factor * BUMPER) / REDUCED)
+    np.testing.assert_allclose(2 * np.pi * backbone.frequency_hz, 2 * OPEN * closed / (OPEN + closed), rtol=1e-11)
+    assert factor[-1] == 1.0
+
+
+def test_gap_preload_and_statics_between_masses():
+    """A cable of slack g between two masses pulled apart by F each way: F = k x + k_c (x - g)."""
+    cable = {"name": "cable", "between": [1, 2], "resists": "separation", "stiffness": 50.0, "gap": 0.02}
+    forces = [{"mass": 1, "force": -1.0}, {"mass": 2, "force": 1.0}]
+    s = build_system(chain([1, 2], [5, 10, 0], {"snubbers": [cable]}, constant_forces=forces))
+    # the forces balance: nothing reaches the wall
+    stretch = (1.0 + 50 * 0.02) / 60
+    assert s.snubbers[0].shape @ s.static_equilibrium == pytest.approx(stretch, rel=1e-12)
+    assert s.snubbers[0].preload == pytest.approx(50 * (stretch - 0.02), rel=1e-12)
+    press = {"name": "pad", "between": [1, 2], "stiffness": 50.0, "preload": 4.0}
+    s = build_system(chain([1, 2], [5, 10, 0], {"snubbers": [press]}))
+    # 4 N hold the masses 0.4 m apart; the pad is 0.08 m shorter than that by its own compression
+    assert s.snubbers[0].gap == pytest.approx(-0.4 - 0.08, rel=1e-12)
+    assert s.snubbers[0].preload == pytest.approx(4.0, rel=1e-12)
+
+
+def test_a_link_between_masses_feels_no_common_motion():
+    """Walls and two free masses on a moving base: the absolute motion stays at rest, whatever joins the masses."""
+    more = {
+        "snubbers": [{"between": [1, 2], "stiffness": 10.0}],
+        "springs_between": [
+            {"masses": [1, 2], "kind": "linear", "stiffness": 3.0},
+            {"masses": [1, 2], "kind": "piecewise_linear", "breakpoints": [-0.1, 0.1], "stiffnesses": [3, 1, 2]},
+            {"masses": [1, 2], "kind": "cubic", "stiffness": 3.0},
+        ],
+    }
+    excitation = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 0.3}
+    start = {"velocity": [1 / (0.6 * np.pi), 1 / (0.6 * np.pi)]}  # at rest in absolute terms: d' = -v
+    run = {"duration": 10.0, "sample_rate": 20.0, "start": start}
+    for several in (more["springs_between"], more["springs_between"][:2]):  # by stepping, exactly
+        case = chain([1, 2], [0, 0], {**more, "springs_between": several}, excitation=excitation, run=run)
+        result = beamsim.run(case)
+        for probe in result.probes.values():
+            np.testing.assert_allclose(probe.absolute_displacement, 0.0, atol=1e-10)
+        grounded = {"springs_to_ground": [{"mass": 1, "kind": "linear", "stiffness": 3.0, "name": "foot"}]}
+        held = beamsim.run(chain([1, 2], [0, 0], {**more, **grounded}, excitation=excitation, run=run))
+        np.testing.assert_allclose(held.probes["m2"].absolute_displacement, 0.0, atol=1e-10)  # the ground stands still
+
+
+# -- piecewise-linear springs ----------------------------------------------------------------------------------------
+LAWS = {
+    "hardening": ([-0.5, 0.4], [9.0, 2.0, 5.0]),
+    "softening": ([-0.5, 0.4], [0.5, 2.0, 0.7]),
+    "softening twice, then flat": ([-0.8, -0.3, 0.2, 0.6], [0.3, 1.0, 4.0, 1.0, 0.0]),
+    "hardening, softening": ([-0.3, 0.2, 0.7], [0.2, 3.0, 8.0, 1.0]),
+    "dead band": ([-0.3, 0.2], [4.0, 0.0, 3.0]),
+    "bent at zero, softening that way": ([0.0], [5.0, 2.0]),
+    "bent at zero and beyond": ([0.0, 0.5], [2.0, 5.0, 1.0]),
+}
+
+
+def force(breakpoints, slopes, x):
+    """Force by integrating the slope from zero, written apart from the package."""
+    edges = np.concatenate([[-np.inf], breakpoints, [np.inf]])
+    low, high = np.clip(0.0, edges[:-1], edges[1:]), np.clip(np.asarray(x)[..., None], edges[:-1], edges[1:])
+    return np.sum(np.asarray(slopes) * (high - low), axis=-1)
+
+
+def potential(breakpoints, slopes, x):
+    return quad(lambda s: float(force(breakpoints, slopes, s)), 0.0, x, points=breakpoints, epsabs=1e-14)[0]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_force_of_a_piecewise_linear_spring(law):
+    breakpoints, slopes = LAWS[law]
+    spring = {"mass": 1, "kind": "piecewise_linear", "breakpoints": breakpoints, "stiffnesses": slopes}
+    s = build_system(chain([2.0], [1.0], {"springs_to_ground": [spring]}))
+    x = np.linspace(-2, 2, 101)
+    np.testing.assert_allclose(s.springs[0].force(x), force(breakpoints, slopes, x), atol=1e-14)
+    c = s.dynamics.contacts
+    np.testing.assert_array_less(-1e-300, c.gap)
+    assert s.contact_names == ("ground_spring_1",) * c.count
+    assert s.snubbers == ()
+
+
+def exact_period(breakpoints, slopes, amplitude, mass):
+    """T = the integral of 2 dx / v between the turning points, with x = middle + half sin(angle)."""
+    from scipy.optimize import brentq
+
+    energy = potential(breakpoints, slopes, amplitude)
+    other = brentq(lambda x: potential(breakpoints, slopes, x) - energy, -50.0, -1e-9, xtol=1e-15)
+    middle, half = 0.5 * (amplitude + other), 0.5 * (amplitude - other)
+
+    def slowness(angle):
+        x = middle + half * np.sin(angle)
+        left = energy - potential(breakpoints, slopes, x)
+        return half * np.cos(angle) / np.sqrt(2 * left / mass)
+
+    bends = [np.arcsin((b - middle) / half) for b in breakpoints if other < b < amplitude]
+    edges = [-np.pi / 2, *bends, np.pi / 2]
+    return 2 * sum(quad(slowness, a, b, epsabs=1e-11, epsrel=1e-11, limit=200)[0] for a, b in pairwise(edges))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_period_of_a_piecewise_linear_oscillator(law):
+    """The only spring of a mass, to the ground, or of the relative motion of two free masses."""
+    breakpoints, slopes = LAWS[law]
+    spring = {"kind": "piecewise_linear", "breakpoints": breakpoints, "stiffnesses": slopes}
+    alone = chain([2.0], [0], {"springs_to_ground": [{"mass": 1, **spring}]}, run=run_section(80.0, [1.5]))
+    pair = chain(
+        [M1, M2], [0, 0], {"springs_between": [{"masses": [2, 1], **spring}]},
+        run=run_section(80.0, [-1.5 * REDUCED / M1, 1.5 * REDUCED / M2]),
+    )  # fmt: skip
+    for case, mass in ((alone, 2.0), (pair, REDUCED)):
+        system = build_system(case)
+        trajectory = simulate(ExactFlow(system.dynamics, system.forcing, 80.0), system.initial_state)
+        again = trajectory.event_time[(trajectory.event_contact == 0) & trajectory.event_closing]
+        assert again.size > 3
+        period = exact_period(breakpoints, slopes, 1.5, mass)
+        np.testing.assert_allclose(np.diff(again), period, rtol=1e-9)
+        result = beamsim.run(case)
+        assert result.summary["energy_error"] < 1e-11
+        history = next(iter(result.springs.values()))
+        np.testing.assert_allclose(history.force, force(breakpoints, slopes, history.stretch), atol=1e-12)
+        assert history.stretch[0] == pytest.approx(1.5)
+        assert result.summary["peak_stretch_m"][history.name] >= 1.5 * (1 - 1e-12)
+        assert (result.summary["events"], result.summary["linear"]) == (0, False)
+
+
+def test_a_softened_spring_moves_slower_than_a_hardened_one():
+    """The twin: one period computed for the law of the other."""
+    soft, hard = (exact_period(*LAWS[law], 1.5, 2.0) for law in ("softening", "hardening"))
+    assert soft > 1.5 * hard
+
+
+def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
+    breakpoints, slopes = LAWS["softening"]
+    spring = {"masses": [1, 2], "kind": "piecewise_linear", "breakpoints": breakpoints, "stiffnesses": slopes}
+    going = {"mode": 2, "continue_in": {"kind": "energy", "from": 0.05, "to": 1.0}}
+    result = nnm(chain([M1, M2], [0, 0], {"springs_between": [spring]}, nnm=going))
+    backbone = result.branches[0]
+    assert backbone.status.startswith("complete")
+    for index in (0, backbone.energy.size // 2, -1):
+        energy = backbone.energy[index]
+        from scipy.optimize import brentq
+
+        amplitude = brentq(lambda x, e=energy: potential(breakpoints, slopes, x) - e, 0, 20, xtol=1e-15)
+        period = exact_period(breakpoints, slopes, amplitude, REDUCED)
+        assert 1 / backbone.frequency_hz[index] == pytest.approx(period, rel=1e-9)
+
+
+def test_one_sided_parts_of_a_law():
+    sign, stiffness, gap = one_sided_parts([-1.0, 2.0, 3.0], [5.0, 3.0, 3.0, 1.0], 1)
+    np.testing.assert_array_equal(sign, [1, -1])  # the breakpoint at 2 changes nothing
+    np.testing.assert_array_equal(stiffness, [2, -2])
+    np.testing.assert_array_equal(gap, [1, 3])
+
+
+# -- cubic springs between masses ------------------------------------------------------------------------------------
+def test_duffing_motion_of_two_free_masses():
+    """mu x'' + k x + g x^3 = 0 from rest at a: x = a cn(w t | m), mu w^2 = k + g a^2, m = g a^2 / (2 (k + g a^2))."""
+    g, a = 3.0, 0.8
+    more = {"springs_between": [{"masses": [1, 2], "kind": "cubic", "stiffness": g, "name": "duffing"}]}
+    parts = [-a * REDUCED / M1, a * REDUCED / M2]
+    result = beamsim.run(chain([M1, M2], [0, SPRING], more, run=run_section(30.0, parts)))
+    w, m = np.sqrt((SPRING + g * a**2) / REDUCED), g * a**2 / (2 * (SPRING + g * a**2))
+    exact = a * ellipj(w * result.time, m)[1]
+    np.testing.assert_allclose(result.springs["duffing"].stretch, exact, atol=1e-7)
+    np.testing.assert_allclose(result.springs["duffing"].force, g * exact**3, atol=1e-6)
+    assert any("without certificate" in warning for warning in result.warnings)
+    assert result.summary["energy_error"] < 1e-8
+    energy = 0.5 * SPRING * a**2 + 0.25 * g * a**4
+    mode = nnm(chain([M1, M2], [0, SPRING], more, nnm={"mode": 2, "energy": energy})).branches[0]
+    assert 1 / mode.frequency_hz[-1] == pytest.approx(4 * ellipk(m) / w, rel=1e-10)
+
+
+# -- everything at once against an independent integration -------------------------------------------------------------
+MASSES, ROW, DASHPOTS = np.array([1.0, 1.5, 0.8]), np.array([2.0, 1.0, 3.0, 0.5]), np.array([0.1, 0.05, 0.1, 0.0])
+ALL = {
+    "dashpots": DASHPOTS.tolist(),
+    "snubbers": [
+        {"name": "bumper", "between": [1, 2], "stiffness": 20.0, "gap": 0.05},
+        {"name": "cable", "between": [3, 1], "stiffness": 8.0, "gap": 0.1, "resists": "separation"},
+        {"name": "stop", "mass": 2, "side": "above", "stiffness": 15.0, "gap": 0.3, "mounted_on": "ground"},
+    ],
+    "springs_between": [
+        {"masses": [3, 2], "kind": "piecewise_linear", "breakpoints": [-0.1, 0.2], "stiffnesses": [0.2, 3.0, 1.0]},
+        {"masses": [1, 3], "kind": "linear", "stiffness": 0.7},
+    ],
+    "springs_to_ground": [
+        {"mass": 2, "kind": "piecewise_linear", "breakpoints": [-0.2, 0.1], "stiffnesses": [2.0, 0.5, 3.0]}
+    ],
+}
+LEVEL, HZ = 0.5, 0.13
+SHAKEN = {"kind": "harmonic", "applied_to": "base", "level": LEVEL, "frequency": HZ}
+
+
+def independent(times, cubic=0.0, cable=1.0):
+    """Newton's law for absolute displacements, straight from the numbers above."""
+    w = 2 * np.pi * HZ
+
+    def base(t):
+        return -LEVEL / w**2 * np.sin(w * t), -LEVEL / w * np.cos(w * t)
+
+    def rhs(t, y):
+        u, v = y[:3], y[3:]
+        (d, rate), a = base(t), np.zeros(3)
+        x, x_rate = np.concatenate([[d], u, [d]]), np.concatenate([[rate], v, [rate]])
+        pull = ROW * np.diff(x) + DASHPOTS * np.diff(x_rate)
+        a += pull[1:] - pull[:-1]
+        links = [
+            (0, 1, -20.0 * max(-(u[1] - u[0]) - 0.05, 0.0)),
+            (0, 2, cable * 8.0 * max(u[2] - u[0] - 0.1, 0.0) + 0.7 * (u[2] - u[0])),
+            (1, 2, float(force([-0.1, 0.2], [0.2, 3.0, 1.0], u[2] - u[1])) + cubic * (u[2] - u[1]) ** 3),
+        ]
+        for i, j, f in links:
+            a[i] += f
+            a[j] -= f
+        a[1] -= 15.0 * max(u[1] - 0.3, 0.0) + float(force([-0.2, 0.1], [2.0, 0.5, 3.0], u[1])) + cubic * u[1] ** 3
+        return np.concatenate([v, a / MASSES])
+
+    d, rate = base(0.0)
+    start = np.concatenate([np.full(3, d), np.full(3, rate)])  # at rest relative to the base
+    found = solve_ivp(rhs, (0, times[-1]), start, "DOP853", times, rtol=1e-11, atol=1e-12, max_step=0.05)
+    return found.y[:3].T
+
+
+@pytest.mark.parametrize("cubic", [0.0, 0.8])
+def test_a_chain_with_everything_against_an_independent_integration(cubic):
+    smooth = [{"masses": [2, 3], "kind": "cubic", "stiffness": cubic}, {"mass": 2, "kind": "cubic", "stiffness": cubic}]
+    more = dict(ALL)
+    if cubic:
+        more["springs_between"] = [*ALL["springs_between"], smooth[0]]
+        more["springs_to_ground"] = [*ALL["springs_to_ground"], smooth[1]]
+    run = {"duration": 15.0, "sample_rate": 10.0, "start": "rest"}
+    result = beamsim.run(chain(MASSES.tolist(), ROW.tolist(), more, excitation=SHAKEN, run=run))
+    exact = independent(result.time, cubic)
+    found = np.stack([p.absolute_displacement for p in result.probes.values()], axis=1)
+    np.testing.assert_allclose(found, exact, atol=2e-8)
+    assert result.summary["energy_error"] < (1e-8 if cubic else 1e-12)
+    assert all(result.summary["contacts"][name] > 1 for name in ("bumper", "cable", "stop"))
+    assert result.work.events > result.summary["events"]  # breakpoints are no contact events
+    assert result.events.snubber.max() == 2
+    stretch = result.springs["ground_spring_1"].stretch
+    np.testing.assert_allclose(stretch, exact[:, 1], atol=2e-8)
+    # the twin: without the cable the motions part
+    if not cubic:
+        assert np.abs(independent(result.time, cable=0.0) - exact).max() > 1e-2
+
+
+# -- linear springs between any masses -------------------------------------------------------------------------------
+def test_linear_springs_between_masses_join_the_stiffness_matrix():
+    more = {"springs_between": [{"masses": [3, 1], "kind": "linear", "stiffness": 4.0}]}
+    s = build_system(chain([1, 2, 3], [5, 0, 0, 6], more))
+    shape = np.array([p.shape for p in s.probes])
+    matrix = np.linalg.inv(shape).T @ np.diag(s.dynamics.stiffness) @ np.linalg.inv(shape)
+    np.testing.assert_allclose(matrix, [[9, 0, -4], [0, 0, 0], [-4, 0, 10]], atol=1e-12)
+    assert np.sum(s.dynamics.stiffness == 0.0) == 1  # mass 2 floats by itself, exactly
+
+
+def test_what_a_spring_ties_to_a_held_mass_does_not_float():
+    loose = {"masses": [1, 3], "kind": "linear", "stiffness": 1.0}
+    s = build_system(chain([1, 1, 1], [2, 0, 0], {"springs_between": [loose]}))
+    assert np.sum(s.dynamics.stiffness == 0.0) == 1
+    s = build_system(chain([1, 1, 1], [2, 0, 0], {"springs_between": [{**loose, "stiffness": 0.0}]}))
+    assert np.sum(s.dynamics.stiffness == 0.0) == 2
+
+
+# -- identification through a link ------------------------------------------------------------------------------------
+def test_stiffness_of_a_bumper_between_masses_is_identified_with_its_sensitivities():
+    bent = {"masses": [2, 3], "kind": "piecewise_linear", "breakpoints": [0.1], "stiffnesses": [3.0, 7.0]}
+    case = chain(
+        [1.0, 2.0, 1.5], [4, 1, 2],
+        {"snubbers": [{"name": "stop", "between": [1, 3], "stiffness": 5.0}], "springs_between": [bent]},
+    )  # fmt: skip
+    point = snubber_point(case, "stop")
+    closed = build_system(case).modes.closed_frequencies_hz * 2 * np.pi
+    np.testing.assert_allclose(point.frequencies(5.0, 3), closed, rtol=1e-12)
+    omega = float(closed[0])
+    for place, rate in stiffness_sensitivities(case, "stop", omega).items():
+        assert place in find_parameters(case, beamsim.scenario.base.path_text(place))
+        from beamsim.scenario.parameters import value_at
+
+        k = [
+            float(snubber_point(with_values(case, {place: value_at(case, place) * (1 + h)}), "stop").stiffness(omega))
+            for h in (-1e-5, 1e-5)
+        ]
+        assert np.diff(np.log(k))[0] / 2e-5 == pytest.approx(rate, rel=1e-5, abs=1e-8)
+    assert ("chain", "springs_between", 0, "stiffnesses", 0) in stiffness_sensitivities(case, "stop", omega)
+
+
+def test_breakpoints_moved_out_of_order_by_a_design_are_refused():
+    bent = {"mass": 1, "kind": "piecewise_linear", "breakpoints": [0.1, 0.2], "stiffnesses": [3.0, 7.0, 8.0]}
+    case = chain([1.0], [4], {"springs_to_ground": [bent]})
+    moved = with_values(case, {("chain", "springs_to_ground", 0, "breakpoints", 0): 0.3})
+    with pytest.raises(ScenarioError, match=r"springs_to_ground\[0\]\.breakpoints .* do not increase"):
+        build_system(moved)

@@ -1,0 +1,307 @@
+"""Piecewise-linear springs, softening ones among them: equivalence, statics, energy, steady motions."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import beamsim
+from beamsim.analyses.nnm import nnm
+from beamsim.dynamics.continuation import Settings, solve_at
+from beamsim.dynamics.harmonic_balance import ForcedBalance
+from beamsim.dynamics.shooting import ForcedOrbits, find_orbit
+from beamsim.dynamics.smooth_flow import SmoothFlow
+from beamsim.dynamics.variational import Frequency, Level, PeriodicForcing, VariationalFlow
+from beamsim.model.build import build_system
+from beamsim.model.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
+from beamsim.model.system import Contacts, PiecewiseLinearSystem
+from beamsim.scenario import Scenario
+
+
+def random_chain(rng, count, springs, between):
+    """A supported chain with a random start and piecewise-linear springs of every kind."""
+    run = {
+        "duration": 15.0, "sample_rate": 20.0,
+        "start": {"displacement": rng.normal(size=count).tolist(), "velocity": rng.normal(size=count).tolist()},
+    }  # fmt: skip
+    excitation = {"kind": "harmonic", "applied_to": "base", "level": 0.3, "frequency": float(rng.uniform(0.05, 0.5))}
+    return Scenario.model_validate(
+        {
+            "chain": {
+                "masses": rng.uniform(0.5, 2, count).tolist(),
+                "springs": rng.uniform(0.2, 2, count + 1).tolist(),
+                "dashpots": (rng.uniform(0, 0.1, count + 1) * rng.integers(0, 2)).tolist(),
+                "springs_to_ground": springs,
+                "springs_between": between,
+            },
+            "excitation": excitation,
+            "run": run,
+        }
+    )
+
+
+def random_law(rng):
+    bends = np.sort(rng.normal(size=rng.integers(1, 5)))
+    if rng.random() < 0.2:
+        bends[rng.integers(bends.size)] = 0.0
+    slopes = rng.uniform(0, 3, bends.size + 1) * rng.integers(0, 2, bends.size + 1)
+    return {"kind": "piecewise_linear", "breakpoints": np.unique(bends).tolist(), "stiffnesses": slopes.tolist()}
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 1_000_000))
+def test_energy_balance_of_random_chains(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 5))
+    pair = sorted(rng.choice(count, 2, replace=False) + 1)
+    ground = [{"mass": int(rng.integers(1, count + 1)), **random_law(rng)}]
+    case = random_chain(rng, count, ground, [{"masses": [int(p) for p in pair], **random_law(rng)}])
+    result = beamsim.run(case)
+    assert result.complete
+    assert result.summary["energy_error"] < 1e-10
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 1_000_000))
+def test_one_breakpoint_is_a_linear_spring_and_a_snubber(seed):
+    """... where it hardens; where it softens, a stiffer linear spring less that snubber turned round."""
+    rng = np.random.default_rng(seed)
+    bend, inner, change = float(rng.uniform(0.01, 0.5)), float(rng.uniform(0.1, 2)), float(rng.uniform(0.1, 5))
+    above = bool(rng.integers(2))
+    slopes = [inner, inner + change] if above else [inner + change, inner]
+    law = {"kind": "piecewise_linear", "breakpoints": [bend if above else -bend], "stiffnesses": slopes}
+    linear = {"kind": "linear", "stiffness": inner}
+    stop = {"stiffness": change, "gap": bend}
+    between = bool(rng.integers(2))
+    place = {"masses": [1, 2]} if between else {"mass": 2}
+    if between:
+        stop |= {"between": [2, 1], "resists": "separation" if above else "approach"}
+    else:
+        stop |= {"mass": 2, "side": "above" if above else "below", "mounted_on": "ground"}
+    lists = ([], [{**place, **law}]) if between else ([{**place, **law}], [])
+    state = rng.bit_generator.state
+    bent = beamsim.run(random_chain(rng, 3, *lists))
+    rng.bit_generator.state = state
+    lists = ([], [{**place, **linear}]) if between else ([{**place, **linear}], [])
+    case = random_chain(rng, 3, *lists)
+    stops = [Scenario.model_validate({"chain": {"masses": [1, 1], "springs": [1, 1], "snubbers": [stop]}})]
+    case = case.model_copy(update={"chain": case.chain.model_copy(update={"snubbers": stops[0].chain.snubbers})})
+    case = case.model_copy(update={"probes": bent.scenario.effective_probes})
+    same = beamsim.run(case)
+    for name, probe in bent.probes.items():
+        np.testing.assert_allclose(same.probes[name].displacement, probe.displacement, atol=1e-10)
+    assert bent.work.events == same.summary["events"]
+    history = next(iter(bent.springs.values()))
+    sign = 1.0 if above else -1.0
+    np.testing.assert_allclose(
+        history.force, inner * history.stretch + sign * next(iter(same.snubbers.values())).force, atol=1e-9
+    )
+
+
+# -- statics ---------------------------------------------------------------------------------------------------------
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 1_000_000))
+def test_static_equilibrium_with_softening_springs(seed):
+    """The gradient of the energy vanishes there, and no other point has less energy."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 6)), int(rng.integers(1, 5))
+    phi = rng.normal(size=(m, n))
+    k = rng.uniform(0.1, 10, m)  # linear parts, which soften to something that is not negative
+    values, vectors = np.linalg.eigh(np.diag(rng.uniform(0.01, 3, n)) + phi.T @ (k[:, None] * phi))
+    shape = phi @ vectors
+    springs = Springs(shape, rng.choice([-1.0, 1.0], m), -k * rng.uniform(0.2, 1, m), rng.uniform(0, 1, m))
+    load = rng.normal(size=n) * 10 ** rng.uniform(-2, 2)
+    found = find_equilibrium(values, 0, springs, load[None, :])
+    assert found.reason == ""
+
+    def energy(q):
+        delta = np.maximum(-springs.gap - springs.sign * (shape @ q), 0)
+        return q @ (values * q) / 2 + springs.stiffness @ delta**2 / 2 - load @ q
+
+    delta = np.maximum(-springs.gap - springs.sign * (shape @ found.q), 0)
+    gradient = values * found.q - shape.T @ (springs.sign * springs.stiffness * delta) - load
+    assert np.abs(gradient).max() < 1e-8 * np.abs(load).max()
+    np.testing.assert_allclose(found.force, springs.stiffness * delta)
+    least = energy(found.q)
+    for _ in range(20):
+        assert energy(found.q + rng.normal(size=n) * np.abs(found.q).max()) >= least - 1e-9 * abs(least)
+
+
+def one_mass(slopes, load, bends=(-1.0, 1.0)):
+    law = {"kind": "piecewise_linear", "breakpoints": list(bends), "stiffnesses": slopes}
+    chain = {"masses": [1], "springs": [0], "springs_to_ground": [{"mass": 1, **law}]}
+    forces = [{"mass": 1, "force": load}] if load else []
+    return build_system(Scenario.model_validate({"chain": chain, "constant_forces": forces}))
+
+
+def test_statics_of_one_mass_on_a_softening_spring():
+    s = one_mass([0.5, 2.0, 0.5], 3.0)
+    assert s.probes[0].shape @ s.static_equilibrium == pytest.approx(3.0, rel=1e-12)  # 2 + 0.5 (x - 1) = 3
+    assert one_mass([0.5, 2.0, 0.5], 0.0).static_equilibrium == pytest.approx([0.0])
+    assert one_mass([0.0, 2.0, 0.0], 3.0).static_reason == RUNS_AWAY
+    assert one_mass([0.0, 2.0, 0.0], 2.0).static_reason == FLOATS  # anywhere beyond the breakpoint
+    assert one_mass([0.0, 2.0, 0.0], 1.0).static_reason == ""
+    assert one_mass([2.0, 0.0, 2.0], 0.0).static_reason == FLOATS  # a dead band
+    assert one_mass([2.0, 1.0, 0.0, 4.0], 3.0, (-1.0, 1.0, 2.0)).static_reason == ""
+    assert one_mass([2.0, 1.0, 0.0, 4.0], 1.0, (-1.0, 1.0, 2.0)).static_reason == FLOATS
+
+
+def test_a_cubic_spring_holds_what_a_softened_spring_lets_go():
+    springs = Springs(np.ones((1, 1)), np.array([-1.0]), np.array([-2.0]), np.array([1.0]))
+    alone = find_equilibrium(np.array([2.0]), 0, springs, np.array([[5.0]]))
+    assert alone.reason == RUNS_AWAY
+    held = find_equilibrium(
+        np.array([2.0]), 0, springs, np.array([[5.0]]), CubicSprings(np.ones((1, 1)), np.array([0.1]))
+    )
+    assert held.q[0] == pytest.approx(np.cbrt(30.0), rel=1e-10)  # 2 + 0.1 x^3 = 5
+
+
+# -- steady motions --------------------------------------------------------------------------------------------------
+LAWS = {"hardening": [4.0, 1.0, 3.0], "softening": [0.3, 1.0, 0.5]}
+
+
+def forced(slopes, **more):
+    spring = {"kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": slopes}
+    return Scenario.model_validate(
+        {
+            "chain": {
+                "masses": [1, 1], "springs": [1, 0, 1], "dashpots": [0.2, 0.2, 0.2],
+                "springs_between": [{"masses": [1, 2], **spring}], "springs_to_ground": [{"mass": 1, **spring}],
+            },
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": "1.5 rad/s"},
+            "probes": [{"name": "a", "mass": 1}, {"name": "b", "mass": 2}],
+            **more,
+        }
+    )  # fmt: skip
+
+
+def periodic_loads(system, omega):
+    force = sum(
+        load * signal.coefficient[0, 0, 0]
+        for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True)
+    )
+    base = np.array([system.forcing.base_displacement.coefficient[0, 0, 0]])
+    return PeriodicForcing(np.ones(1, dtype=np.int64), force[None, :], np.zeros(1), base, np.zeros(1), omega)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_shooting_harmonic_balance_and_a_long_run_agree(law):
+    omega = 1.5
+    case = forced(LAWS[law], run={"duration": 400.0, "sample_rate": 30 / (2 * np.pi)})
+    system = build_system(case)
+    loads = periodic_loads(system, omega)
+    problem = ForcedOrbits(VariationalFlow(system.dynamics, loads, omega, 1.0))
+    orbit = find_orbit(problem)
+    flow = problem.flow_at(omega)[0]
+    run = beamsim.run(case)
+    phase = np.mod(run.time[-20:], 2 * np.pi / omega)
+    order = np.argsort(phase)
+    q = flow.states_at(orbit.data, phase[order])[:, :2]
+    for probe in system.probes:
+        np.testing.assert_allclose(q @ probe.shape, run.probes[probe.name].displacement[-20:][order], atol=1e-7)
+    assert orbit.data.event_time.size > 2
+    balance = ForcedBalance(system.dynamics, loads, 40, omega=omega)
+    motion = solve_at(balance, balance.linear_guess(omega), Settings(iterations=60), omega).data
+    states = flow.states_at(orbit.data, np.arange(512) * (2 * np.pi / omega / 512))[:, :2]
+    harmonics = np.fft.rfft(states, axis=0)[1:6] / 256
+    np.testing.assert_allclose(motion.coordinates[1:6], harmonics, atol=2e-5)
+
+
+def random_smooth_system(rng, n=3, m=2):
+    """Cubic springs and contacts, some of them on the ground, under base motion."""
+    stiffness = np.sort(rng.uniform(0.5, 9, n))
+    damping = np.diag(0.05 * np.sqrt(stiffness))
+    contacts = Contacts(
+        rng.normal(size=(m, n)), np.array([1.0, -1.0]), np.array([6.0, -0.3]), np.array([0.2, 0.0]),
+        np.array([0.1, 0.15]), np.array([True, True]), np.zeros(m, dtype=bool),
+    )  # fmt: skip
+    system = PiecewiseLinearSystem(stiffness, damping, contacts, np.zeros(n))
+    loads = PeriodicForcing(
+        np.array([1, 2]), 0.3 * (rng.normal(size=(2, n)) + 1j * rng.normal(size=(2, n))), np.array([0.0, 1.0]),
+        np.array([0.2 - 0.1j, 0.05j]), np.array([-2.0, 0.0]), 1.3,
+    )  # fmt: skip
+    return system, rng.normal(size=(2, n)), np.array([0.8, 0.3]), loads
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
+    """Flow by power series against an independent integration, its derivatives against differences."""
+    rng = np.random.default_rng(seed)
+    system, shape, cubic, loads = random_smooth_system(rng)
+    c, n, omega, on_ground = system.contacts, system.size, 1.1, np.array([True, False])
+    start = np.concatenate([0.3 * rng.normal(size=2 * n), np.zeros(c.count)])
+
+    def flow(w=omega, level=1.4):
+        return SmoothFlow(system, shape, cubic, loads, w, level, on_ground)
+
+    def rhs(t, y, felt=on_ground):
+        q, v = y[:n], y[n:]
+        force, base, _, _ = loads.at(omega, 1.4)
+        wave = np.exp(1j * loads.multiple * omega * t)
+        d, rate = (base * wave).sum().real, (1j * loads.multiple * omega * base * wave).sum().real
+        delta, speed = -c.gap - c.sign * (c.shape @ q + d), -c.sign * (c.shape @ v + rate)
+        push = np.where(delta > 0, c.stiffness * delta + c.dashpot * speed, 0.0)
+        a = (force * wave[:, None]).sum(axis=0).real - system.stiffness * q - system.damping @ v
+        return np.concatenate([v, a + (c.sign * push) @ c.shape - (cubic * (shape @ q + felt * d) ** 3) @ shape])
+
+    passage = flow().carry(start, 6.0, (Frequency(), Level()), 0.7)
+    found = solve_ivp(rhs, (0.7, 6.7), start[: 2 * n], "DOP853", rtol=1e-11, atol=1e-12, max_step=0.01).y[:, -1]
+    np.testing.assert_allclose(passage.end[: 2 * n], found, atol=2e-6)  # the dashpot's jumps cost the other digits
+    everything = solve_ivp(lambda t, y: rhs(t, y, np.ones(2)), (0.7, 6.7), start[: 2 * n], rtol=1e-6).y[:, -1]
+    assert np.abs(everything - found).max() > 1e-3  # the twin: both cubic springs on the ground
+    assert passage.event_time.size >= 2
+    step = 1e-6
+    for column, moved in enumerate((lambda h: flow(w=omega + h), lambda h: flow(level=1.4 + h))):
+        ends = [moved(h).carry(start, 6.0, (), 0.7).end for h in (-step, step)]
+        slope = (ends[1] - ends[0]) / (2 * step)
+        np.testing.assert_allclose(
+            passage.parameters[: 2 * n, column], slope[: 2 * n], atol=2e-7 * (1 + abs(slope).max())
+        )
+    delta, rate = flow().penetration(passage, np.array([1.0, 1.0 + 1e-6]))
+    np.testing.assert_allclose(np.diff(delta, axis=0)[0] / 1e-6, rate[0], atol=1e-5)
+
+
+def test_cubic_springs_on_a_moving_base_by_shooting_and_harmonic_balance():
+    spring = {"kind": "cubic", "stiffness": 2.0}
+    case = Scenario.model_validate(
+        {
+            "chain": {
+                "masses": [1, 1], "springs": [1, 0.5, 1], "dashpots": [0.1, 0.1, 0.1],
+                "springs_between": [{"masses": [1, 2], **spring}], "springs_to_ground": [{"mass": 1, **spring}],
+            },
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 0.4, "frequency": "1.5 rad/s"},
+        }
+    )  # fmt: skip
+    system, omega = build_system(case), 1.5
+    loads, cubic = periodic_loads(system, omega), system.cubic
+    np.testing.assert_array_equal(cubic.on_ground, [True, False])
+    found = {}
+    for name, on_ground in (("right", cubic.on_ground), ("twin", np.array([True, True]))):
+        flow = SmoothFlow(system.dynamics, cubic.shape, cubic.stiffness, loads, omega, 1.0, on_ground)
+        found[name] = find_orbit(ForcedOrbits(flow)).u[:4]
+    balance = ForcedBalance(system.dynamics, loads, 25, omega=omega, cubic=cubic)
+    motion = solve_at(balance, balance.linear_guess(omega), Settings(iterations=60), omega)
+    np.testing.assert_allclose(motion.data.shooting_guess(), found["right"], atol=1e-10)
+    assert np.abs(found["twin"] - found["right"]).max() > 1e-2
+
+
+# -- nonlinear modes -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("law", LAWS)
+def test_modes_of_a_chain_with_a_piecewise_linear_spring_in_the_stiffness_factor(law):
+    """At the last factor the motion is that of the spring as given: a run from it returns after a period."""
+    spring = {"masses": [1, 3], "kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": LAWS[law]}
+    chain = {"masses": [1, 1.5, 0.8], "springs": [1, 1, 1, 1], "springs_between": [spring]}
+    probes = [{"name": f"m{i}", "mass": i} for i in (1, 2, 3)]
+    case = Scenario.model_validate({"chain": chain, "nnm": {"mode": 3, "energy": 0.5}, "probes": probes})
+    backbone = nnm(case).branches[0]
+    assert backbone.status.startswith("complete")
+    assert backbone.residual.max() < 1e-10
+    period = 1 / backbone.frequency_hz[-1]
+    start = {"displacement": backbone.initial_displacement[-1].tolist()}
+    run = {"duration": period * 1.0001, "sample_rate": 1 / period, "start": start}
+    motion = beamsim.run(Scenario.model_validate({"chain": chain, "run": run, "probes": probes}))
+    for probe in motion.probes.values():
+        assert probe.displacement[1] == pytest.approx(probe.displacement[0], abs=1e-8)
+    assert motion.work.events >= 4
+    assert (period < 1 / backbone.frequency_hz[0]) == (law == "hardening")

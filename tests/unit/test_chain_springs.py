@@ -1,0 +1,151 @@
+"""Bumpers, cables and nonlinear springs of chains: what is refused, what is stored, what sweeps and branches name."""
+
+import numpy as np
+import pytest
+import yaml
+
+import beamsim
+from beamsim.analyses.frequency_response import frequency_response
+from beamsim.analyses.sweep import sweep
+from beamsim.errors import ScenarioError
+from beamsim.scenario import LinkSnubber, MassSnubber, Scenario, load_scenario
+from beamsim.store.read import open_run
+from beamsim.store.write import write_run
+
+CASE = """
+chain:
+  masses: [1 kg, 2 kg, 1 kg]
+  springs: [1, 1, 1, 1]
+  dashpots: [0.1, 0.1, 0.1, 0.1]
+  snubbers:
+    - {between: [2, 1], stiffness: 5 N/m, gap: 5 cm}
+    - {name: stop, mass: 3, side: above, stiffness: 4, gap: 0.3}
+  springs_between:
+    - {masses: [2, 3], kind: piecewise_linear, breakpoints: [-10 cm, 0.2], stiffnesses: [2 N/m, 1, 0.5]}
+  springs_to_ground:
+    - {mass: 1, kind: linear, stiffness: 0.1 N/m}
+excitation: {kind: harmonic, applied_to: base, level: 0.3, frequency: 1.1 rad/s}
+run: {duration: 60, sample_rate: 10}
+sweep: {kind: continuation, from: 0.9 rad/s, to: 1.3 rad/s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ("chain.snubbers[0].between=[1, 4]", r"chain.snubbers\[0\].between\[1\] = 4, but the chain has 3 masses"),
+        ("chain.snubbers[0].between=[1, 1]", r"\.between = \[1, 1\] joins a mass to itself; name two different"),
+        ("chain.snubbers[0].between=[1]", r"\.between names 1 mass; name the two"),
+        ("chain.snubbers[0].mass=1", r"must name one mass or the two it acts between; give mass: 1 with side"),
+        ("chain.snubbers[0].side=below", r"snubbers\[0\].side is not a known key"),
+        ("chain.snubbers[0].mounted_on=ground", r"snubbers\[0\].mounted_on is not a known key"),
+        ("chain.snubbers[1].resists=approach", r"snubbers\[1\].resists is not a known key"),
+        ("chain.snubbers[0].resists=opening", r"= opening is not one of approach, separation"),
+        ("chain.springs_between[0].masses=[0, 1]", r"masses\[0\] = 0 is out of range"),
+        ("chain.springs_between[0].masses=[1, 2, 3]", r"names 3 masses"),
+        ("chain.springs_between[0].kind=square", r"= square is not one of linear, cubic, piecewise_linear"),
+        ("chain.springs_between[0].breakpoints=[0.2, 0.2]", r"breakpoints\[1\] = 0.2 m does not lie above the one"),
+        ("chain.springs_between[0].breakpoints=[]", r"breakpoints is an empty list; give at least one"),
+        ("chain.springs_between[0].breakpoints=[1]", r"stiffnesses has 3 values for 1 breakpoint; give 2 slopes"),
+        ("chain.springs_between[0].breakpoints=[1 kg, 2]", r"must be a displacement, not a mass"),
+        ("chain.springs_between[0].breakpoints=[.inf, 2]", r"breakpoints\[0\] = inf must be finite"),
+        ("chain.springs_between[0].stiffnesses=[1, -1, 1]", r"stiffnesses\[1\] = -1 must not be negative"),
+        ("chain.springs_between[0].name=stop", r"= stop is already the name of chain.snubbers\[1\]"),
+    ],
+)
+def test_what_is_refused_and_where(change, problem):
+    path, value = change.split("=", 1)
+    with pytest.raises(ScenarioError, match=problem):
+        load_scenario(CASE, {path: yaml.safe_load(value)})
+
+
+def test_a_factor_that_gives_a_softening_spring_a_negative_slope_is_refused():
+    nnm = {"mode": 1, "energy": 1.0}
+    going = {"kind": "stiffness_factor"}
+    with pytest.raises(ScenarioError, match=r"continue_in.to = 3 gives .* the slope -0.5 N/m.*go up to 2 at most"):
+        load_scenario(CASE, {"nnm": {**nnm, "continue_in": {**going, "to": 3}}})
+    load_scenario(CASE, {"nnm": {**nnm, "continue_in": {**going, "to": 2}}})
+
+
+def test_names_units_and_yaml():
+    case = load_scenario(CASE)
+    link, stop = case.chain.snubbers
+    assert isinstance(link, LinkSnubber)
+    assert isinstance(stop, MassSnubber)
+    assert (link.name, link.gap, link.resists) == ("snubber_1", 0.05, "approach")
+    assert [s.name for s in (*case.chain.springs_between, *case.chain.springs_to_ground)] == [
+        "link_spring_1",
+        "ground_spring_1",
+    ]
+    assert case.chain.springs_between[0].breakpoints == (-0.1, 0.2)
+    assert load_scenario(case.to_yaml()) == case
+    assert [(p.name, p.mass) for p in case.effective_probes] == [("stop", 3), ("mass_2", 2), ("mass_1", 1)]
+
+
+@pytest.fixture(scope="module")
+def result():
+    return beamsim.run(load_scenario(CASE))
+
+
+def test_springs_are_stored_with_a_run(result, tmp_path):
+    read = open_run(write_run(result, tmp_path / "chain.h5"))
+    assert list(read.springs) == ["link_spring_1"]
+    spring = read.springs["link_spring_1"]
+    assert (spring.kind, spring.masses) == ("piecewise_linear", (2, 3))
+    for name in ("stretch", "force"):
+        np.testing.assert_array_equal(getattr(spring, name), getattr(result.springs["link_spring_1"], name))
+    assert list(read.snubbers) == ["snubber_1", "stop"]
+    assert read.snubbers["snubber_1"].side == "approach"
+
+
+def test_breakpoints_are_no_contacts(result):
+    s = result.summary
+    assert list(s["contacts"]) == list(s["peak_force_n"]) == ["snubber_1", "stop"]
+    assert s["breakpoints_passed"] > 0
+    assert s["breakpoints_passed"] + s["events"] == result.work.events
+    assert s["peak_spring_force_n"]["link_spring_1"] == pytest.approx(
+        np.abs(result.springs["link_spring_1"].force).max(), rel=1e-2
+    )
+
+
+def test_a_branch_names_the_spring_whose_breakpoint_it_grazes():
+    found = frequency_response(load_scenario(CASE)).branches[0]
+    assert found.status.startswith("complete")
+    assert {e.snubber for e in found.special if e.kind == "grazing"} >= {"link_spring_1"}
+    assert list(found.peak_force) == ["snubber_1", "stop"]
+
+
+@pytest.mark.parametrize("kind", ["swept_sine", "stepped"])
+def test_sweeps_do_not_take_breakpoints_for_snubbers(kind):
+    """A hardening spring and the same made of a linear spring and two snubbers: every column that both have agrees."""
+    more = {"rate": "0.002 Hz/s"} if kind == "swept_sine" else {"points": 5}
+    settings = {"kind": kind, "from": 0.1, "to": 0.25, "accelerations": True, **more}
+    asked = {"sweep": settings, "limits": {"gap": 1.0}}
+    bent = load_scenario(CASE, {**asked, "chain.springs_between[0].stiffnesses": [2, 1, 1.5]})
+    parts = [
+        {"between": [2, 3], "stiffness": 1.0, "gap": 0.1, "name": "low"},
+        {"between": [2, 3], "stiffness": 0.5, "gap": 0.2, "name": "high", "resists": "separation"},
+    ]
+    data = bent.chain.model_dump(mode="json", exclude_none=True)
+    data["snubbers"] += parts
+    data["springs_between"] = [{"masses": [2, 3], "kind": "linear", "stiffness": 1.0}]
+    probes = [{"name": p.name, "mass": p.mass} for p in bent.effective_probes]
+    same = load_scenario(CASE, {**asked, "chain": data, "probes": probes})
+    curve, other = (sweep(case).curves["up_0"] for case in (bent, same))
+    assert list(curve.force) == ["snubber_1", "stop"]
+    assert set(curve.limited) == {"gap snubber_1", "gap stop"}
+    for group in ("displacement", "acceleration", "force"):
+        for name, envelope in getattr(curve, group).items():
+            np.testing.assert_allclose(envelope.peak, getattr(other, group)[name].peak, rtol=1e-6, atol=1e-9)
+    for name, values in curve.limited.items():
+        np.testing.assert_allclose(values, other.limited[name], rtol=1e-6, atol=1e-9)
+    assert curve.bent.any()
+    assert not other.bent.any()  # its breakpoints are snubbers
+
+
+def test_a_linear_curve_closes_snubbers_only(result):
+    straight = {"chain.springs_between": [{"masses": [2, 3], "kind": "linear", "stiffness": 1}]}
+    assert result.modes.closed_frequencies_hz == pytest.approx(
+        beamsim.run(load_scenario(CASE, straight)).modes.closed_frequencies_hz
+    )
+    assert isinstance(result.scenario, Scenario)
