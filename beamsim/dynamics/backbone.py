@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.dynamics.continuation import BranchPoint, Settings, correct
+from beamsim.dynamics.continuation import INTERRUPTED, BranchPoint, Settings, correct
 from beamsim.dynamics.reversible import BrakeOrbits
+from beamsim.dynamics.tongues import Tongue, Tongues, resonance_between
 
 __all__ = ["Backbone", "Jump", "Tongue"]
 
@@ -24,23 +25,17 @@ Floats = NDArray[np.float64]
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 SHORTER = (0.12, 0.03, 0.008)  # the same where the nonlinearity is strong
 CLEAR = 0.95  # share of a motion that is no part of a tongue
-GONE_OVER = 0.02  # of the energy left in the mode asked for ends a tongue's tracing
+SAME_TONGUE = 4.0  # steps of the backbone within which a resonance of the same mode and order is the same tongue
 LEAST_SHARE = 0.5  # of the energy in the mode asked for
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
 FURTHEST_JUMP = 0.8  # the same beyond a tongue
+FURTHEST_SEARCH = 1.5  # the same where nothing else was found
+SEARCHED_PERIODS = 10
+SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
+CLEAR_ENOUGH = 0.8  # share at which a search may end
 JUMP_ITERATIONS = 12  # of Newton's method there
 LONGEST_JUMP = 64  # steps
-
-
-@dataclass(frozen=True)
-class Tongue:
-    """A branch of internal resonance."""
-
-    mode: int  # the other mode, from 0
-    ratio: int  # n: the other mode makes n oscillations in a period
-    parameter: float  # where it leaves the backbone
-    points: list[BranchPoint]
-    status: str
+STRAIGHT = 0.9  # cosine between a step and the tangents at its ends that tells a step from a jump
 
 
 @dataclass(frozen=True)
@@ -49,8 +44,8 @@ class Jump:
 
     start: float  # parameter of the last point before
     end: float  # parameter of the first point beyond
-    mode: int  # the other mode of the resonance, from 0; -1 where it isn't known
-    ratio: int  # n of n:1; 0 where it isn't known
+    mode: int  # the other mode of the resonance, from 0
+    ratio: int  # n of n:1
 
 
 @dataclass
@@ -64,8 +59,8 @@ class Backbone:
     end : the last parameter (the logarithm of the energy where that is followed).
     mode : from 0.
     points : about how many points to make of the path.
-    largest_ratio : internal resonances of a higher order are stepped over (a jump is kept where the step was longer
-        than usual).
+    largest_ratio : internal resonances of a higher order are stepped over, unless the backbone is cut there: then the
+        tongue is followed whatever its order.
     tongue_points : length of a traced tongue.
     """
 
@@ -74,14 +69,18 @@ class Backbone:
     end: float
     mode: int
     points: int = 100
-    largest_ratio: int = 12
-    tongue_points: int = 120
+    largest_ratio: int = 20
+    tongue_points: int = 40
     settings: Settings = field(default_factory=lambda: Settings(iterations=6))
     status: str = "not begun"
     tongues: list[Tongue] = field(default_factory=list)
     jumps: list[Jump] = field(default_factory=list)
     _clear: list[BranchPoint] = field(default_factory=list, repr=False)
-    _recent: list[BranchPoint] = field(default_factory=list, repr=False)
+    _recent: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
+
+    def __post_init__(self) -> None:
+        low, high = sorted((self.start.parameter, self.end))
+        self._search = Tongues(self.orbits, self.mode, low, high, self.tongue_points, self.settings)
 
     def share(self, point: BranchPoint) -> float:
         """Share of the energy in the mode asked for."""
@@ -89,6 +88,7 @@ class Backbone:
         return float(self.orbits.share(q, factor)[self.mode])
 
     def __iter__(self) -> Iterator[BranchPoint]:
+        self.status = INTERRUPTED
         begin = self.start.parameter
         forward = 1.0 if self.end > begin else -1.0
         full = abs(self.end - begin) / self.points
@@ -209,12 +209,7 @@ class Backbone:
             yield self.orbits.unknowns(q.copy(), period, value)
 
     def _beyond(self, a: BranchPoint, clean: BranchPoint, full: float, forward: float) -> BranchPoint | None:
-        """Trace the tongue that begins after a, and begin again beyond."""
-        mode, ratio = self._partner(a)
-        near = ratio > 0 and abs(self._own(a, mode)) < 0.15
-        tongue = self._trace(a, mode) if near else None
-        if tongue is not None:
-            ratio = tongue.ratio
+        """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue."""
         distance = 0.5 * full
         while distance <= LONGEST_JUMP * full:
             value = a.parameter + forward * distance
@@ -223,128 +218,84 @@ class Backbone:
             for guess in self._guesses(clean, value):
                 b = self._solve(guess, value, FURTHEST_JUMP, forward)
                 if b is not None:
-                    self.jumps.append(Jump(a.parameter, value, mode, ratio))
+                    self._cut(a, b)
+                    return b
+            if distance > full:
+                b = self._searched(clean, value, forward)
+                if b is not None:
+                    self._cut(a, b)
                     return b
             if value == self.end:
                 return None
             distance *= 1.5
         return None
 
-    def _crossed(self, a: BranchPoint, b: BranchPoint, forward: float) -> None:
-        """Trace the tongues of low order that lie between two neighbours.
+    def _searched(self, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
+        """The motion with the largest share of the mode that a search over periods and shapes finds at a parameter.
 
-        A disturbance of the shape in mode r alone comes to rest again after half a period where
-        ``n omega = omega_r``: there the derivative of its velocity by its own amplitude changes sign.
+        Where the frequency has grown by tens of per cent along a jump neither the last period nor the linear mode
+        alone is near any motion: the mode then carries a part of those whose frequency is a low multiple of its own.
         """
+        known = list(self._guesses(clean, value))
+        periods = np.array([self.orbits.split(guess)[1] for guess in known])
+        pure = known[0][: self.orbits.n]
+        _, _, factor, _ = self.orbits.split(known[0])
+        rest = getattr(self.orbits.family, "rest", None)
+        still = np.zeros_like(pure) if rest is None else rest(factor)
+        own = float(self.orbits.omega[self.mode])
+        size = float(self.orbits.vectors[:, self.mode] @ (pure - still))
+        best: BranchPoint | None = None
+        for period in np.geomspace(0.98 * periods.min(), 1.02 * periods.max(), SEARCHED_PERIODS):
+            for other in range(min(self.orbits.n, self.mode + 3)):
+                if other == self.mode or self.orbits.omega[other] <= 0:
+                    continue
+                for part in SEARCHED_PARTS:
+                    lent = part * abs(size) * own / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
+                    shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
+                    b = self._solve(self.orbits.unknowns(shape, period, value), value, FURTHEST_SEARCH, forward)
+                    if b is not None and (best is None or self.share(b) > self.share(best)):
+                        best = b
+            if best is not None and self.share(best) > CLEAR_ENOUGH:
+                break
+        return best
+
+    def _cut(self, a: BranchPoint, b: BranchPoint) -> None:
+        """Keep a jump with its resonance, and the tongue unless it is known."""
+        if self._joined(a, b):
+            return
+        mode, ratio = resonance_between(self.orbits, a, b, self.mode)
+        self.jumps.append(Jump(a.parameter, b.parameter, mode, ratio))
+        if not self._known(mode, ratio, a.parameter):
+            tongue = self._search.between(a, b, mode)
+            within = [p for p in self._recent[-2:] if p is not a]
+            if tongue is None and within:
+                tongue = self._search.from_within([*within, a], mode)
+            if tongue is not None:
+                self.tongues.append(tongue)
+        self._recent = []
+
+    def _joined(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether the branch leads from a to b after all, only faster than the predictions that keep out of tongues."""
+        chord = (b.u - a.u) / self.orbits.scale(a.u)[0]
+        size = float(np.linalg.norm(chord))
+        along = min(float(a.tangent @ chord), float(b.tangent @ chord))
+        return size < FURTHEST and along > STRAIGHT * size and a.orientation * b.orientation > 0
+
+    def _known(self, mode: int, ratio: int, parameter: float) -> bool:
+        near = SAME_TONGUE * abs(self.end - self.start.parameter) / self.points
+        return any((t.mode, t.ratio) == (mode, ratio) and abs(t.parameter - parameter) < near for t in self.tongues)
+
+    def _crossed(self, a: BranchPoint, b: BranchPoint, forward: float) -> None:
+        """Trace the tongues of low order that lie between two neighbours."""
         for mode in range(self.orbits.n):
-            if mode == self.mode or self._own(a, mode) * self._own(b, mode) > 0:
+            if mode == self.mode or self.orbits.own(a, mode) * self.orbits.own(b, mode) > 0:
                 continue
             if self._order(a, mode) > self.largest_ratio + 0.5:
                 continue
-            left, right = a, b
-            for _ in range(10):
-                middle = self._at(left, left, 0.5 * (left.parameter + right.parameter), forward)
-                if middle is None:
-                    break
-                if self._own(middle, mode) * self._own(a, mode) > 0:
-                    left = middle
-                else:
-                    right = middle
-            tongue = self._trace(left, mode)
-            if tongue is not None:
-                self.jumps.append(Jump(left.parameter, right.parameter, mode, tongue.ratio))
-
-    def _own(self, point: BranchPoint, mode: int) -> float:
-        """Derivative of a mode's velocity after half a period by its amplitude at the start, over its frequency."""
-        return self.orbits.own(point, mode)
+            tongue = self._search.between(a, b, mode)
+            if tongue is not None and not self._known(mode, tongue.ratio, tongue.parameter):
+                self.tongues.append(tongue)
+                self.jumps.append(Jump(a.parameter, b.parameter, mode, tongue.ratio))
 
     def _order(self, point: BranchPoint, mode: int) -> float:
         return float(self.orbits.omega[mode]) * self.orbits.split(point.u)[1] / (2 * np.pi)
-
-    def _partner(self, a: BranchPoint) -> tuple[int, int]:
-        """The other mode (from 0) of a resonance of low order close to a, and its rough order; (-1, 0) if there is
-        none."""
-        n = self.orbits.n
-        best, closest = (-1, 0), 0.4
-        for mode in range(n):
-            order = self._order(a, mode)
-            distance = abs(self._own(a, mode))
-            if mode != self.mode and order <= self.largest_ratio + 0.5 and distance < closest:
-                best, closest = (mode, max(round(order), 1)), distance
-        return best
-
-    def _trace(self, start: BranchPoint, other: int) -> Tongue | None:
-        """Follow the branch itself into the tongue of another mode, over the thinner tongues of third modes that cross
-        it."""
-        order = round(self._order(start, other))
-        near = 4.0 * abs(self.end - self.start.parameter) / self.points
-        for known in self.tongues:
-            if (known.mode, known.ratio) == (other, order) and abs(known.parameter - start.parameter) < near:
-                return known
-        for first in (2e-3, 3e-2):
-            tongue = self._traced(start, other, first)
-            if tongue is not None:
-                self.tongues.append(tongue)
-                return tongue
-        return None
-
-    def _traced(self, start: BranchPoint, other: int, ds: float) -> Tongue | None:
-        """One attempt with a first step of a certain length.
-
-        The predictor is the chord of the last two points: the tangent would be led astray by third modes.
-        """
-        points = [start]
-        status = f"stopped after {self.tongue_points} points, the most asked for"
-        chord = start.tangent * start.scale
-        scale = self.orbits.scale(start.u)[0]
-        third = np.delete(start.tangent[: self.orbits.n], [self.mode, other])
-        if float(third @ third) > 0.2:
-            before = [p for p in self._recent if p is not start and abs(p.parameter - start.parameter) > 1e-9]
-            chord = np.zeros_like(start.u)
-            chord[-1] = float(np.sign(self.end - start.parameter))
-            if before:
-                chord = start.u - before[-1].u
-        low, high = sorted((self.start.parameter, self.end))
-        while len(points) < self.tongue_points:
-            a = points[-1]
-            row = chord / scale
-            row /= np.linalg.norm(row)
-            new = None
-            for part in STEPS:
-                w = a.u / scale + part * ds * row
-                b = correct(
-                    self.orbits, w * scale, row, float(row @ w), scale, self.settings, row, furthest=1.5 * part * ds
-                )
-                if b is None or not low <= b.parameter <= high:
-                    continue
-                q, _, factor, _ = self.orbits.split(b.u)
-                share = self.orbits.share(q, factor)
-                if share[self.mode] + share[other] > 0.8:
-                    new = b
-                    break
-            if new is None:
-                ds *= 0.4
-                if ds < 1e-6:
-                    status = "stopped: no further motion of these two modes was found"
-                    break
-                continue
-            chord = new.u - a.u
-            points.append(new)
-            if share[self.mode] < GONE_OVER:
-                status = "complete: the energy has gone over to the other mode"
-                break
-            ds = min(0.08, 1.4 * ds)
-        shares = [self.share(p) for p in points]
-        if min(shares) > LEAST_SHARE:
-            return None
-        deepest = points[int(np.argmin(shares))]
-        return Tongue(other, self._count(deepest, other), start.parameter, points, status)
-
-    def _count(self, point: BranchPoint, mode: int) -> int:
-        """Oscillations of one modal coordinate in a period, from the changes of sign of its velocity in half of it."""
-        passage, n = point.data.passage, self.orbits.n
-        period = self.orbits.split(point.u)[1]
-        samples = 32 * (2 + round(float(self.orbits.omega[mode]) * period))
-        times = np.linspace(0.0, 0.5 * period, samples)[1:-1]
-        v = point.data.flow.states_at(passage, times)[:, n:] @ self.orbits.vectors[:, mode]
-        return int(np.count_nonzero(v[:-1] * v[1:] < 0)) + 1

@@ -10,15 +10,27 @@ point with unit tangent
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Branch", "BranchPoint", "Problem", "Settings", "correct", "locate", "solve_at", "tangent_at"]
+__all__ = ["INTERRUPTED", "Branch", "BranchPoint", "Problem", "Settings", "correct", "locate", "solve_at", "tangent_at"]
 
 Floats = NDArray[np.float64]
+
+INTERRUPTED = "interrupted"  # the status of what is left before its end
+UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
+SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale as it is
+CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
+ROUND_OFF = 1e-14  # smallest change of a share that means anything
+MOST_BISECTIONS = 60
+MOST_ASTRAY = 0.1  # of a step, off what both tangents can make up: beyond it lies another branch
+FEWEST_IN_A_RING = 5  # points of a closed curve
+RING = 0.1  # of a step, how far beside it the first point may lie that it goes over
+FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
 
 class Problem(Protocol):
@@ -69,30 +81,47 @@ class BranchPoint:
         return float(self.u[-1])
 
 
+@cache
+def _lapack() -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """LU factorisation and solution: called directly, they cost a fifth of NumPy's ``solve`` at these sizes."""
+    from scipy.linalg.lapack import dgetrf, dgetrs
+
+    return dgetrf, dgetrs
+
+
 def _null_vector(J: Floats, previous: Floats | None) -> tuple[Floats, float]:
-    """Unit kernel vector and the sign of det [J; t]; a square bordered solve where a previous vector is known."""
+    """Unit kernel vector t and the sign of det [J; t]; a bordered solve where a previous vector is known.
+
+    ``[J; p] x = e_n`` gives ``t = x / |x|``, and ``det [J; t] = |x| det [J; p]`` by Cramer's rule: one factorisation
+    serves both.
+    """
     k, n = J.shape
-    if k == n - 1:
-        if previous is not None:
-            bordered = np.vstack([J, previous])
-            try:
-                t = np.linalg.solve(bordered, np.concatenate([np.zeros(k), [1.0]]))
-            except np.linalg.LinAlgError:
-                t = np.full(n, np.nan)
-            size = float(np.linalg.norm(t))
+    if k != n - 1:
+        return np.linalg.svd(J)[2][n - 1], 0.0
+    if previous is not None:
+        factorise, solve = _lapack()
+        lu, pivots, _ = factorise(np.vstack([J, previous]))
+        diagonal = lu.diagonal()
+        if diagonal.all():
+            last = np.zeros(n)
+            last[-1] = 1.0
+            x = solve(lu, pivots, last)[0]
+            size = float(np.linalg.norm(x))
             if np.isfinite(size) and size < 1e6:
-                t = t / size
-                return t, float(np.sign(np.linalg.det(np.vstack([J / np.abs(J).max(axis=1, keepdims=True), t]))))
-        t = np.linalg.svd(J)[2][-1]
-        return t, float(np.sign(np.linalg.det(np.vstack([J / np.abs(J).max(axis=1, keepdims=True), t]))))
-    return np.linalg.svd(J)[2][n - 1], 0.0
+                swaps = np.count_nonzero(pivots != np.arange(n)) + np.count_nonzero(diagonal < 0)
+                return x / size, -1.0 if swaps % 2 else 1.0
+    t = np.linalg.svd(J)[2][-1]
+    size = np.abs(J).max(axis=1, keepdims=True)
+    return t, float(np.sign(np.linalg.det(np.vstack([J / np.where(size > 0, size, 1.0), t]))))
 
 
-def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
-    A, b = np.vstack([J, row]), -np.concatenate([R, [r]])
-    if A.shape[0] == A.shape[1]:
-        return np.asarray(np.linalg.solve(A, b))
-    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats | None:
+    A, b = np.vstack([J, row]), -np.append(R, r)
+    if A.shape[0] != A.shape[1]:
+        return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+    factorise, solve = _lapack()
+    lu, pivots, info = factorise(A)
+    return None if info else np.asarray(solve(lu, pivots, b)[0])
 
 
 def correct(
@@ -113,21 +142,24 @@ def correct(
     """
     w = guess / scale
     start = w.copy()
-    last = np.inf
+    last = moved = np.inf
     for iteration in range(settings.iterations + 1):
         u = w * scale
         try:
             R, J, data = problem.residual(u)
         except (ArithmeticError, np.linalg.LinAlgError):
             return None
-        rs = problem.scale(u)[1]
-        size = float(np.max(np.abs(R) / rs, initial=0.0))
+        if moved > SAME_SCALE:
+            rs = problem.scale(u)[1]
+        Rw = R / rs
+        size = float(np.abs(Rw).max()) if Rw.size else 0.0
         if not np.isfinite(size):
             return None
         Jw = J * scale / rs[:, None]
         off = float(row @ w - target)
-        # at the tolerance, or at round-off: no longer decreasing though small
-        if size <= settings.tolerance and abs(off) <= 1e-9 + settings.tolerance:
+        # a guess is taken as it is only where it is as good as a step of Newton's method would make it
+        good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
+        if good and abs(off) <= 1e-9 + settings.tolerance:
             tangent, sign = _null_vector(Jw, reference)
             if reference is not None and orient == 0.0:
                 flip = float(tangent @ reference) < 0
@@ -140,13 +172,13 @@ def correct(
             iteration > 2 and size > 2.0 * last and size > 1e3 * settings.tolerance
         ):
             return None
-        try:
-            step = _newton_step(Jw, row, R / rs, off)
-        except np.linalg.LinAlgError:
-            return None
-        if not np.all(np.isfinite(step)):
+        step = _newton_step(Jw, row, Rw, off)
+        if step is None:
             return None
         w = w + step
+        moved = float(np.linalg.norm(step))
+        if not np.isfinite(moved):
+            return None
         if float(np.linalg.norm(w - start)) > furthest:
             return None
         last = size
@@ -190,14 +222,46 @@ def _hermite(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
     return np.asarray((h00 * wa + h10 * chord * a.tangent + h01 * wb + h11 * chord * tb) * a.scale)
 
 
-def between(problem: Problem, a: BranchPoint, b: BranchPoint, s: float, settings: Settings) -> BranchPoint | None:
-    """The point of the branch a share s of the way from a to b, measured along their chord."""
+def _extrapolated(a: BranchPoint, b: BranchPoint, scale: Floats, tb: Floats, ds: float, along: Floats) -> Floats:
+    """A guess ``ds`` beyond b: on the cubic in arclength through a and b with their tangents; ``along`` the tangent of
+    b where that cubic would be stretched too far.
+
+    Its error is of order ds^4, the tangent's of order ds^2.
+    """
+    wb = b.u / scale
+    ta = a.tangent * a.scale / scale
+    ta /= np.linalg.norm(ta)
+    chord = wb - a.u / scale
+    turn = ta - tb
+    length = float(np.linalg.norm(chord)) * (1.0 + float(turn @ turn) / 24.0)  # of an arc that turns by this much
+    if length == 0.0 or ds > FARTHEST_EXTRAPOLATION * length:
+        return along
+    r = ds / length
+    bend = r**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + r**3 * (length * (ta + tb) - 2.0 * chord)
+    return along + bend
+
+
+def between(
+    problem: Problem,
+    a: BranchPoint,
+    b: BranchPoint,
+    s: float,
+    settings: Settings,
+    known: tuple[float, BranchPoint, float, BranchPoint] | None = None,
+) -> BranchPoint | None:
+    """The point of the branch a share s of the way from a to b, measured along their chord.
+
+    ``known`` are two points of it with their shares, on either side of s, to guess from (a and b by default).
+    """
     wa, wb = a.u / a.scale, b.u / a.scale
     row = (wb - wa) / np.linalg.norm(wb - wa)
     target = float(row @ (wa + s * (wb - wa)))
-    reference = a.tangent
-    for guess in (_hermite(a, b, s), (wa + s * (wb - wa)) * a.scale):
-        point = correct(problem, guess, row, target, a.scale, settings, reference)
+    sl, left, sr, right = (0.0, a, 1.0, b) if known is None else known
+    share = (s - sl) / (sr - sl)
+    straight = left.u + share * (right.u - left.u)
+    guesses = [straight] if sr - sl < CLOSE else [_hermite(left, right, share), straight]
+    for guess in guesses:
+        point = correct(problem, guess, row, target, a.scale, settings, a.tangent)
         if point is not None:
             return point
     return None
@@ -212,8 +276,11 @@ def locate(
     values: tuple[float, float] | None = None,
     tolerance: float = 1e-13,
 ) -> BranchPoint | None:
-    """The point between two neighbours at which a test function vanishes (bracketed secants; Illinois, then
-    bisection)."""
+    """The point between two neighbours at which a test function vanishes.
+
+    Bracketed inverse quadratic interpolation, or bisection where that is not safe (T. R. Chandrupatla, *Advances in
+    Engineering Software* 28, 1997); every guess is interpolated between the two points of the bracket.
+    """
     fa, fb = values if values is not None else (test(a), test(b))
     if not (np.isfinite(fa) and np.isfinite(fb)) or fa * fb > 0:
         return None
@@ -221,15 +288,16 @@ def locate(
         return a
     if fb == 0.0:
         return b
-    left, right = 0.0, 1.0
+    # x1 the latest estimate, x2 on the other side of the root, x3 the one before
+    x1, f1, p1, x2, f2, p2 = 1.0, fb, b, 0.0, fa, a
+    biggest = max(abs(fa), abs(fb))
     best: BranchPoint | None = None
-    best_value, biggest = np.inf, max(abs(fa), abs(fb))
-    side = 0
-    for iteration in range(60):
-        s = right - fb * (right - left) / (fb - fa)
-        if not left < s < right or iteration % 8 == 7:
-            s = 0.5 * (left + right)
-        point = between(problem, a, b, s, settings)
+    best_value = np.inf
+    share = f1 / (f1 - f2)
+    for _ in range(MOST_BISECTIONS):
+        x = x1 + share * (x2 - x1)
+        bracket = (x1, p1, x2, p2) if x1 < x2 else (x2, p2, x1, p1)
+        point = between(problem, a, b, x, settings, bracket)
         if point is None:
             return best
         f = test(point)
@@ -237,20 +305,48 @@ def locate(
             return best
         if abs(f) < best_value:
             best, best_value = point, abs(f)
-        if abs(f) <= tolerance * biggest or right - left < 1e-14:
-            return best
-        if f * fb < 0:
-            left, fa = s, f
-            left, right, fa, fb = left, right, fa, fb
-            if side == -1:
-                fb *= 0.5
-            side = -1
+        if f * f1 > 0:
+            x3, f3 = x1, f1
         else:
-            right, fb = s, f
-            if side == 1:
-                fa *= 0.5
-            side = 1
+            x3, f3, x2, f2, p2 = x2, f2, x1, f1, p1
+        x1, f1, p1 = x, f, point
+        smallest = ROUND_OFF / abs(x2 - x1) if x1 != x2 else 1.0
+        if abs(f) <= tolerance * biggest or smallest > 0.5:
+            return best
+        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        share = 0.5
+        if phi * phi < xi and (1.0 - phi) ** 2 < 1.0 - xi:
+            share = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+        share = min(max(share, smallest), 1.0 - smallest)
     return best
+
+
+def _astray(a: BranchPoint, b: BranchPoint) -> float:
+    """How far the chord from a to b is from any sum of a stretch along a's tangent and one along b's, against itself.
+
+    A smooth branch, and one with a corner in between, keeps to such sums; a step onto another branch does not.
+    """
+    chord = (b.u - a.u) / a.scale
+    chord /= np.linalg.norm(chord)
+    tb = b.tangent * b.scale / a.scale
+    tb /= np.linalg.norm(tb)
+    along, on, cosine = float(chord @ a.tangent), float(chord @ tb), float(a.tangent @ tb)
+    sine2 = 1.0 - cosine**2
+    x = (along - cosine * on) / sine2 if sine2 > 1e-12 else -1.0
+    y = (on - cosine * along) / sine2 if sine2 > 1e-12 else -1.0
+    if x < 0.0 or y < 0.0:
+        return float(np.sqrt(max(0.0, 1.0 - max(along, on, 0.0) ** 2)))
+    return float(np.sqrt(max(0.0, 1.0 - x * along - y * on)))
+
+
+def _passes(a: BranchPoint, b: BranchPoint, start: BranchPoint) -> bool:
+    """Whether the step from a to b goes over a branch's first point."""
+    chord, beside = (b.u - a.u) / start.scale, (start.u - a.u) / start.scale
+    length = float(np.linalg.norm(chord))
+    share = float(beside @ chord) / length**2
+    if not 0.0 <= share <= 1.0 or float(np.linalg.norm(beside - share * chord)) > RING * length:
+        return False
+    return float(chord @ start.tangent) > 0.8 * length
 
 
 @dataclass
@@ -279,14 +375,15 @@ class Branch:
 
     def __iter__(self) -> Iterator[BranchPoint]:
         s = self.settings
-        point = self.start
+        self.status = INTERRUPTED
+        point, before = self.start, None
         yield point
         ds = s.step
         steps: list[float] = []
         for count in range(1, s.most_points):
             new = None
             while new is None:
-                new = self._step(point, ds)
+                new = self._step(point, before, ds)
                 if new is None:
                     self.rejected += 1
                     ds *= 0.4
@@ -303,6 +400,11 @@ class Branch:
                     yield last
                 self.status = f"complete: reached {edge:.9g}"
                 return
+            if count > FEWEST_IN_A_RING and _passes(point, new, self.start):
+                yield self.start
+                self.status = "complete: closed curve"
+                return
+            before = point if self.same_kind(point, new) else None
             point = new
             yield point
             steps.append(ds)
@@ -312,33 +414,29 @@ class Branch:
                     f"the largest step of {s.largest_step:g}; it is not smooth here (grazing, or a fold beside it)"
                 )
                 return
-            distance = np.linalg.norm((point.u - self.start.u) / self.start.scale)
-            if count > 10 and distance < 0.5 * ds and float(point.tangent @ self.start.tangent) > 0.9:
-                self.status = "complete: closed curve"
-                return
             ds = min(
                 s.largest_step, ds * float(np.clip((s.wanted_iterations + 0.5) / (point.iterations + 0.5), 0.5, 1.6))
             )
         self.status = f"stopped after {s.most_points} points, the most allowed"
 
-    def _step(self, point: BranchPoint, ds: float) -> BranchPoint | None:
+    def _step(self, point: BranchPoint, before: BranchPoint | None, ds: float) -> BranchPoint | None:
         s = self.settings
         scale = self.problem.scale(point.u)[0]
         t = point.tangent * point.scale / scale
         t = t / np.linalg.norm(t)
-        w = point.u / scale + ds * t
-        new = correct(self.problem, w * scale, t, float(t @ w), scale, s, t, furthest=2.0 * ds + 1e-12)
+        along = point.u / scale + ds * t
+        w = along if before is None else _extrapolated(before, point, scale, t, ds, along)
+        new = correct(self.problem, w * scale, t, float(t @ along), scale, s, t, furthest=2.0 * ds + 1e-12)
         if new is None:
             return None
-        if self.same_kind(point, new):
-            if float(new.tangent @ t) < s.smallest_cosine and ds > 30 * s.smallest_step:
-                return None
+        same = self.same_kind(point, new)
+        if not same and new.orientation * point.orientation < 0:
+            new = replace(new, tangent=-new.tangent, orientation=-new.orientation)
+        if ds <= 30 * s.smallest_step:
             return new
-        if new.orientation * point.orientation < 0:
-            new = BranchPoint(
-                new.u, -new.tangent, new.scale, new.residual, -new.orientation, new.iterations, new.data
-            )  # fmt: skip
-        return new
+        if same and float(new.tangent @ t) < s.smallest_cosine:
+            return None
+        return new if _astray(point, new) < MOST_ASTRAY else None
 
     def _at_edge(self, a: BranchPoint, b: BranchPoint, edge: float) -> BranchPoint | None:
         share = (edge - a.parameter) / (b.parameter - a.parameter)

@@ -13,7 +13,7 @@ Equilibria*, 2000).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -27,7 +27,7 @@ __all__ = ["FoldCurve", "start_of_fold_curve"]
 
 Floats = NDArray[np.float64]
 
-DIFFERENCE = 1e-6  # step of the differences of g, against the unknowns' scale
+DIFFERENCE = 1e-6  # step along v, against the unknowns' scale
 
 
 @dataclass
@@ -38,51 +38,67 @@ class FoldCurve:
     orbits: ForcedOrbits  # in frequency
     second: Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
     border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
+    _moved: tuple[float, VariationalFlow, ContactDirection] | None = field(default=None, init=False, repr=False)
 
-    def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
-        """The passage at u, its scaled M - I, and the residual's columns by both parameters."""
+    def flow_at(self, u: Floats) -> VariationalFlow:
+        """The flow with both parameters set."""
+        return self._set(u)[0]
+
+    def _set(self, u: Floats) -> tuple[VariationalFlow, Level | ContactDirection]:
         omega, value = float(u[-2]), float(u[-1])
         if omega <= 0:
             raise ArithmeticError("the frequency became negative")
-        parameter: Level | ContactDirection
         if self.second == "level":
-            flow, parameter = self.orbits.flow, Level()
+            flow = self.orbits.flow
             flow.set(omega, value)
-        else:
-            flow, parameter = self.second(value)
-            flow.set(omega, self.orbits.level)
+            return flow, Level()
+        if self._moved is None or self._moved[0] != value:
+            self._moved = (value, *self.second(value))
+        _, flow, direction = self._moved
+        flow.set(omega, self.orbits.level)
+        return flow, direction
+
+    def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
+        """The passage at u, M - I, and the residual's columns by both parameters."""
+        flow, parameter = self._set(u)
         k = self.orbits.kept
-        period = 2 * np.pi * self.orbits.multiple / omega
+        period = 2 * np.pi * self.orbits.multiple / flow.omega
         passage = flow.carry(self.orbits.full(u[:-1]), period, (Frequency(), parameter))
         columns = passage.parameters[k].copy()
-        columns[:, 0] -= passage.slope[k] * (period / omega)
+        columns[:, 0] -= passage.slope[k] * (period / flow.omega)
         return passage, passage.transition[np.ix_(k, k)] - np.eye(k.size), columns
 
-    def _test(self, A: Floats, scale: Floats) -> float:
+    def _bordered(self, A: Floats, scale: Floats) -> tuple[float, Floats, Floats]:
+        """g, and the vectors of its derivative ``-w^T dA v`` in the unknowns' own units."""
         b, c = self.border
         s = scale[: A.shape[0]]
         bordered = np.zeros((A.shape[0] + 1,) * 2)
         bordered[:-1, :-1] = A * s / s[:, None]
         bordered[:-1, -1], bordered[-1, :-1] = b, c
-        right = np.zeros(A.shape[0] + 1)
-        right[-1] = 1.0
-        return float(np.linalg.solve(bordered, right)[-1])
+        last = np.zeros(A.shape[0] + 1)
+        last[-1] = 1.0
+        right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
+        return float(right[-1]), left[:-1] / s, right[:-1] * s
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
-        """The shooting residual and g; the row of g by central differences of the exact monodromy matrix."""
+        """The shooting residual and g, with their Jacobian.
+
+        Second derivatives are symmetric, so that the whole row of g follows from how the first derivatives change along
+        the one direction v: a central difference of two passages, whatever the size of the model.
+        """
         passage, A, columns = self._passage(u)
         scale = self.scale(u)[0]
         k = A.shape[0]
+        g, w, v = self._bordered(A, scale)
         J = np.zeros((k + 1, k + 2))
         J[:k, :k], J[:k, k:] = A, columns
-        for i in range(k + 2):
-            h = np.zeros(k + 2)
-            h[i] = DIFFERENCE * scale[i]
-            up = self._test(self._passage(u + h)[1], scale)
-            down = self._test(self._passage(u - h)[1], scale)
-            J[k, i] = (up - down) / (2 * h[i])
-        R = np.append((passage.end - passage.start)[self.orbits.kept], self._test(A, scale))
-        return R, J, passage
+        h = np.zeros(k + 2)
+        h[:k] = v * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
+        above, below = self._passage(u + h), self._passage(u - h)
+        step = 2.0 * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
+        J[k, :k] = -w @ (above[1] - below[1]) / step
+        J[k, k:] = -w @ (above[2] - below[2]) / step
+        return np.append((passage.end - passage.start)[self.orbits.kept], g), J, passage
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As the shooting problem's."""

@@ -9,16 +9,21 @@ Newton's method takes the least-squares solution of a consistent system, and con
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dynamics.continuation import BranchPoint
+from beamsim.dynamics.grazing import cyclic
 from beamsim.dynamics.reversible import Conservative, HalfPeriod
-from beamsim.dynamics.variational import floquet_multipliers
+from beamsim.dynamics.variational import Passage, floquet_multipliers
 
-__all__ = ["FreeOrbits"]
+__all__ = ["FreeOrbits", "slowest_instant"]
+
+STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
+SAMPLES = 256  # of a period, in which its slowest instant is looked for
+ZOOMS = 3  # each into two of them
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -40,9 +45,16 @@ class FreeOrbits:
 
     def __post_init__(self) -> None:
         self.n = self.family.omega.size
-        n = self.n
-        _, gradient, _ = self.family.potential(self.reference[:n], self.factor)
-        self._slope = np.concatenate([self.reference[n:], -gradient])
+        self._fix(self.factor)
+
+    def hold(self, u: Floats) -> None:
+        """Fix the phase by another motion, given by its unknowns."""
+        self.reference = u[: 2 * self.n].copy()
+        self._fix(self.split(u)[2])
+
+    def _fix(self, factor: float) -> None:
+        _, gradient, _ = self.family.potential(self.reference[: self.n], factor)
+        self._slope = np.concatenate([self.reference[self.n :], -gradient])
 
     def split(self, u: Floats) -> tuple[Floats, float, float, float]:
         """State, period, factor and energy of the unknowns."""
@@ -86,7 +98,37 @@ class FreeOrbits:
         phase = float(np.abs(self._slope) @ state)
         return np.concatenate([state, [period, 1.0]]), np.concatenate([state, [energy, phase]])
 
+    def cycle(self, point: BranchPoint) -> tuple[Any, Passage]:
+        """The flow at a point, and its motion over a period."""
+        return point.data.flow, point.data.passage
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether two motions have the same order of contacts over a period, wherever it begins."""
+        return cyclic(a.data.passage) == cyclic(b.data.passage)
+
     def multipliers(self, point: BranchPoint) -> Complexes:
         """Floquet multipliers; two are 1."""
         N = 2 * self.n
         return floquet_multipliers(point.data.passage.transition[:N, :N])
+
+    @staticmethod
+    def stable(multipliers: Complexes) -> bool:
+        """Whether every pair of multipliers lies on the unit circle, where (mu + 1/mu)/2 is real and within [-1, 1]."""
+        a = 0.5 * (multipliers + 1.0 / multipliers)
+        return bool(np.all(np.abs(a.imag) < STABLE) and np.all(np.abs(a.real) < 1.0 + STABLE))
+
+
+def slowest_instant(flow: Any, passage: Passage, n: int) -> tuple[float, float]:
+    """When in a passage the kinetic energy is least, s, and its value, J: zero where everything is at rest at once."""
+    low, high = 0.0, passage.duration
+    best = (0.0, np.inf)
+    for zoom in range(1 + ZOOMS):
+        times = np.linspace(low, high, SAMPLES + 1)
+        v = flow.states_at(passage, times)[:, n : 2 * n]
+        kinetic = 0.5 * np.einsum("ij,ij->i", v, v)
+        k = int(np.argmin(kinetic))
+        if kinetic[k] < best[1]:
+            best = (float(times[k]), float(kinetic[k]))
+        if zoom < ZOOMS:
+            low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, SAMPLES)])
+    return best

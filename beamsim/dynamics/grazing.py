@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 Kind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "grazing"]
 
 MOST_HALVINGS = 40
+MOST_MIDDLES = 200  # motions looked at between two neighbours
+REORDERED = 2  # halvings where every contact keeps its number of events: contacts met in another order graze nothing
+BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
+TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has truly vanished
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,8 @@ def cyclic(passage: Passage) -> tuple[tuple[int, bool], ...]:
 
 
 def _shortest_phase(passage: Passage, few: Passage) -> tuple[int, bool, float] | None:
-    """Contact, kind (closed or open) and middle of the shortest phase of a contact that has fewer events in the other.
-    Contact, kind (closed or open) and middle of the shortest phase of a contact that has fewer events in the other."""
+    """Contact, kind (closed or open) and middle of the shortest phase of a contact that has fewer events in the
+    other."""
     best: tuple[float, int, bool, float] | None = None
     for j in np.unique(passage.event_contact):
         own = np.flatnonzero(passage.event_contact == j)
@@ -113,17 +117,21 @@ def extremum(flow: VariationalFlow, passage: Passage, j: int, top: bool, near: f
     return np.nan, np.nan
 
 
-def grazings(
-    problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int = 0
-) -> Iterator[SpecialPoint]:
+def grazings(problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
     """Grazing points between two neighbours of a branch whose events differ, in the order of the branch."""
+    yield from _within(problem, a, b, settings, 0, iter(range(MOST_MIDDLES)))
+
+
+def _within(
+    problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, left: Iterator[int]
+) -> Iterator[SpecialPoint]:
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
-    (flow_a, cycle_a), (flow_b, cycle_b) = problem.cycle(a), problem.cycle(b)
-    del flow_a, flow_b
+    cycle_a, cycle_b = problem.cycle(a)[1], problem.cycle(b)[1]
+    if depth >= REORDERED and np.array_equal(np.sort(cycle_a.event_contact), np.sort(cycle_b.event_contact)):
+        return
     ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
-    found = None
-    if depth >= 2 and ea != eb:
+    if ea != eb:
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
         phase = _shortest_phase(more, few)
         if phase is not None:
@@ -134,20 +142,34 @@ def grazings(
                 flow, cycle = problem.cycle(point)
                 return extremum(flow, cycle, contact, closed, share * cycle.duration)[0]
 
-            found = locate(problem, a, b, penetration, settings)
-            single = found is not None and (abs(ea - eb) == 2 or depth > 20 or _settled(problem, a, found, b))
-            if found is not None and single:
+            values = penetration(a), penetration(b)
+            found = locate(problem, a, b, penetration, settings, values)
+            if found is not None:
                 flow, cycle = problem.cycle(found)
-                _, time = extremum(flow, cycle, contact, closed, share * cycle.duration)
-                yield SpecialPoint("grazing", found.parameter, found, contact, time, closed)
-                return
-    middle = between(problem, a, b, 0.5, settings)
+                value, time = extremum(flow, cycle, contact, closed, share * cycle.duration)
+                touching = abs(value) <= TOUCHING * max(abs(values[0]), abs(values[1]))
+                if touching and (depth > MOST_HALVINGS // 2 or _explains(problem, a, found, b, settings)):
+                    yield SpecialPoint("grazing", found.parameter, found, contact, time, closed)
+                    return
+    middle = None if next(left, None) is None else between(problem, a, b, 0.5, settings)
     if middle is None:
         return
-    yield from grazings(problem, a, middle, settings, depth + 1)
-    yield from grazings(problem, middle, b, settings, depth + 1)
+    yield from _within(problem, a, middle, settings, depth + 1, left)
+    yield from _within(problem, middle, b, settings, depth + 1, left)
 
 
-def _settled(problem: Cyclic, a: BranchPoint, found: BranchPoint, b: BranchPoint) -> bool:
-    """Whether the one point explains the whole difference: motions just beside it have the neighbours' events."""
-    return problem.same_events(a, found) or problem.same_events(found, b)
+def _explains(problem: Cyclic, a: BranchPoint, found: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
+    """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
+
+    The point itself has the events of one side; the other side is looked at.
+    """
+    w = a.u / a.scale
+    chord = b.u / a.scale - w
+    share = float((found.u / a.scale - w) @ chord) / float(chord @ chord)
+    if problem.same_events(a, found):
+        near, other = between(problem, a, b, share + BESIDE * (1.0 - share), settings, (share, found, 1.0, b)), b
+    elif problem.same_events(found, b):
+        near, other = between(problem, a, b, share * (1.0 - BESIDE), settings, (0.0, a, share, found)), a
+    else:
+        return False
+    return near is not None and problem.same_events(near, other)

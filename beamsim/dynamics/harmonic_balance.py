@@ -116,10 +116,11 @@ class _Springs:
         self.rows = c.shape if cubic_springs is None else np.vstack([c.shape, cubic_springs.shape])
         if self.rows.shape[0] == 0:
             raise ScenarioError(
-                Problem("", "harmonic balance needs a snubber or a cubic spring", "the structure is linear without one")
+                Problem("", "harmonic balance needs a snubber or a nonlinear spring", "it is linear without one")
             )
         self.system = system
         self.cubic = np.zeros(0) if cubic_springs is None else cubic_springs.stiffness
+        self.felt = np.zeros(0) if cubic_springs is None else cubic_springs.felt
         self.structure = Condensation(system.stiffness, system.damping, self.rows, typical)
         self.count = self.rows.shape[0]
 
@@ -149,14 +150,14 @@ class _Springs:
             potential += 0.5 * c.stiffness[j] * _mean(found.positive, D)
         for i, k in enumerate(self.cubic):
             j = c.count + i
-            absolute = W[:, j] + base
+            absolute = W[:, j] + self.felt[i] * base
             absolute[0] = absolute[0].real
             third, slope = cubic(absolute)
             tangent[j] = slope
             by_x[j] = -k * toeplitz(slope, H, H)
             value[:, j] = -k * third
-            by_w[:, j] = by_x[j] @ to_real(base_w)
-            by_l[:, j] = by_x[j] @ to_real(base_l)
+            by_w[:, j] = self.felt[i] * (by_x[j] @ to_real(base_w))
+            by_l[:, j] = self.felt[i] * (by_x[j] @ to_real(base_l))
             potential += 0.25 * k * _mean(third, absolute)
         return _Forces(value, by_x, by_w, by_l, tangent, potential, tuple(closed))
 
@@ -525,9 +526,13 @@ def resampled(W: Complexes, highest: int) -> Complexes:
     return out
 
 
-def truncation(problem: ForcedBalance, point: BranchPoint, more: int | None = None) -> Truncation:
-    """What the neglected harmonics are worth: one Newton step, parameter fixed, with ``more`` (default 2 H + 1)
-    harmonics.
+def truncation(
+    problem: ForcedBalance, point: BranchPoint, more: int | None = None, *, across: bool = False
+) -> Truncation:
+    """What the neglected harmonics are worth: one Newton step with ``more`` (default 2 H + 1) harmonics.
+
+    The parameter is fixed, or with ``across`` the step is taken across the branch: at a fold, whose parameter moves,
+    only that has a meaning.
 
     The step is the error of the deflections at the springs up to terms of second order, the harmonics beyond ``more``
     excepted.
@@ -537,7 +542,16 @@ def truncation(problem: ForcedBalance, point: BranchPoint, more: int | None = No
     W = resampled(motion.deflections, larger.harmonics)
     u = np.append(_rows_real(W), point.parameter)
     R, J, _ = larger.residual(u)
-    step = np.linalg.solve(J[:, :-1], -R)
+    if across:
+        scale = larger.scale(u)[0]
+        tangent = point.tangent * point.scale
+        row = np.zeros(u.size)
+        row[: tangent.size - 1], row[-1] = tangent[:-1], tangent[-1]
+        row /= scale
+        bordered = np.vstack([J * scale, row / np.linalg.norm(row)])
+        step = np.asarray((np.linalg.solve(bordered, np.append(-R, 0.0)) * scale)[:-1], dtype=float)
+    else:
+        step = np.asarray(np.linalg.solve(J[:, :-1], -R), dtype=float)
     size = float(np.linalg.norm(u[:-1]))
     cut = (2 * problem.harmonics + 1) * W.shape[1]
     return Truncation(float(np.linalg.norm(step[cut:])) / size, float(np.linalg.norm(step[:cut])) / size)

@@ -30,6 +30,7 @@ __all__ = ["hill_multipliers"]
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
+PAIRED = 1e-6  # relative distance of a multiplier from another one's conjugate
 SAME = 0.02  # exponents over the fundamental frequency that differ by i up to this are copies of each other
 
 
@@ -88,8 +89,26 @@ def hill_multipliers(
     )
     sets = [_first(ordered, 2 * n, same) for same in (0.0, SAME)]
     chosen = min(sets, key=lambda x: abs(float(np.sum(x.real)) + mean_damping / unit))
-    multipliers = np.exp(2 * np.pi * chosen)
+    multipliers = _closed_under_conjugation(np.exp(2 * np.pi * chosen))
     return np.asarray(multipliers[np.lexsort((-multipliers.imag, -np.abs(multipliers)))])
+
+
+def _closed_under_conjugation(values: Complexes) -> Complexes:
+    """Multipliers of a real system: one whose conjugate is not among the others is real.
+
+    Of a multiplier on the negative real axis truncation leaves two copies, half a fundamental up and down, a little off
+    the axis, of which one was chosen.
+    """
+    values = values.copy()
+    left = [i for i in range(values.size) if values[i].imag != 0.0]
+    while left:
+        i = left.pop(0)
+        j = min(left, key=lambda k: abs(values[k] - values[i].conjugate()), default=-1)
+        if j >= 0 and abs(values[j] - values[i].conjugate()) <= PAIRED * abs(values[i]):
+            left.remove(j)
+        else:
+            values[i] = np.copysign(abs(values[i]), values[i].real)
+    return values
 
 
 def _first(values: Complexes, count: int, same: float) -> Complexes:

@@ -13,7 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-__all__ = ["Inputs", "Tables", "advance", "extremes", "pair_integrals", "sample", "segment_coefficients"]
+__all__ = [
+    "Inputs",
+    "Tables",
+    "advance",
+    "extremes",
+    "pair_integrals",
+    "panel_integrals",
+    "sample",
+    "segment_coefficients",
+]
 
 EPS = 2.220446049250313e-16
 DONE, NEED_STATE, BUDGET, FULL = 0, 1, 2, 3
@@ -172,7 +181,7 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-def]
+def _coefficients(tables, s, table, zeta, gamma):  # type: ignore[no-untyped-def]
     """Coefficients of the basis functions in ``count`` functions tabulated per term."""
     count = gamma.shape[0]
     nb = tables.n_basis[s]
@@ -184,8 +193,14 @@ def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-de
         z = zeta[tables.term_source[s, q]]
         for j in range(count):
             gamma[j, b] += table[s, q, j] * z
-    for j in range(count):
-        for b in range(nb):
+
+
+@njit(cache=True, error_model="numpy")
+def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-def]
+    """The same, and the size of each."""
+    _coefficients(tables, s, table, zeta, gamma)
+    for j in range(gamma.shape[0]):
+        for b in range(tables.n_basis[s]):
             size[j, b] = abs(gamma[j, b])
 
 
@@ -200,6 +215,72 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
             for k in range(N):
                 v = tables.term_vector[s, q, k]
                 y[k] += v.real * a.real - v.imag * a.imag
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
+    """Round-off of the watched functions on a segment of length H that the terms' cancellation leaves."""
+    for j in range(least.size):
+        least[j] = 0.0
+    for q in range(tables.n_terms[s]):
+        # a power of time counts with what it reaches on this segment
+        a = 4.0 * EPS * abs(zeta[tables.term_source[s, q]]) * H ** tables.power[s, tables.term_basis[s, q]]
+        for j in range(least.size):
+            least[j] += a * tables.roughness[s, q, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
+    """What each watched function may be below zero where a segment begins with an event.
+
+    All were watched up to there. What is left is the round-off of the change of coordinates, of the contact whose event
+    it is and of any other whose event falls on the same instant: two stops that touch one point from both sides.
+    """
+    for j in range(floors.size):
+        floors[j] = 0.0
+        if out[j, 0] < 0.0:
+            scale = 0.0
+            for b in range(nb):
+                scale += size[j, b]
+            for q in range(used):
+                scale += forced[j, q] * H**q
+            floors[j] = min(-2.0 * out[j, 0], 1e-9 * scale)
+
+
+@njit(cache=True, error_model="numpy")
+def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
+    """(step, hit): how far no watched function can reach zero, or which is there already (-1: none).
+
+    ``out`` is that of `_evaluate`. A function is lifted by twice its round-off: a contact that hugs zero at round-off
+    size is left alone, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero.
+    """
+    step = longest
+    for j in range(least.size):
+        tolerance = max(out[j, 3], least[j], floors[j])
+        lifted = out[j, 0] + 2.0 * tolerance
+        if lifted < tolerance:
+            return step, j
+        h = _safe_step(lifted, out[j, 1], out[j, 2])
+        if h < step:
+            step = h
+    return step, -1
+
+
+@njit(cache=True, error_model="numpy")
+def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
+    """Time of the zero next to tau, by one Newton step where the curvature allows it."""
+    g, slope, bound = out[hit, 0], out[hit, 1], out[hit, 2]
+    if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
+        return max(0.0, tau - g / slope)
+    return tau
+
+
+@njit(cache=True, error_model="numpy")
+def _relax(inputs, closed, tau, face):  # type: ignore[no-untyped-def]
+    """Let the faces of released ``no_tension`` snubbers recover for a time tau."""
+    for j in range(face.size):
+        if inputs.has_face[j] and not closed[j]:
+            face[j] *= math.exp(-inputs.face_rate[j] * tau)
 
 
 @njit(cache=True, error_model="numpy")
@@ -241,6 +322,8 @@ def advance(  # type: ignore[no-untyped-def]
     basis = np.zeros(B, dtype=np.complex128)
     out = np.zeros((m, 4))
     least = np.zeros(m)
+    floors = np.zeros(m)
+    forced = np.zeros((m, 0))
     n_seg = 0
     n_ev = 0
     n_eval = 0
@@ -273,42 +356,17 @@ def advance(  # type: ignore[no-untyped-def]
         for j in range(m):
             seg_face[n_seg, j] = face[j]
 
-        for j in range(m):
-            least[j] = 0.0
-        for q in range(tables.n_terms[state]):
-            # a power of time counts with what it reaches on this segment
-            a = 4.0 * EPS * abs(zeta[tables.term_source[state, q]]) * H ** power[tables.term_basis[state, q]]
-            for j in range(m):
-                least[j] += a * tables.roughness[state, q, j]
+        _fill_least(tables, state, zeta, H, least)
 
         tau = 0.0
         hit = -1
-        floor = 0.0
+        floors[:] = 0.0
         while m > 0:
             reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
             n_eval += 1
-            step = reach - tau
-            if tau == 0.0:
-                floor = 0.0
-                if toggled >= 0 and out[toggled, 0] < 0.0:
-                    # zero by the event just passed: what is left is the round-off of the change of coordinates
-                    scale = 0.0
-                    for b in range(nb):
-                        scale += size[toggled, b]
-                    floor = min(-2.0 * out[toggled, 0], 1e-9 * scale)
-            for j in range(m):
-                # the function is lifted by twice its round-off: a contact that hugs zero at round-off size is left
-                # alone, and every step has a smallest length
-                tolerance = max(out[j, 3], least[j])
-                if j == toggled and floor > tolerance:
-                    tolerance = floor
-                lifted = out[j, 0] + 2.0 * tolerance
-                if lifted < tolerance:
-                    hit = j
-                    break
-                h = _safe_step(lifted, out[j, 1], out[j, 2])
-                if h < step:
-                    step = h
+            if tau == 0.0 and toggled >= 0:
+                _fill_floors(out, size, nb, forced, 0, H, floors)
+            step, hit = _next_step(out, least, floors, reach - tau)
             if hit >= 0:
                 break
             before = tau
@@ -317,17 +375,10 @@ def advance(  # type: ignore[no-untyped-def]
                 break
             if tau == before or n_eval > most_evaluations:
                 return BUDGET, t, state, n_seg, n_ev, n_eval, toggled
-        if hit >= 0:
-            g, slope, bound = out[hit, 0], out[hit, 1], out[hit, 2]
-            if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
-                tau = max(0.0, tau - g / slope)
-        else:
-            tau = H
+        tau = _crossing(out, hit, tau) if hit >= 0 else H
         _fill_basis(exponent, power, nb, tau, basis)
         _state_at(tables, state, zeta, basis, y)
-        for j in range(m):
-            if inputs.has_face[j] and not tables.closed[state, j]:
-                face[j] *= math.exp(-inputs.face_rate[j] * tau)
+        _relax(inputs, tables.closed[state], tau, face)
         seg_length[n_seg] = tau
         n_seg += 1
         t = stop if (hit < 0 and whole) else t + tau
@@ -352,17 +403,54 @@ def advance(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no-untyped-def]
+    """Coefficients (B, k) of the basis functions, from a table in two parts; the loop over outputs is the inner one."""
+    k = real.shape[2]
+    for b in range(tables.n_basis[s]):
+        for j in range(k):
+            rows_real[b, j] = 0.0
+            rows_imag[b, j] = 0.0
+    for q in range(tables.n_terms[s]):
+        b = tables.term_basis[s, q]
+        z = zeta[tables.term_source[s, q]]
+        if z != 0.0:
+            for j in range(k):
+                rows_real[b, j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
+                rows_imag[b, j] += real[s, q, j] * z.imag + imag[s, q, j] * z.real
+
+
+@njit(cache=True, error_model="numpy")
+def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-def]
+    """Real part of every function, from `_rows`."""
+    for j in range(out.size):
+        out[j] = 0.0
+    for b in range(nb):
+        re, im = basis[b].real, basis[b].imag
+        if im == 0.0:
+            for j in range(out.size):
+                out[j] += rows_real[b, j] * re
+        else:
+            for j in range(out.size):
+                out[j] += rows_real[b, j] * re - rows_imag[b, j] * im
+
+
+@njit(cache=True, error_model="numpy")
 def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, seg_face, time, out):  # type: ignore[no-untyped-def]
-    """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k)."""
+    """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
+
+    The coefficients of a segment's basis functions are worth their cost where it holds several times; for one or two
+    the outputs are summed over the terms.
+    """
     k = table.shape[2]
     m = seg_face.shape[1]
     F = inputs.exponent.size
     zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
-    gamma = np.zeros((k, B), dtype=np.complex128)
-    size = np.zeros((k, B))
+    rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
     basis = np.zeros(B, dtype=np.complex128)
+    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
     current = -1
+    several = False
     g = 0
     last = seg_time.size - 1
     for i in range(time.size):
@@ -372,14 +460,21 @@ def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, seg_fac
         nb = tables.n_basis[s]
         if g != current:
             _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
-            _combine(tables, s, table, zeta, gamma, size)
+            several = i + 2 < time.size and (g == last or time[i + 2] < seg_time[g + 1])
+            if several:
+                _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
             current = g
         _fill_basis(tables.exponent[s], tables.power[s], nb, time[i] - seg_time[g], basis)
+        if several:
+            _outputs(rows_real, rows_imag, basis, nb, out[i])
+            continue
         for j in range(k):
-            total = 0.0
-            for b in range(nb):
-                total += gamma[j, b].real * basis[b].real - gamma[j, b].imag * basis[b].imag
-            out[i, j] = total
+            out[i, j] = 0.0
+        for q in range(tables.n_terms[s]):
+            a = zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]
+            if a != 0.0:
+                for j in range(k):
+                    out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
 
 
 @njit(cache=True, error_model="numpy")
@@ -388,9 +483,8 @@ def segment_coefficients(tables, inputs, table, state, piece, t, y, face):  # ty
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + face.size + tables.projector.shape[1], dtype=np.complex128)
     gamma = np.zeros((k, tables.exponent.shape[1]), dtype=np.complex128)
-    size = np.zeros((k, tables.exponent.shape[1]))
     _fill_sources(tables, state, inputs, piece, t, y, face, zeta)
-    _combine(tables, state, table, zeta, gamma, size)
+    _coefficients(tables, state, table, zeta, gamma)
     return gamma
 
 
@@ -440,6 +534,32 @@ def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-un
 
 
 @njit(cache=True, error_model="numpy")
+def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-def]
+    """Largest size of every basis function, and of its second derivative, on [0, H]."""
+    for b in range(nb):
+        lam = exponent[b]
+        p = power[b]
+        level = math.exp(lam.real * H) if lam.real > 0.0 else 1.0
+        r2 = lam.real * lam.real + lam.imag * lam.imag
+        if p == 0:
+            largest[b] = level
+            bend[b] = r2 * level
+        elif p == 1:
+            largest[b] = H * level
+            bend[b] = (r2 * H + 2.0 * math.sqrt(r2)) * level
+        else:
+            size = H ** (p - 2)
+            largest[b] = size * H * H * level
+            bend[b] = (r2 * H * H + 2.0 * p * math.sqrt(r2) * H + p * (p - 1.0)) * size * level
+
+
+@njit(cache=True, error_model="numpy")
+def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def]
+    """Whether value + rate t + curve t^2 / 2 stays below ``highest`` on [0, H]."""
+    return value < highest and _safe_step(highest - value, -rate, curve) >= H
+
+
+@njit(cache=True, error_model="numpy")
 def extremes(  # type: ignore[no-untyped-def]
     tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, highest, when, relative
 ):
@@ -452,8 +572,11 @@ def extremes(  # type: ignore[no-untyped-def]
     m = seg_face.shape[1]
     zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
-    gamma = np.zeros((k, B), dtype=np.complex128)
-    size = np.zeros((k, B))
+    own = np.zeros((1, B), dtype=np.complex128)
+    own_size = np.zeros((1, B))
+    largest, bend = np.zeros(B), np.zeros(B)
+    ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
+    real, imag, magnitude = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag), np.abs(table)
     out = np.zeros((1, 4))
     evaluations = 0
     for g in range(seg_time.size):
@@ -461,21 +584,44 @@ def extremes(  # type: ignore[no-untyped-def]
         nb = tables.n_basis[s]
         H = seg_length[g]
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
-        _combine(tables, s, table, zeta, gamma, size)
         exponent = tables.exponent[s]
         power = tables.power[s]
+        _bounds(exponent, power, nb, H, largest, bend)
         for j in range(k):
-            ceiling = 0.0
-            for b in range(nb):
-                most = size[j, b]
-                if power[b] > 0:
-                    most *= H ** power[b]
-                if exponent[b].real > 0.0:
-                    most *= math.exp(exponent[b].real * H)
-                ceiling += most
-            if ceiling <= highest[j]:
+            ceiling[j] = 0.0
+            first[j] = 0.0
+            rate[j] = 0.0
+            curve[j] = 0.0
+        for q in range(tables.n_terms[s]):
+            b = tables.term_basis[s, q]
+            z = zeta[tables.term_source[s, q]]
+            if z == 0.0:
                 continue
-            own, own_size = gamma[j : j + 1], size[j : j + 1]
+            most, bent = abs(z) * largest[b], abs(z) * bend[b]
+            for j in range(k):
+                ceiling[j] += most * magnitude[s, q, j]
+                curve[j] += bent * magnitude[s, q, j]
+            if power[b] == 0:
+                w = exponent[b] * z
+                for j in range(k):
+                    first[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
+                    rate[j] += real[s, q, j] * w.real - imag[s, q, j] * w.imag
+            elif power[b] == 1:
+                for j in range(k):
+                    rate[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
+        for j in range(k):
+            # most segments hold no new extreme, which their size or one look at their start proves: first with what
+            # all outputs share, then with the output's own coefficients, whose parts have cancelled
+            if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
+                continue
+            _coefficients(tables, s, table[:, :, j : j + 1], zeta, own)
+            top, bent = 0.0, 0.0
+            for b in range(nb):
+                own_size[0, b] = abs(own[0, b])
+                top += own_size[0, b] * largest[b]
+                bent += own_size[0, b] * bend[b]
+            if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
+                continue
             tau = 0.0
             while True:
                 reach = _evaluate(exponent, power, nb, own, own_size, tau, H, out)
@@ -578,4 +724,77 @@ def pair_integrals(  # type: ignore[no-untyped-def]
     while i < time.size:
         for q in range(Q):
             out[i, q] = start[q]
+        i += 1
+
+
+@njit(cache=True, error_model="numpy")
+def panel_integrals(  # type: ignore[no-untyped-def]
+    tables, inputs, table, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, time,
+    radians, node, gauss, fastest, out,
+):  # fmt: skip
+    """The integrals of `pair_integrals` by Gauss-Legendre on panels, for segments with powers of time as well.
+
+    ``table`` (S, T, 2 K) holds the left factors, then the right ones. Rule r, ``node[r]`` and ``gauss[r]`` on [-1, 1]
+    up to the first zero weight, serves for panels of at most ``radians[r]`` of the motion ``fastest``, rad/s.
+    """
+    K = table.shape[2] // 2
+    Q = weight.shape[1]
+    m = seg_face.shape[1]
+    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    rows_real, rows_imag = np.zeros((B, 2 * K)), np.zeros((B, 2 * K))
+    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+    e = np.zeros(B, dtype=np.complex128)
+    x = np.zeros(2 * K)
+    inner, total, lost = np.zeros(Q), np.zeros(Q), np.zeros(Q)
+    rules = radians.size
+    i = 0
+    for g in range(seg_time.size):
+        s = seg_state[g]
+        nb = tables.n_basis[s]
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
+        exponent = tables.exponent[s]
+        power = tables.power[s]
+        last = g == seg_time.size - 1
+        done = 0.0
+        while True:
+            reached = i >= time.size or time[i] - seg_time[g] > seg_length[g]
+            reached = reached or (not last and time[i] >= seg_time[g + 1])
+            tau = seg_length[g] if reached else time[i] - seg_time[g]
+            turn = (tau - done) * fastest
+            rule = 0
+            while rule < rules - 1 and turn > radians[rule]:
+                rule += 1
+            panels = max(1, math.ceil(turn / radians[rule]))
+            width = (tau - done) / panels
+            for q in range(Q):
+                inner[q] = 0.0
+            for p in range(panels if width > 0.0 else 0):
+                middle = done + (p + 0.5) * width
+                for r in range(node.shape[1]):
+                    factor = 0.5 * gauss[rule, r] * width
+                    if factor == 0.0:
+                        break
+                    _fill_basis(exponent, power, nb, middle + 0.5 * width * node[rule, r], e)
+                    _outputs(rows_real, rows_imag, e, nb, x)
+                    for j in range(K):
+                        product = x[j] * x[K + j] * factor
+                        for q in range(Q):
+                            inner[q] += weight[j, q] * product
+            for q in range(Q):
+                # the sum of very many small parts, compensated (W. Kahan, Comm. ACM 8, 1965)
+                part = inner[q] - lost[q]
+                grown = total[q] + part
+                lost[q] = (grown - total[q]) - part
+                total[q] = grown
+            done = tau
+            if reached:
+                break
+            for q in range(Q):
+                out[i, q] = total[q]
+            i += 1
+    while i < time.size:
+        for q in range(Q):
+            out[i, q] = total[q]
         i += 1

@@ -21,6 +21,15 @@ For :math:`g = 0`: :math:`a_1 = \tfrac12 \sum_i k_i \phi_{ij}^2`, hence
 2010, chapter 4).
 
 Every term is a Fourier series with exact coefficients, cut where it no longer matters.
+
+The divisors :math:`\omega_l^2 - h^2 \omega_j^2` stand where the motion has :math:`\omega_l^2 - h^2 \omega^2`: as
+series in the factor these only agree within :math:`\varepsilon < |\omega_l / h - \omega_j| / |\omega_1|`, the *pole*
+nearest to zero. A high mode l always has a harmonic h close by, so that its coordinate comes to its asymptotic order at
+far smaller factors than the rest. The *uniform* expansion keeps :math:`\omega` in the divisors,
+
+.. math:: \omega^2 q_1'' + \Omega^2 q_1 = f(q_0), \qquad \omega^2 q_2'' + \Omega^2 q_2 = f'(q_0) q_1
+
+(both without the fundamental of coordinate j), has the same orders and no such poles but at resonances that are there.
 """
 
 from __future__ import annotations
@@ -54,6 +63,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 HARMONICS = 400
+FELT = 1e-9  # share of the largest harmonic of the force above which one counts
 RESONANT = 1e-7  # relative distance of h omega_j from omega_l at which the expansion does not exist
 
 
@@ -72,6 +82,9 @@ class ModeExpansion:
     partner: int  # mode of the largest component of q_1 beyond the mean, from 0
     harmonic: int  # and its harmonic: the nearest internal resonance that counts
     share: float  # its size against A
+    pole: float = np.inf  # factor (its absolute value) of the pole of the divisors nearest to zero
+    pole_mode: int = -1  # mode l of that divisor, from 0
+    pole_harmonic: int = 0  # and its harmonic h
 
     @property
     def omega1(self) -> float:
@@ -166,6 +179,7 @@ def expand_mode(
     amplitude: float,
     harmonics: int = HARMONICS,
     cubic: CubicSprings | None = None,
+    uniform_at: float | None = None,
 ) -> ModeExpansion:
     """The expansion of a nonlinear normal mode; damping, dashpots and the base's motion are left out.
 
@@ -176,6 +190,7 @@ def expand_mode(
     amplitude : A in modal coordinate j, of either sign: the extreme from which the motion starts.
     harmonics : where the series are cut.
     cubic : cubic springs, multiplied by the factor as well (without dead loads).
+    uniform_at : the factor at whose frequency the divisors are taken (default: those of the linear mode).
 
     Raises
     ------
@@ -206,19 +221,46 @@ def expand_mode(
     for tangent, row, k in tangents:
         second_force -= np.multiply.outer(product_harmonics(tangent, (first @ row).astype(complex), H).real, k * row)
     a2 = -float(second_force[1, mode]) / amplitude
-    second = _solve(w2, mode, second_force)
+    if uniform_at is None:
+        second = _solve(w2, mode, second_force)
+    else:
+        squared = float(w2[mode]) + uniform_at * a1 + uniform_at**2 * a2
+        first = _solve(w2, mode, force, squared)
+        second_force = np.zeros_like(force)
+        for tangent, row, k in tangents:
+            product = product_harmonics(tangent, (first @ row).astype(complex), H).real
+            second_force -= np.multiply.outer(product, k * row)
+        second = _solve(w2, mode, second_force, squared)
+    pole, pole_mode, pole_harmonic = _nearest_pole(w2, mode, force, a1)
     moving = np.abs(first[1:])
     largest = np.unravel_index(int(np.argmax(moving)), moving.shape)
     return ModeExpansion(
         mode, float(amplitude), float(np.sqrt(w2[mode])), a1, a2, rest, first, second,
-        int(largest[1]), int(largest[0]) + 1, float(moving[largest] / abs(amplitude)),
+        int(largest[1]), int(largest[0]) + 1, float(moving[largest] / abs(amplitude)), pole, pole_mode, pole_harmonic,
     )  # fmt: skip
 
 
-def _solve(w2: Floats, mode: int, force: Floats) -> Floats:
-    """Periodic solution of ``w_j² x'' + diag(w2) x = force`` (cosines) without the fundamental of coordinate j."""
+def _nearest_pole(w2: Floats, mode: int, force: Floats, a1: float) -> tuple[float, int, int]:
+    """Factor next to zero with ``h (omega_j + factor omega_1) = omega_l``, l (from 0) and h; where forced at all."""
+    omega = np.sqrt(w2)
+    shift = abs(a1) / (2.0 * float(omega[mode]))
+    felt = np.abs(force[1:]) > FELT * np.abs(force).max(initial=0.0)
+    felt[0, mode] = False
+    if shift == 0.0 or not np.any(felt):
+        return np.inf, -1, 0
+    h = np.arange(1, force.shape[0])[:, None]
+    factor = np.where(felt, np.abs(omega / h - omega[mode]) / shift, np.inf)
+    at = np.unravel_index(int(np.argmin(factor)), factor.shape)
+    return float(factor[at]), int(at[1]), int(at[0]) + 1
+
+
+def _solve(w2: Floats, mode: int, force: Floats, squared: float | None = None) -> Floats:
+    """Periodic solution of ``w² x'' + diag(w2) x = force`` (cosines) without the fundamental of coordinate j.
+
+    ``squared`` is w²; that of mode j by default.
+    """
     h2 = (np.arange(force.shape[0]) ** 2)[:, None]
-    divisor = w2 - h2 * w2[mode]
+    divisor = w2 - h2 * (w2[mode] if squared is None else squared)
     skipped = np.zeros(divisor.shape, dtype=bool)
     skipped[1, mode] = True
     small = (np.abs(divisor) <= RESONANT * (w2 + h2 * w2[mode] + 1e-300)) & ~skipped
@@ -247,18 +289,19 @@ def expand_mode_at_energy(
     harmonics: int = HARMONICS,
     cubic: CubicSprings | None = None,
     rest_energy: float = 0.0,
+    uniform: bool = False,
 ) -> ModeExpansion:
     """The expansion whose initial vector (to ``order``) has the potential energy asked for, J, at this factor.
 
     ``sign`` chooses the extreme from which the motion starts; ``rest_energy`` is subtracted (that of static
-    equilibrium).
+    equilibrium); ``uniform`` takes the divisors at the frequency that belongs to the factor.
     """
     if energy <= 0:
         raise ScenarioError(Problem("nnm.energy", f"= {energy:g} J is no motion", "give a positive energy"))
     omega = float(np.sqrt(system.stiffness[mode])) if system.stiffness[mode] > 0 else 1.0
     amplitude = sign * np.sqrt(2.0 * energy) / omega
     for _ in range(50):
-        expansion = expand_mode(system, mode, amplitude, harmonics, cubic)
+        expansion = expand_mode(system, mode, amplitude, harmonics, cubic, factor if uniform else None)
         have = potential_energy(system, expansion.initial(factor, order), factor, cubic) - rest_energy
         if have <= 0:
             raise ScenarioError(

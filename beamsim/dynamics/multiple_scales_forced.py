@@ -196,13 +196,20 @@ class ResonantForcing:
 
     def backbone(self, amplitude: float) -> complex:
         """Psi: its real part the change of the mode's frequency, its imaginary part the decay, both per factor."""
+        return complex(self.backbones(np.array([amplitude]))[0])
+
+    def backbones(self, amplitude: Floats) -> Complexes:
+        r"""(na,) Psi at several amplitudes a.
+
+        A spring that is closed for the angle :math:`2 \alpha`, :math:`\cos\alpha = g / (|\phi| a)`, adds
+        :math:`(k + i \omega c) \phi^2 (\alpha - \sin\alpha \cos\alpha) / (2 \pi \omega)`.
+        """
         c, j = self.system.contacts, self.mode
-        total = 0.5j * self.system.damping[j, j]
-        for i in range(c.count):
-            found = one_sided(np.array([-self.gap[i], -c.sign[i] * c.shape[i, j] * amplitude], dtype=complex))
-            rate = c.stiffness[i] + 1j * self.omega * c.dashpot[i]
-            total -= c.sign[i] * c.shape[i, j] * rate * found.positive[1] / (2.0 * self.omega * amplitude)
-        return complex(total)
+        reach = np.multiply.outer(amplitude, np.abs(c.shape[:, j]))
+        cosine = np.clip(self.gap / np.maximum(reach, 1e-300), -1.0, 1.0)
+        closed = np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)
+        rate = (c.stiffness + 1j * self.omega * c.dashpot) * c.shape[:, j] ** 2
+        return np.asarray(closed @ rate / (2.0 * np.pi * self.omega) + 0.5j * self.system.damping[j, j])
 
     def detunings(self, amplitude: float) -> tuple[float, ...]:
         """The detunings of steady motions of this amplitude: none, or two about the backbone (equal at its tip)."""
@@ -212,7 +219,8 @@ class ResonantForcing:
             return ()
         return (psi.real - float(np.sqrt(square)), psi.real + float(np.sqrt(square)))
 
-    def _motion(self, amplitude: float, sigma: float) -> SteadyMotion:
+    def motion(self, amplitude: float, sigma: float) -> SteadyMotion:
+        """The steady motion of an amplitude and a detuning that belong together."""
         psi = self.backbone(amplitude)
         Q = self.load[self.mode] / (2.0 * self.omega) / (psi - sigma)
         step = 1e-5 * amplitude
@@ -263,7 +271,7 @@ class ResonantForcing:
             )
         )
         grid = grid[grid > 0]
-        values = np.array([excess(a) for a in grid])
+        values = grid * np.abs(self.backbones(grid) - sigma) - F
         found = [
             float(brentq(excess, grid[i], grid[i + 1], xtol=1e-15 * grid[i + 1], rtol=1e-14))
             for i in np.flatnonzero(values[:-1] * values[1:] < 0)
@@ -276,7 +284,7 @@ class ResonantForcing:
                     "give damping",
                 )
             )
-        return tuple(self._motion(a, sigma) for a in found)
+        return tuple(self.motion(a, sigma) for a in found)
 
     def slow_flow(self, start: complex, sigma: float, times: Floats) -> Complexes:
         """Q at increasing slow times, from Q at the first of them.
@@ -330,9 +338,9 @@ class ResonantForcing:
             k, other = (int(x[0]) for x in np.nonzero(small))
             raise ScenarioError(
                 Problem(
-                    "nnm.method",
-                    f"= multiple_scales fails: {k} times the frequency is that of mode {other + 1}",
-                    "use continuation, or change the frequency",
+                    "excitation.frequency",
+                    f"times {k} is the frequency of mode {other + 1}: multiple scales has no correction there",
+                    "leave the comparison out, or change the frequency",
                 )
             )
         return np.where(small, 0.0, right / np.where(small, 1.0, divisor)), force, chi
@@ -362,11 +370,14 @@ class ResonantForcing:
             J = np.array([(balance(x + e) - balance(x - e)) / (2 * step) for e in step * np.eye(2)]).T
             move = np.linalg.solve(J, -R)
             x = x + move
-            if np.linalg.norm(move) <= 1e-12 * abs(Q):
+            if np.linalg.norm(move) <= 1e-11 * abs(Q):
                 break
-        Q = complex(x[0], x[1])
+        return self.with_correction(complex(x[0], x[1]), omega, factor)
+
+    def with_correction(self, Q: complex, omega: float, factor: float) -> Complexes:
+        """(H + 1, n) harmonics of ``Re(Q e^{i omega t}) e_j + factor q_1``."""
         out = factor * self.correction(Q, omega)
-        out[1, j] += Q
+        out[1, self.mode] += Q
         return out
 
     def _fundamental(self, Q: complex, omega: float, factor: float) -> complex:

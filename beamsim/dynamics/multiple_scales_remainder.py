@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.multiple_scales import expand_mode, weakened
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.transient import simulate
 from beamsim.model.signal import Signal
 from beamsim.model.system import Forcing
 

@@ -5,7 +5,8 @@ sensitivity :math:`S = \\partial(y, face)/\\partial(y_0, face_0, p)` along, one 
 
 * on a segment :math:`S_1 = \\Phi(\\tau)\\,(S_0 - \\partial y_f(t_0)) + \\partial y_f(t_1)` with
   :math:`\\Phi = \\mathrm{Re}\\, \\sum_t u_t e_t(\\tau)\\, P_{src(t)}` and the forced response's own derivative;
-* a contact's stiffness, dashpot, gap or place p adds :math:`\\int \\Phi(\\tau-\\sigma) h(\\sigma) d\\sigma`, in closed
+* a contact's stiffness, dashpot, gap or place p, and the structure's matrices and loads, add
+  :math:`\\int \\Phi(\\tau-\\sigma) h(\\sigma) d\\sigma`, in closed
   form by the divided differences :math:`(e^{\\lambda_b\\tau} - e^{\\lambda_i\\tau}) / (\\lambda_b - \\lambda_i)`;
 * at an event :math:`S^+ = S^- + (f^- - f^+)\\, \\partial t_e`,
   :math:`\\partial t_e = -(\\nabla g\\, S^- + \\partial_p g) / \\dot g^-` (the saltation matrix applied to S).
@@ -49,7 +50,8 @@ class Variation(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """P parameters: derivatives of the periodic terms, and directions in the space of the contacts' numbers."""
+    """P parameters: derivatives of the periodic terms, and directions in the space of the contacts' numbers and of the
+    structure's matrices and loads (these last of length zero where no parameter moves them)."""
 
     moves_frequency: Any  # (P,) bool
     terms: Any  # (P, S, H, N) derivative of the periodic sources' term vectors
@@ -59,6 +61,12 @@ class Parameters(NamedTuple):
     dashpot: Any  # (P, m)
     gap: Any  # (P, m)
     shape: Any  # (P, m, n)
+    moves_structure: Any  # (P,) bool
+    structure_stiffness: Any  # (P, n, n)
+    structure_damping: Any  # (P, n, n)
+    structure_mass: Any  # (P, n, n)
+    load: Any  # (P, n)
+    force: Any  # (P, H, n) complex amplitudes
 
 
 @njit(cache=True, error_model="numpy")
@@ -248,6 +256,65 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
 
 
 @njit(cache=True, error_model="numpy")
+def _add_structure(tables, s, first, variation, parameters, p, t0, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
+    """Add to ``add`` (N,) the response over a segment to the change of the structure's matrices and loads.
+
+    The motion being ``Re sum_b q_b e^(lambda_b tau)``, the change of the equations is the load
+    ``-Re sum_b (lambda_b^2 dM + lambda_b dC + dK) q_b e^(lambda_b tau)``. ``first`` is the first free amplitude.
+    """
+    N = add.size
+    n = N // 2
+    nb = tables.n_basis[s]
+    load = np.zeros((nb, n), dtype=np.complex128)
+    for q in range(tables.n_terms[s]):
+        source = tables.term_source[s, q]
+        b = tables.term_basis[s, q]
+        z = zeta[source]
+        lam = tables.exponent[s, b]
+        if source == 0:
+            for i in range(n):
+                load[b, i] += parameters.load[p, i]
+        for j in range(n):
+            u, v = z * tables.term_vector[s, q, j], z * tables.term_vector[s, q, n + j]
+            a = lam * v
+            for i in range(n):
+                load[b, i] -= (
+                    parameters.structure_stiffness[p, i, j] * u
+                    + parameters.structure_damping[p, i, j] * v
+                    + parameters.structure_mass[p, i, j] * a
+                )
+    for h in range(variation.multiple.size):
+        b = tables.term_basis[s, variation.first_forced[s] + h]
+        iw = tables.exponent[s, b]
+        e = _exp(iw.real, iw.imag, t0)
+        for i in range(n):
+            load[b, i] += parameters.force[p, h, i] * e
+    for q in range(tables.n_terms[s]):
+        source = tables.term_source[s, q]
+        if source < first:
+            continue
+        bi = tables.term_basis[s, q]
+        lam, e = tables.exponent[s, bi], basis[bi]
+        total = 0.0j
+        for b in range(nb):
+            push = 0.0j
+            pull = 0.0j
+            for i in range(n):
+                row = tables.projector[s, source - first, n + i]
+                push += row * load[b, i]
+                pull += row * load[b, i].conjugate()
+            if push == 0.0 and pull == 0.0:
+                continue
+            mu, f = tables.exponent[s, b], basis[b]
+            d = _difference(lam, mu, e, f, tau)
+            dbar = d if mu.imag == 0.0 else _difference(lam, mu.conjugate(), e, f.conjugate(), tau)
+            total += 0.5 * (push * d + pull * dbar)
+        for i in range(N):
+            u = tables.term_vector[s, q, i]
+            add[i] += u.real * total.real - u.imag * total.imag
+
+
+@njit(cache=True, error_model="numpy")
 def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j, t, y):  # type: ignore[no-untyped-def]
     """Explicit derivative of contact j's penetration and of its rate by parameter p, the state held."""
     n = contacts.shape.shape[1]
@@ -341,6 +408,12 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                 for i in range(N):
                     add[i] = 0.0
                 _add_forcing(tables, s, inputs, contacts, variation.base, parameters, p, zeta, basis, tau, add)
+                for i in range(N):
+                    sens[i, states + p] += add[i]
+            if parameters.moves_structure[p]:
+                for i in range(N):
+                    add[i] = 0.0
+                _add_structure(tables, s, F + m, variation, parameters, p, t0, zeta, basis, tau, add)
                 for i in range(N):
                     sens[i, states + p] += add[i]
         for j in range(m):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import LinearOutput
-from beamsim.dynamics.transient import ExactFlow
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.model.structure import CubicSprings
 
 __all__ = ["ReferenceTrajectory", "integrate"]
@@ -167,6 +167,7 @@ class _RightHandSide:
             if sources.channel[f] < len(flow.forcing.signal):
                 self.load[f] = flow.forcing.load[sources.channel[f]]
         self.base_displacement = flow.forcing.base_displacement
+        self.base_velocity = None if self.base_displacement is None else self.base_displacement.derivative()
         self.base = (sources.channel == flow.base_channel) & (flow.base_channel >= 0)
         self.piece = 0
         self.closed = np.zeros(system.contacts.count, dtype=bool)
@@ -204,16 +205,20 @@ class _RightHandSide:
         force = np.where(self.closed, c.stiffness * delta + c.dashpot * rate, 0.0)
         outside = system.constant_load + value @ self.load
         inside = -system.stiffness * q
+        through = 0.0  # power that the base's motion puts into cubic springs to the ground
         if self.cubic is not None and self.cubic.count:
             base = 0.0 if self.base_displacement is None else float(self.base_displacement(t))
-            inside = inside - (self.cubic.stiffness * (self.cubic.shape @ q + base) ** 3) @ self.cubic.shape
+            pull = self.cubic.stiffness * (self.cubic.shape @ q + self.cubic.felt * base) ** 3
+            inside = inside - pull @ self.cubic.shape
+            if self.base_velocity is not None:
+                through = float(pull @ self.cubic.felt) * float(self.base_velocity(t))
         friction = system.damping @ v
         acceleration = inside + outside - friction + (force * c.sign) @ c.shape
         face = y[2 * n : 2 * n + m]
         with np.errstate(divide="ignore", invalid="ignore"):
             relax = np.where(self.flow.has_face & ~self.closed, -c.stiffness / c.dashpot * face, 0.0)
         moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
-        power = outside @ v - (force * c.sign) @ moved
+        power = outside @ v - (force * c.sign) @ moved + through
         loss = v @ friction + c.dashpot @ np.where(self.closed, rate, relax) ** 2
         return np.concatenate([v, acceleration, relax, [power, loss]])
 

@@ -21,6 +21,10 @@ __all__ = ["RelaxedStep", "relaxed_path"]
 
 Floats = NDArray[np.float64]
 
+STALLS = 3  # restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
+GAINED = 0.99  # of the functional or less counts as gained
+SHORTEST, LONGEST = 0.5, 1.5  # of the last step's period: J vanishes as the period does, which is no motion
+
 
 @dataclass(frozen=True)
 class RelaxedStep:
@@ -33,17 +37,21 @@ class RelaxedStep:
     passages: int  # motions computed for this step
     processor_time_s: float
     reached: bool  # whether the functional fell below the tolerance
+    stalled: bool  # whether the optimiser ended by itself before that, its iterations not used up
 
 
 def relaxed_path(
     orbits: BrakeOrbits, start: Floats, factors: Floats, tolerance: float = 1e-6, iterations: int = 200
 ) -> Iterator[RelaxedStep]:
-    """Minimise J at each factor with BFGS, from the last result; ``start`` as
-    :func:`~beamsim.dynamics.reversible.linear_mode`."""
+    """Minimise J at each factor by a quasi-Newton method (L-BFGS-B), from the last result.
+
+    ``start`` are unknowns as of :func:`~beamsim.dynamics.reversible.linear_mode`: a motion at the factor before the
+    first one.
+    """
     from scipy.optimize import minimize
 
     n, energy = orbits.n, orbits.energy
-    omega = orbits.family.omega
+    omega = np.maximum(orbits.family.omega, 0.2 * np.pi / start[-2])  # a rigid-body mode has none of its own
     weight = np.append(np.sqrt(2 * energy) / omega, start[-2])
     x = start[: n + 1] / weight
     for factor in factors:
@@ -56,7 +64,7 @@ def relaxed_path(
             q, period = w[:n] * weight[:n], float(w[n] * weight[n])
             z = np.zeros(2 * n + orbits.family.extra)
             z[:n] = q
-            passage = flow.carry(z, max(period, 1e-6 * weight[n]))  # type: ignore[attr-defined]
+            passage = flow.carry(z, period)  # type: ignore[attr-defined]
             miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
             J = np.zeros((2 * n, n + 1))
             J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
@@ -69,14 +77,20 @@ def relaxed_path(
             by[:n] += 2 * excess * gradient / energy
             return total, by * weight
 
-        done = minimize(
-            functional, x, jac=True, method="BFGS", options={"maxiter": iterations, "gtol": 1e-12},
-            callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
-        )  # fmt: skip
-        x = done.x
+        bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
+        value, left, stalls = np.inf, iterations, 0
+        while left > 0 and stalls < STALLS and value > tolerance:
+            done = minimize(
+                functional, x, jac=True, method="L-BFGS-B", bounds=bounds,
+                options={"maxiter": left, "maxfun": 20 * left, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
+                callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
+            )  # fmt: skip
+            x, left = done.x, left - max(int(done.nit), 1)
+            stalls += done.fun > GAINED * value
+            value = float(done.fun)
         yield RelaxedStep(
-            float(factor), x[:n] * weight[:n], float(x[n] * weight[n]), float(done.fun), count,
-            clock.process_time() - begin, bool(done.fun <= tolerance),
+            float(factor), x[:n] * weight[:n], float(x[n] * weight[n]), value, count, clock.process_time() - begin,
+            value <= tolerance, left > 0,
         )  # fmt: skip
 
 

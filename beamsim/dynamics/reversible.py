@@ -40,6 +40,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
+LARGEST_LOG = 600.0  # of an energy
 STABLE = 1e-7  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
 
 
@@ -125,7 +126,10 @@ class ContactStiffness:
         if c.gap[0] < 0:
             return self._prestressed_estimate(mode, factor, energy)
         stiff = np.diag(self.system.stiffness) + factor * c.stiffness[0] * np.outer(c.shape[0], c.shape[0])
-        w1, w2, gap = float(self.omega[mode]), float(np.sqrt(np.linalg.eigvalsh(stiff)[mode])), float(c.gap[0])
+        squared = float(np.linalg.eigvalsh(stiff)[mode])
+        if squared <= 0:  # a spring that gives no more force
+            return None
+        w1, w2, gap = float(self.omega[mode]), float(np.sqrt(squared)), float(c.gap[0])
         reach = abs(float(c.shape[0, mode])) * float(np.sqrt(2 * energy)) / w1
         if reach <= gap:
             return 2 * np.pi / w1
@@ -236,6 +240,7 @@ class BrakeOrbits:
             self.omega, self.vectors = self.family.omega, np.eye(self.n)
         else:
             self.omega, self.vectors = self.basis
+        self.idle = _idle(self.family)
 
     def split(self, u: Floats) -> tuple[Floats, float, float, float]:
         """q0, period, factor and energy (nan where it isn't held) of the unknowns."""
@@ -254,6 +259,8 @@ class BrakeOrbits:
     def residual(self, u: Floats) -> tuple[Floats, Floats, HalfPeriod]:
         """Velocities after half a period, and the energy's excess."""
         n = self.n
+        if self.parameter == "energy" and not abs(u[-1]) < LARGEST_LOG:
+            raise ArithmeticError("the energy left the numbers there are")
         q, period, factor, energy = self.split(u)
         if not (np.isfinite(period) and period > 0):
             raise ArithmeticError("the period became negative")
@@ -267,11 +274,11 @@ class BrakeOrbits:
         v = slice(n, 2 * n)
         if self.parameter == "frequency":
             J = np.zeros((n, n + 1))
-            J[:, :n] = passage.transition[v, :n]
+            J[:, :n] = passage.transition[v, :n] + self.idle
             J[:, n] = -0.5 * passage.slope[v] * period / float(u[-1])
-            return passage.end[v], J, data
+            return passage.end[v] + self.idle @ q, J, data
         J = np.zeros((n + 1, n + 2))
-        J[:n, :n] = passage.transition[v, :n]
+        J[:n, :n] = passage.transition[v, :n] + self.idle
         J[:n, n] = 0.5 * passage.slope[v]
         J[n, :n] = gradient
         if by_factor:
@@ -279,7 +286,7 @@ class BrakeOrbits:
             J[n, n + 1] = slope
         else:
             J[n, n + 1] = -energy
-        return np.append(passage.end[v], value - energy), J, data
+        return np.append(passage.end[v] + self.idle @ q, value - energy), J, data
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Coordinates by the amplitude that carries all the energy, velocities likewise."""
@@ -300,10 +307,13 @@ class BrakeOrbits:
         return np.asarray(parts / max(float(parts.sum()), 1e-300))
 
     def own(self, point: BranchPoint, mode: int) -> float:
-        """Derivative of a linear mode's velocity after half a period by its amplitude at the start, over its
-        frequency."""
+        """Derivative of a linear mode's velocity after half a period by its amplitude at the start, over its frequency.
+
+        (The lowest frequency takes the place of a rigid-body mode's.)
+        """
         n, e = self.n, self.vectors[:, mode]
-        return float(e @ point.data.passage.transition[n : 2 * n, :n] @ e / self.omega[mode])
+        pace = self.omega[mode] if self.omega[mode] > 0 else self.omega[self.omega > 0].min()
+        return float(e @ (point.data.passage.transition[n : 2 * n, :n] + self.idle) @ e / pace)
 
     def mode(self, point: BranchPoint) -> NormalMode:
         """What a converged point means."""
@@ -327,6 +337,29 @@ class BrakeOrbits:
         """Whether two motions have the same order of contacts over half a period, from the same contacts at rest."""
         pa, pb = a.data.passage, b.data.passage
         return bool(pa.signature == pb.signature)
+
+
+def _idle(family: Conservative) -> Floats:
+    """(n, n) 1/s, a multiple of the projector on rigid-body motions that no spring feels.
+
+    Along them the velocity stays zero whatever the start; added to the residual it asks for no displacement instead.
+    """
+    omega = family.omega
+    rigid = np.flatnonzero(omega == 0.0)
+    out = np.zeros((omega.size, omega.size))
+    if rigid.size == 0 or rigid.size == omega.size:
+        return out
+    system: Any = getattr(family, "system", None)
+    if system is None:
+        return out
+    rows = np.vstack([system.contacts.shape, getattr(family, "cubic_shape", np.zeros((0, omega.size)))])[:, rigid]
+    if rows.shape[0] == 0:
+        loose = np.eye(rigid.size)
+    else:
+        _, singular, turned = np.linalg.svd(rows)
+        loose = turned[int(np.sum(singular > 1e-12 * max(float(singular.max()), 1e-300))) :]
+    out[np.ix_(rigid, rigid)] = float(omega[omega > 0].min()) * loose.T @ loose
+    return out
 
 
 def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats | None = None) -> Floats:

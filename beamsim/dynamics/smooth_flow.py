@@ -47,9 +47,10 @@ class SmoothFlow:
 
     Parameters
     ----------
-    system : the structure and its contacts; no ``no_tension`` dashpots, no base-driven contacts.
-    cubic_shape, cubic : (nc, n) and (nc,) N/m^3, springs to ground ``force = cubic (shape @ q)^3``.
+    system : the structure and its contacts; no ``no_tension`` dashpots.
+    cubic_shape, cubic : (nc, n) and (nc,) N/m^3, springs ``force = cubic (shape @ q + d)^3``.
     forcing, omega, level : periodic loads.
+    on_ground : (nc,) which springs feel the base's displacement d (the others join masses); all of them by default.
     """
 
     system: PiecewiseLinearSystem
@@ -58,6 +59,7 @@ class SmoothFlow:
     forcing: PeriodicForcing | None = None
     omega: float = 1.0
     level: float = 1.0
+    on_ground: Bools | None = None
     passages: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -68,15 +70,10 @@ class SmoothFlow:
             raise ValueError(
                 "a no_tension snubber with a dashpot cannot be combined with cubic springs; use kelvin_voigt"
             )
-        if np.any(contacts.on_ground) and np.any(self.loads.base):
-            raise ValueError("a snubber on the ground under base motion cannot be combined with cubic springs")
         self.size = 2 * n + m
         self.free = np.concatenate([np.ones(2 * n, dtype=bool), np.zeros(m, dtype=bool)])
-        fastest = float(
-            np.sqrt(
-                self.system.stiffness.max(initial=0.0) + float(contacts.stiffness @ (contacts.shape**2).sum(axis=1))
-            )
-        )
+        added = float(np.abs(contacts.stiffness) @ (contacts.shape**2).sum(axis=1))
+        fastest = float(np.sqrt(self.system.stiffness.max(initial=0.0) + added))
         self._longest = RADIANS / fastest if fastest > 0 else np.inf
         self._room(FIRST_LOG)
 
@@ -102,15 +99,15 @@ class SmoothFlow:
 
         s, c = self.system, self.system.contacts
         n, m, H, P, nc = s.size, c.count, self.loads.count, len(parameters), self.cubic.size
-        force, _, d_force, _ = self.loads.at(self.omega, self.level)
-        by_force = np.zeros((P, H, n), dtype=complex)
+        force, base, d_force, d_base = self.loads.at(self.omega, self.level)
+        by_force, by_base = np.zeros((P, H, n), dtype=complex), np.zeros((P, H), dtype=complex)
         by_frequency, by_cubic = np.zeros((P, H)), np.zeros((P, nc))
         by_stiffness, by_gap = np.zeros((P, m)), np.zeros((P, m))
         for i, p in enumerate(parameters):
             if isinstance(p, Frequency):
-                by_force[i], by_frequency[i] = d_force, self.loads.multiple
+                by_force[i], by_base[i], by_frequency[i] = d_force, d_base, self.loads.multiple
             elif isinstance(p, Level):
-                by_force[i] = self.loads.at(self.omega, 1.0)[0]
+                by_force[i], by_base[i] = self.loads.at(self.omega, 1.0)[:2]
             elif isinstance(p, SpringFactor):
                 by_cubic[i], by_stiffness[i] = p.cubic, p.stiffness
             elif isinstance(p, ContactDirection) and not (np.any(p.dashpot) or np.any(p.shape)):
@@ -120,17 +117,19 @@ class SmoothFlow:
         return SmoothSystem(
             s.stiffness.astype(float), np.ascontiguousarray(s.damping), s.constant_load.astype(float),
             np.ascontiguousarray(self.cubic_shape).reshape(nc, n), self.cubic.astype(float),
-            np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap,
-            self.loads.multiple * self.omega, np.ascontiguousarray(force).reshape(H, n), by_force, by_frequency,
-            by_cubic, by_stiffness, by_gap,
+            np.ones(nc) if self.on_ground is None else self.on_ground.astype(float),
+            np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap, c.on_ground.astype(float),
+            self.loads.multiple * self.omega, np.ascontiguousarray(force).reshape(H, n), base.astype(complex),
+            by_force, by_base, by_frequency, by_cubic, by_stiffness, by_gap,
         )  # fmt: skip
 
-    def starting_state(self, z: Floats) -> Bools:
+    def starting_state(self, z: Floats, t: float = 0.0) -> Bools:
         """Which contacts are closed; at zero gap the one that is approached."""
         n, c = self.system.size, self.system.contacts
-        delta = -c.gap - c.sign * (c.shape @ z[:n])
-        rate = -c.sign * (c.shape @ z[n : 2 * n])
-        near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]))
+        d, d_rate = (x[0] for x in self._base(np.array([t])))
+        delta = -c.gap - c.sign * (c.shape @ z[:n] + c.on_ground * d)
+        rate = -c.sign * (c.shape @ z[n : 2 * n] + c.on_ground * d_rate)
+        near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.on_ground * abs(d))
         return np.asarray(np.where(near, rate > 0, delta > 0))
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Any] = (), t: float = 0.0) -> Passage:
@@ -142,7 +141,7 @@ class SmoothFlow:
         self.passages += 1
         arrays = self._arrays(parameters)
         while True:
-            y, closed = start[:N].copy(), self.starting_state(start)
+            y, closed = start[:N].copy(), self.starting_state(start, t)
             sens = np.zeros((N, N + P))
             sens[np.arange(N), np.arange(N)] = 1.0
             slope = np.zeros(N)
@@ -168,12 +167,15 @@ class SmoothFlow:
             float(smallest),
         )  # fmt: skip
 
+    def closed_in(self, passage: Passage) -> Bools:
+        """(G, m) which contacts are closed in each segment of a passage."""
+        return np.asarray((passage.state[:, None] >> np.arange(self.system.contacts.count)) & 1 == 1)
+
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state (q, q') at increasing times within a passage."""
         from beamsim.dynamics import taylor_kernels
 
-        m = self.system.contacts.count
-        closed = (passage.state[:, None] >> np.arange(m)) & 1 == 1
+        closed = self.closed_in(passage)
         out = np.empty((times.size, 2 * self.system.size))
         taylor_kernels.sample_smooth(
             self._arrays(()), passage.time, closed, passage.y, np.ascontiguousarray(times), out
@@ -185,13 +187,19 @@ class SmoothFlow:
         n, c = self.system.size, self.system.contacts
         y = self.states_at(passage, times)
         shape = -c.sign[:, None] * c.shape
-        return y[:, :n] @ shape.T - c.gap, y[:, n:] @ shape.T
+        moved = [np.multiply.outer(x, -c.sign * c.on_ground) for x in self._base(times)]
+        return y[:, :n] @ shape.T - c.gap + moved[0], y[:, n:] @ shape.T + moved[1]
+
+    def _base(self, times: Floats) -> tuple[Floats, Floats]:
+        """(nt,) displacement and velocity of the base."""
+        base, iw = self.loads.at(self.omega, self.level)[1], 1j * self.loads.multiple * self.omega
+        moving = base * np.exp(np.multiply.outer(times, iw))
+        return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
 
 
 @dataclass
 class CubicStiffness:
-    """A family for :class:`beamsim.dynamics.reversible.BrakeOrbits`: the factor multiplies cubic springs and contacts.
-    A family for :class:`beamsim.dynamics.reversible.BrakeOrbits`: the factor multiplies cubic springs and contacts."""
+    """A family for :class:`beamsim.dynamics.reversible.BrakeOrbits`: the factor multiplies all nonlinear springs."""
 
     system: PiecewiseLinearSystem
     cubic_shape: Floats

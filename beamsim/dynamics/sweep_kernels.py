@@ -27,11 +27,15 @@ from beamsim.dynamics.kernels import (
     FULL,
     NEED_STATE,
     _combine,
+    _crossing,
     _evaluate,
     _exp,
     _fill_basis,
+    _fill_floors,
+    _fill_least,
     _fill_sources,
-    _safe_step,
+    _next_step,
+    _relax,
     _state_at,
 )
 
@@ -315,6 +319,7 @@ def march(  # type: ignore[no-untyped-def]
     aw = np.zeros((2 * m, MOST_POWERS))
     moved = np.zeros(N)
     least = np.zeros(m)
+    floors = np.zeros(m)
     work = _make_work(kept, K, R, B, DM)
     n_seg = 0
     n_ev = 0
@@ -363,12 +368,7 @@ def march(  # type: ignore[no-untyped-def]
             for j in range(m):
                 seg_face[n_seg, j] = face[j]
 
-        for j in range(m):
-            least[j] = 0.0
-        for q in range(tables.n_terms[state]):
-            a = 4.0 * EPS * abs(zeta[tables.term_source[state, q]]) * H ** power[tables.term_basis[state, q]]
-            for j in range(m):
-                least[j] += a * tables.roughness[state, q, j]
+        _fill_least(tables, state, zeta, H, least)
         for q in range(used):
             position = 0.0
             speed = 0.0
@@ -383,32 +383,13 @@ def march(  # type: ignore[no-untyped-def]
 
         tau = 0.0
         hit = -1
-        floor = 0.0
+        floors[:] = 0.0
         while m > 0:
             reach = _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out)
             n_eval += 1
-            step = reach - tau
-            if tau == 0.0:
-                floor = 0.0
-                if toggled >= 0 and out[toggled, 0] < 0.0:
-                    # zero by the event just passed: what is left is the round-off of the change of coordinates
-                    scale = 0.0
-                    for b in range(nb):
-                        scale += size[toggled, b]
-                    for q in range(used):
-                        scale += aw[toggled, q] * H**q
-                    floor = min(-2.0 * out[toggled, 0], 1e-9 * scale)
-            for j in range(m):
-                tolerance = max(out[j, 3], least[j])
-                if j == toggled and floor > tolerance:
-                    tolerance = floor
-                lifted = out[j, 0] + 2.0 * tolerance
-                if lifted < tolerance:
-                    hit = j
-                    break
-                h = _safe_step(lifted, out[j, 1], out[j, 2])
-                if h < step:
-                    step = h
+            if tau == 0.0 and toggled >= 0:
+                _fill_floors(out, size, nb, aw, used, H, floors)
+            step, hit = _next_step(out, least, floors, reach - tau)
             if hit >= 0:
                 break
             before = tau
@@ -417,12 +398,7 @@ def march(  # type: ignore[no-untyped-def]
                 break
             if tau == before or n_eval > most_evaluations:
                 return BUDGET, k, x, state, n_seg, n_ev, n_eval, toggled
-        if hit >= 0:
-            g, slope, bound = out[hit, 0], out[hit, 1], out[hit, 2]
-            if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
-                tau = max(0.0, tau - g / slope)
-        else:
-            tau = H
+        tau = _crossing(out, hit, tau) if hit >= 0 else H
         if tau > 0.0:
             cycle = windows.cycle[k]
             _keep(
@@ -439,9 +415,7 @@ def march(  # type: ignore[no-untyped-def]
             for q in range(used - 1, -1, -1):
                 v = v * tau + U[q, i]
             y[i] += v.real * turn.real - v.imag * turn.imag
-        for j in range(m):
-            if inputs.has_face[j] and not tables.closed[state, j]:
-                face[j] *= math.exp(-inputs.face_rate[j] * tau)
+        _relax(inputs, tables.closed[state], tau, face)
         if logging:
             seg_length[n_seg] = tau
         n_seg += 1

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import LinearOutput, state_loads
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.invariant_blocks import Block
-from beamsim.dynamics.transient import ExactFlow
 from beamsim.model.signal import Signal
 from beamsim.model.swept import SweepWindows
 from beamsim.model.system import Forcing, PiecewiseLinearSystem

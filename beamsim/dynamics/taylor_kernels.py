@@ -1,7 +1,9 @@
 """Compiled Taylor series of structures with cubic springs: motion, variational equations, contacts.
 
-.. math:: \\ddot q + C \\dot q + \\Omega^2 q = f_0 + f(t) - \\sum_c \\psi_c\\, \\gamma_c\\, (\\psi_c^T q)^3 +
+.. math:: \\ddot q + C \\dot q + \\Omega^2 q = f_0 + f(t) - \\sum_c \\psi_c\\, \\gamma_c\\, (\\psi_c^T q + g_c d(t))^3 +
 \\text{closed contacts}
+
+(:math:`g_c = 1` for a spring or contact on the ground, which feels the base's displacement d, else 0)
 
 is polynomial, so that the Taylor coefficients of q and of every derivative of q follow from recursions (products of
 series are Cauchy sums). Steps are as long as the last coefficients allow at round-off (À. Jorba and M. Zou,
@@ -32,14 +34,18 @@ class SmoothSystem(NamedTuple):
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
     cubic: Any  # (nc,) N/m^3
+    cubic_ground: Any  # (nc,) 1 where the base's displacement is felt
     shape: Any  # (m, n)
     sign: Any  # (m,)
     stiffness: Any  # (m,)
     dashpot: Any  # (m,)
     gap: Any  # (m,)
+    ground: Any  # (m,) 1 where the base's displacement is felt
     frequency: Any  # (H,) rad/s
     force: Any  # (H, n) complex
+    base: Any  # (H,) complex, displacement of the base
     d_force: Any  # (P, H, n) derivative by each parameter
+    d_base: Any  # (P, H)
     d_frequency: Any  # (P, H) derivative of the frequencies by each parameter
     d_cubic: Any  # (P, nc)
     d_stiffness: Any  # (P, m)
@@ -47,8 +53,36 @@ class SmoothSystem(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _series(s, closed, t, q, v, x, x2, x3):  # type: ignore[no-untyped-def]
-    """Taylor coefficients (ORDER + 1, n) of q and v from their values in row 0; those of the cubic springs' stretch."""
+def _base_series(s, t, d):  # type: ignore[no-untyped-def]
+    """Taylor coefficients (ORDER + 1,) of the base's displacement."""
+    d[:] = 0.0
+    for h in range(s.frequency.size):
+        term = s.base[h] * complex(math.cos(s.frequency[h] * t), math.sin(s.frequency[h] * t))
+        for k in range(ORDER + 1):
+            d[k] += term.real
+            term *= complex(0.0, s.frequency[h] / (k + 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _varied_base_series(s, t, p, dd):  # type: ignore[no-untyped-def]
+    """The same of its derivative by a parameter (zero by the start, p = -1)."""
+    dd[:] = 0.0
+    if p < 0:
+        return
+    for h in range(s.frequency.size):
+        term = complex(math.cos(s.frequency[h] * t), math.sin(s.frequency[h] * t))
+        before = complex(0.0, 0.0)
+        for k in range(ORDER + 1):
+            timed = complex(0.0, s.d_frequency[p, h]) * (t * term + before)
+            dd[k] += (s.d_base[p, h] * term + timed * s.base[h]).real
+            before = term
+            term *= complex(0.0, s.frequency[h] / (k + 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
+    """Taylor coefficients (ORDER + 1, n) of q and v from their values in row 0; of the cubic springs' stretch; of d."""
+    _base_series(s, t, d)
     n = s.omega2.size
     nc = s.cubic.size
     m = s.sign.size
@@ -64,7 +98,7 @@ def _series(s, closed, t, q, v, x, x2, x3):  # type: ignore[no-untyped-def]
                 damped = True
     for k in range(ORDER):
         for c in range(nc):
-            total = 0.0
+            total = s.cubic_ground[c] * d[k]
             for i in range(n):
                 total += s.cubic_shape[c, i] * q[k, i]
             x[c, k] = total
@@ -91,7 +125,8 @@ def _series(s, closed, t, q, v, x, x2, x3):  # type: ignore[no-untyped-def]
         for j in range(m):
             if closed[j]:
                 delta = -s.gap[j] if k == 0 else 0.0
-                rate = 0.0
+                delta -= s.sign[j] * s.ground[j] * d[k]
+                rate = -s.sign[j] * s.ground[j] * (k + 1) * d[k + 1]
                 for i in range(n):
                     delta -= s.sign[j] * s.shape[j, i] * q[k, i]
                     rate -= s.sign[j] * s.shape[j, i] * v[k, i]
@@ -106,8 +141,9 @@ def _series(s, closed, t, q, v, x, x2, x3):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _varied(s, closed, t, q, v, x2, x3, p, dq, dv, dx):  # type: ignore[no-untyped-def]
+def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[no-untyped-def]
     """The same of a derivative of the motion; p is the parameter's number, -1 for a derivative by the start."""
+    _varied_base_series(s, t, p, dd)
     n = s.omega2.size
     nc = s.cubic.size
     m = s.sign.size
@@ -124,7 +160,7 @@ def _varied(s, closed, t, q, v, x2, x3, p, dq, dv, dx):  # type: ignore[no-untyp
                 damped = True
     for k in range(ORDER):
         for c in range(nc):
-            total = 0.0
+            total = s.cubic_ground[c] * dd[k]
             for i in range(n):
                 total += s.cubic_shape[c, i] * dq[k, i]
             dx[c, k] = total
@@ -145,14 +181,15 @@ def _varied(s, closed, t, q, v, x2, x3, p, dq, dv, dx):  # type: ignore[no-untyp
                 dv[k + 1, i] -= s.cubic_shape[c, i] * push
         for j in range(m):
             if closed[j]:
-                delta = 0.0
-                rate = 0.0
+                delta = -s.sign[j] * s.ground[j] * dd[k]
+                rate = -s.sign[j] * s.ground[j] * (k + 1) * dd[k + 1]
                 for i in range(n):
                     delta -= s.sign[j] * s.shape[j, i] * dq[k, i]
                     rate -= s.sign[j] * s.shape[j, i] * dv[k, i]
                 push = s.stiffness[j] * delta + s.dashpot[j] * rate
                 if p >= 0:
                     own = -s.gap[j] if k == 0 else 0.0
+                    own -= s.sign[j] * s.ground[j] * d[k]
                     for i in range(n):
                         own -= s.sign[j] * s.shape[j, i] * q[k, i]
                     push += s.d_stiffness[p, j] * own
@@ -175,7 +212,7 @@ def _varied(s, closed, t, q, v, x2, x3, p, dq, dv, dx):  # type: ignore[no-untyp
 
 
 @njit(cache=True, error_model="numpy")
-def _penetration(s, j, q, h):  # type: ignore[no-untyped-def]
+def _penetration(s, j, q, d, h):  # type: ignore[no-untyped-def]
     """Penetration of contact j and its first two derivatives at h into a step."""
     n = s.omega2.size
     value = 0.0
@@ -183,6 +220,7 @@ def _penetration(s, j, q, h):  # type: ignore[no-untyped-def]
     bend = 0.0
     for k in range(ORDER, -1, -1):
         c = -s.gap[j] if k == 0 else 0.0
+        c -= s.sign[j] * s.ground[j] * d[k]
         for i in range(n):
             c -= s.sign[j] * s.shape[j, i] * q[k, i]
         bend = bend * h + 2.0 * rate
@@ -192,7 +230,7 @@ def _penetration(s, j, q, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _first_event(s, closed, toggled, q, h):  # type: ignore[no-untyped-def]
+def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
     """First (time, contact) within (0, h) at which a contact changes, (h, -1) without one."""
     best = h
     which = -1
@@ -200,7 +238,7 @@ def _first_event(s, closed, toggled, q, h):  # type: ignore[no-untyped-def]
         side = -1.0 if closed[j] else 1.0
         before = 0.0
         # just after an own event the gap is zero to round-off: the first look lies inside the step
-        g0, r0, _b0 = _penetration(s, j, q, 0.0)
+        g0, r0, _b0 = _penetration(s, j, q, d, 0.0)
         g0 *= -side
         r0 *= -side
         g_before, r_before = g0, r0
@@ -208,7 +246,7 @@ def _first_event(s, closed, toggled, q, h):  # type: ignore[no-untyped-def]
             g_before = 0.0
         for look in range(1, LOOKS + 1):
             tau = best * look / LOOKS
-            g, r, _b = _penetration(s, j, q, tau)
+            g, r, _b = _penetration(s, j, q, d, tau)
             g *= -side
             r *= -side
             lower, upper = before, tau
@@ -224,7 +262,7 @@ def _first_event(s, closed, toggled, q, h):  # type: ignore[no-untyped-def]
                         guess = c - rc * (c - a) / (rc - ra)
                         if a < guess < c and _ % 3 != 2:
                             mid = guess
-                    gm, rm, _bm = _penetration(s, j, q, mid)
+                    gm, rm, _bm = _penetration(s, j, q, d, mid)
                     gm *= -side
                     rm *= -side
                     low = gm
@@ -249,13 +287,13 @@ def _first_event(s, closed, toggled, q, h):  # type: ignore[no-untyped-def]
                     inner = upper
                     for _ in range(60):
                         inner *= 0.5
-                        gi, _ri, _bi = _penetration(s, j, q, inner)
+                        gi, _ri, _bi = _penetration(s, j, q, d, inner)
                         if -side * gi > 0.0:
                             lower = inner
                             break
                 root = upper
                 for _ in range(80):
-                    gr, rr, _br = _penetration(s, j, q, root)
+                    gr, rr, _br = _penetration(s, j, q, d, root)
                     gr *= -side
                     rr *= -side
                     if gr < 0.0:
@@ -330,8 +368,9 @@ def carry_smooth(  # type: ignore[no-untyped-def]
     x2 = np.zeros((nc, ORDER + 1))
     x3 = np.zeros((nc, ORDER + 1))
     dx = np.zeros((nc, ORDER + 1))
+    d = np.zeros(ORDER + 1)
+    dd = np.zeros(ORDER + 1)
     out = np.zeros(n)
-    rates = np.zeros(m)
     scale = 0.0
     for i in range(n):
         scale = max(scale, math.sqrt(abs(s.omega2[i])))
@@ -346,12 +385,12 @@ def carry_smooth(  # type: ignore[no-untyped-def]
         for i in range(n):
             q[0, i] = y[i]
             v[0, i] = y[n + i]
-        _series(s, closed, t, q, v, x, x2, x3)
+        _series(s, closed, t, q, v, x, x2, x3, d)
         h = min(_length(q, v, scale), longest, t_end - t)
         ends = h == t_end - t
         which = -1
         if m > 0:
-            h, which = _first_event(s, closed, toggled, q, h)
+            h, which = _first_event(s, closed, toggled, q, d, h)
         log_time[steps] = t
         log_length[steps] = h
         for i in range(2 * n):
@@ -368,7 +407,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
                 dq[0, i] = sens[i, k]
                 dv[0, i] = sens[n + i, k]
             p = k - (columns - parameters)
-            _varied(s, closed, t, q, v, x2, x3, p if p >= 0 else -1, dq, dv, dx)
+            _varied(s, closed, t, q, v, x2, x3, d, p if p >= 0 else -1, dq, dv, dx, dd)
             _add_up(dq, h, out)
             sens[:n, k] = out
             _add_up(dv, h, out)
@@ -390,10 +429,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
             ev_contact[events] = j
             ev_closing[events] = not closed[j]
             events += 1
-            rate = 0.0
-            for i in range(n):
-                rate -= s.sign[j] * s.shape[j, i] * y[n + i]
-            rates[j] = rate
+            _, rate, _ = _penetration(s, j, q, d, h)
             jump = s.dashpot[j] * rate
             if jump != 0.0:
                 smallest = min(smallest, abs(rate))
@@ -404,7 +440,11 @@ def carry_smooth(  # type: ignore[no-untyped-def]
                         change -= s.sign[j] * s.shape[j, i] * sens[i, k]
                     p = k - (columns - parameters)
                     if p >= 0:
-                        change -= s.d_gap[p, j]
+                        _varied_base_series(s, t - h, p, dd)
+                        moved = 0.0
+                        for i in range(ORDER, -1, -1):
+                            moved = moved * h + dd[i]
+                        change -= s.d_gap[p, j] + s.sign[j] * s.ground[j] * moved
                     for i in range(n):
                         sens[n + i, k] += s.shape[j, i] * factor * change
             closed[j] = not closed[j]
@@ -423,6 +463,7 @@ def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[n
     x = np.zeros((nc, ORDER + 1))
     x2 = np.zeros((nc, ORDER + 1))
     x3 = np.zeros((nc, ORDER + 1))
+    d = np.zeros(ORDER + 1)
     row = np.zeros(n)
     g = 0
     current = -1
@@ -432,7 +473,7 @@ def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[n
         if g != current:
             q[0] = log_y[g, :n]
             v[0] = log_y[g, n:]
-            _series(s, log_closed[g], log_time[g], q, v, x, x2, x3)
+            _series(s, log_closed[g], log_time[g], q, v, x, x2, x3, d)
             current = g
         h = times[i] - log_time[g]
         _add_up(q, h, row)

@@ -12,25 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import ContactState, build_state
-from beamsim.dynamics.sources import compile_sources
+from beamsim.dynamics.resonant_passage import carry_by_series, is_resonant
+from beamsim.dynamics.sources import Sources, compile_sources
+from beamsim.dynamics.undamped_state import undamped_state
 from beamsim.model.signal import Signal
 from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
 
 if TYPE_CHECKING:
-    from beamsim.dynamics.transient import ExactFlow
+    from beamsim.dynamics.flow import ExactFlow
 
 __all__ = [
     "ContactDirection",
+    "Direction",
     "Frequency",
     "Level",
+    "Parameter",
     "Passage",
     "PeriodicForcing",
+    "StructureDirection",
     "VariationalFlow",
     "WorkExceeded",
     "floquet_multipliers",
@@ -46,6 +52,8 @@ MOST_EVALUATIONS = 20_000_000
 FIRST_LOG = 64
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 LARGEST_LOG = 65536
+LIGHT = 1e-4  # damping over frequency of a mode below which resonance takes more than four digits
+RIGID = 1e-13  # of the largest eigenvalue: a rigid-body mode that stays one
 
 
 class WorkExceeded(ArithmeticError):
@@ -87,12 +95,13 @@ class PeriodicForcing:
 
     def at(self, omega: float, level: float) -> tuple[Complexes, Complexes, Complexes, Complexes]:
         """Loads and base displacements at a frequency and level, and their derivatives by the frequency."""
-        force = self.force * (level * (omega / self.reference) ** self.force_power)[:, None]
-        base = self.base * (level * (omega / self.reference) ** self.base_power)
+        ratio = omega / self.reference
+        force = self.force * (level * ratio**self.force_power)[:, None]
+        base = self.base * (level * ratio**self.base_power)
         return force, base, force * (self.force_power / omega)[:, None], base * (self.base_power / omega)
 
     def signals(self, omega: float, level: float) -> Forcing:
-        """The same loads for :class:`beamsim.dynamics.transient.ExactFlow`."""
+        """The same loads for :class:`beamsim.dynamics.flow.ExactFlow`."""
         force, base, _, _ = self.at(omega, level)
         load: list[Floats] = []
         signal: list[Signal] = []
@@ -148,7 +157,46 @@ class ContactDirection:
         )
 
 
-Parameter = Frequency | Level | ContactDirection
+@dataclass(frozen=True)
+class StructureDirection:
+    """A parameter p along which the structure's matrices and loads change: their derivatives by p.
+
+    The mass matrix is one at p = 0.
+    """
+
+    stiffness: Floats  # (n, n) symmetric, 1/s^2
+    damping: Floats  # (n, n) symmetric, 1/s
+    mass: Floats  # (n, n) symmetric
+    load: Floats  # (n,) constant loads
+    force: Complexes  # (H, n) periodic loads, as they are at the present frequency and level
+
+    @classmethod
+    def of(
+        cls,
+        size: int,
+        stiffness: Any = 0.0,
+        damping: Any = 0.0,
+        mass: Any = 0.0,
+        load: Any = 0.0,
+        force: Any = None,
+        harmonics: int = 0,
+    ) -> StructureDirection:
+        """Matrices (n, n) or their diagonals (n,), loads (n,) and (H, n); what isn't given doesn't change."""
+
+        def matrix(value: Any) -> Floats:
+            value = np.asarray(value, dtype=float)
+            return np.array(value if value.ndim == 2 else np.diag(np.broadcast_to(value, size)))
+
+        none = np.zeros((harmonics, size), dtype=complex)
+        return cls(
+            matrix(stiffness), matrix(damping), matrix(mass),
+            np.array(np.broadcast_to(np.asarray(load, dtype=float), size)),
+            none if force is None else np.array(force, dtype=complex),
+        )  # fmt: skip
+
+
+Direction = ContactDirection | StructureDirection
+Parameter = Frequency | Level | Direction
 
 
 @dataclass(frozen=True)
@@ -203,12 +251,14 @@ class VariationalFlow:
         H = self.loads.count
         self.size = 2 * n + m
         self._grounded = bool(H) and bool(np.any(self.system.contacts.on_ground))
-        self._sources = compile_sources(())
+        self._sources = _constant_source()
         self._constant = Forcing(np.zeros((0, n)), ())
         self._states: list[ContactState] = []
+        self._lightly_damped = False
         self._index: dict[bytes, int] = {}
         self._follower = np.full((0, m), -1, dtype=np.int64)
         self._tables: Any = None
+        self._known_parameters: dict[tuple[type[Parameter], ...], Any] = {}
         self._log: tuple[Any, ...] = ()
         self._event_log: tuple[Any, ...] = ()
         self._room(FIRST_LOG)
@@ -226,6 +276,9 @@ class VariationalFlow:
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = np.where(contacts.dashpot > 0, contacts.stiffness / contacts.dashpot, 0.0)
         self._has_face = np.asarray(contacts.no_tension & (contacts.dashpot > 0))
+        self._resonant = False
+        self._series: ExactFlow | None = None
+        self._any_face = bool(self._has_face.any())
         self._inputs = Inputs(
             np.zeros(1), np.ones((1, 1 + H), dtype=complex), np.zeros(1 + H, dtype=complex),
             np.zeros(1 + H, dtype=np.int64), np.arange(1 + H), self._has_face, rate,
@@ -254,9 +307,16 @@ class VariationalFlow:
         key = closed.tobytes()
         found = self._index.get(key)
         if found is None:
-            state = build_state(self.system, self._constant, self._sources, -1, closed, self._window)
+            state = undamped_state(self.system, closed, self._window)
+            if state is None:
+                state = build_state(self.system, self._constant, self._sources, -1, closed, self._window)
             found = self._keep(state)
         return found
+
+    def learn(self, other: VariationalFlow) -> None:
+        """Number the contact states that another flow of the same structure visited, in its order."""
+        for state in other._states:
+            self.state_index(state.closed)
 
     def _keep(self, state: ContactState) -> int:
         """Number a new state and connect it with those it follows."""
@@ -270,6 +330,9 @@ class VariationalFlow:
                 self._follower[found, different[0]] = index
         self._states.append(state)
         self._tables = None
+        if self.loads.count:
+            light = np.abs(state.exponent.real) < LIGHT * np.abs(state.exponent.imag)
+            self._lightly_damped = self._lightly_damped or bool(light.any())
         return found
 
     def _prepare(self) -> None:
@@ -332,6 +395,8 @@ class VariationalFlow:
         self._K = np.array([s.stiffness for s in self._states])
         self._C = np.array([s.damping for s in self._states])
         self._derivative = np.zeros((2, S, H, N), dtype=complex)
+        self._base_derivative = np.zeros((2, H), dtype=complex)
+        self._known_parameters.clear()
         self._force()
 
     def _watch(self, s: ContactState) -> Complexes:
@@ -356,14 +421,17 @@ class VariationalFlow:
             return
         from beamsim.dynamics.orbit_kernels import force_terms
 
-        force, base, dforce, dbase = self.loads.at(self.omega, self.level)
-        unit, unit_base, _, _ = self.loads.at(self.omega, 1.0)
-        self._dbase = np.array([dbase, unit_base])
-        self._variation.base[:] = base
+        self._resonant = self._lightly_damped and is_resonant(self._states, self.loads.multiple, self.omega)
+        if self._resonant:  # the particular solution has no bound: see carry
+            return
+        level = self.level
+        unit, unit_base, dforce, dbase = self.loads.at(self.omega, 1.0)
+        self._base_derivative[0], self._base_derivative[1] = level * dbase, unit_base
+        np.multiply(level, unit_base, out=self._variation.base)
         force_terms(
             self._tables, self._inputs, self._contacts, self._variation.first_forced, self._first_basis, self._K,
-            self._C, self.omega, self._variation.multiple, force, base, dforce, dbase, unit, unit_base,
-            self._derivative,
+            self._C, self.omega, self._variation.multiple, level * unit, self._variation.base, level * dforce,
+            self._base_derivative[0], unit, unit_base, self._derivative,
         )  # fmt: skip
 
     def set(self, omega: float | None = None, level: float | None = None) -> None:
@@ -373,6 +441,7 @@ class VariationalFlow:
         if omega == self.omega and level == self.level:
             return
         self.omega, self.level = omega, level
+        self._series = None
         if self._tables is not None:
             self._force()
 
@@ -447,6 +516,8 @@ class VariationalFlow:
         while True:
             if self._tables is None:
                 self._prepare()
+            if self._resonant:
+                return carry_by_series(self, self.by_series(), start, duration, parameters, t)
             y, face = start[:N].copy(), start[N:].copy()
             code, now, last, n_seg, n_ev, _, contact = kernels.advance(  # type: ignore[call-arg]
                 self._tables, self._inputs, t, t + duration, index, -1, y, face, *self._log, *self._event_log,
@@ -462,21 +533,23 @@ class VariationalFlow:
                 self._room(4 * self._log[0].size)
             else:
                 raise WorkExceeded(f"no end after {n_ev} contact events in {now - t:.6g} of {duration:.6g} s")
-        exact = [p for p in parameters if not isinstance(p, ContactDirection) or self._simple]
+        exact = [p for p in parameters if self._simple or isinstance(p, Frequency | Level)]
         P = len(exact)
         sens = np.zeros((N + m, N + m + P))
-        sens[np.arange(N + m), np.arange(N + m)] = self.free
+        sens.flat[:: N + m + P + 1] = self.free
         slope = np.zeros(N)
         seg = tuple(a[:n_seg] for a in self._log)
         smallest = carry_sensitivity(  # type: ignore[call-arg]
             self._tables, self._inputs, self._contacts, self._variation, self._parameters(exact), n_seg, *seg,
             self._event_log[1], sens, slope,
         )  # fmt: skip
-        closed_end = self._tables.closed[last]
-        end = np.concatenate([y, np.where(closed_end | ~self._has_face, 0.0, face)])
-        face_slope = -self._inputs.face_rate * end[N:]
+        end, rate = np.zeros(N + m), np.zeros(N + m)
+        end[:N], rate[:N] = y, slope
+        if self._any_face:
+            end[N:] = np.where(self._tables.closed[last] | ~self._has_face, 0.0, face)
+            rate[N:] = -self._inputs.face_rate * end[N:]
         passage = Passage(
-            start, end, sens[:, : N + m], sens[:, N + m :], np.concatenate([slope, face_slope]), duration,
+            start, end, sens[:, : N + m], sens[:, N + m :], rate, duration,
             seg[0].copy(), seg[1].copy(), seg[2].copy(), seg[4].copy(), seg[5].copy(),
             self._event_log[0][:n_ev].copy(), self._event_log[1][:n_ev].copy(), self._event_log[2][:n_ev].copy(),
             float(smallest),
@@ -484,8 +557,8 @@ class VariationalFlow:
         if len(parameters) > P:
             columns, k = [], 0
             for p in parameters:
-                if isinstance(p, ContactDirection):
-                    columns.append(self._by_difference(start, duration, p, t))
+                if isinstance(p, ContactDirection | StructureDirection):
+                    columns.append(self.by_difference(start, duration, p, t))
                 else:
                     columns.append(passage.parameters[:, k])
                     k += 1
@@ -495,31 +568,44 @@ class VariationalFlow:
     def _parameters(self, parameters: Sequence[Parameter]) -> Any:
         from beamsim.dynamics.orbit_kernels import Parameters
 
+        kinds = tuple(type(p) for p in parameters)
+        known = self._known_parameters.get(kinds)
+        if known is not None:  # what moves with frequency and level in it is a view of what _force writes
+            return known
         n, m, H = self.system.size, self.system.contacts.count, self.loads.count
         P, S = len(parameters), len(self._states)
-        if P == 0:
-            cached = getattr(self, "_no_parameters", None)
-            if cached is not None and cached.terms.shape[1] == S:
-                return cached
+        k = n if StructureDirection in kinds else 0
         out = Parameters(
             np.zeros(P, dtype=bool), np.zeros((P, S, H, 2 * n), dtype=complex), np.zeros((P, H), dtype=complex),
             np.zeros(P, dtype=bool), np.zeros((P, m)), np.zeros((P, m)), np.zeros((P, m)), np.zeros((P, m, n)),
+            np.zeros(P, dtype=bool), np.zeros((P, k, k)), np.zeros((P, k, k)), np.zeros((P, k, k)), np.zeros((P, k)),
+            np.zeros((P, H, k), dtype=complex),
         )  # fmt: skip
-        if P == 0:
-            self._no_parameters = out
-        for i, p in enumerate(parameters):
+        periodic = [0 if kind is Frequency else 1 if kind is Level else -1 for kind in kinds]
+        out.moves_frequency[:] = [H > 0 and which == 0 for which in periodic]
+        if P == 0 or (P == 1 and periodic[0] >= 0):
+            if P and H:
+                own = slice(periodic[0], periodic[0] + 1)
+                out = out._replace(terms=self._derivative[own], base=self._base_derivative[own])
+            self._known_parameters[kinds] = out
+            return out
+        for i, (p, which) in enumerate(zip(parameters, periodic, strict=True)):
             if isinstance(p, ContactDirection):
                 out.moves_contacts[i] = True
                 out.stiffness[i], out.dashpot[i], out.gap[i], out.shape[i] = p.stiffness, p.dashpot, p.gap, p.shape
+            elif isinstance(p, StructureDirection):
+                out.moves_structure[i] = True
+                out.structure_stiffness[i], out.structure_damping[i] = p.stiffness, p.damping
+                out.structure_mass[i], out.load[i], out.force[i] = p.mass, p.load, p.force
             elif H:
-                which = 0 if isinstance(p, Frequency) else 1
-                out.moves_frequency[i] = which == 0
                 out.terms[i] = self._derivative[which]
-                out.base[i] = self._dbase[which]
+                out.base[i] = self._base_derivative[which]
         return out
 
-    def _by_difference(self, start: Floats, duration: float, direction: ContactDirection, t: float) -> Floats:
-        """Central difference by a contact direction, for states whose motion isn't made of pure exponentials."""
+    def by_difference(self, start: Floats, duration: float, direction: Direction, t: float) -> Floats:
+        """Central difference by a direction, for states whose motion isn't made of pure exponentials."""
+        if isinstance(direction, StructureDirection):
+            return self._by_structure(start, duration, direction, t)
         contacts = self.system.contacts
         scale = max(
             (
@@ -539,9 +625,69 @@ class VariationalFlow:
         down = self.moved(direction, -h).carry(start, duration, (), t).end
         return np.asarray((up - down) / (2 * h))
 
+    def _by_structure(self, start: Floats, duration: float, direction: StructureDirection, t: float) -> Floats:
+        n, s = self.system.size, self.system
+        elastic = s.stiffness[s.stiffness > 0]
+        lowest, highest = (float(elastic.min()), float(elastic.max())) if elastic.size else (1.0, 1.0)
+        pull = lowest * float(np.linalg.norm(start[:n])) + float(np.abs(s.constant_load).max())
+        scale = max(
+            float(np.abs(direction.mass).max()), float(np.abs(direction.stiffness).max()) / lowest,
+            float(np.abs(direction.damping).max()) / float(np.sqrt(highest)),
+            float(np.abs(direction.load).max()) / max(pull, 1e-9),
+            float(np.max(np.abs(direction.force), initial=0.0))
+            / max(float(np.max(np.abs(self.loads.force), initial=0.0)) * abs(self.level), 1e-9),
+        )  # fmt: skip
+        h = 1e-6 / scale if scale > 0 else 1e-6
+        ends = []
+        for amount in (h, -h):
+            flow, shapes = self.restructured(direction, amount)
+            back = np.linalg.inv(shapes)
+            z = start.copy()
+            z[:n], z[n : 2 * n] = back @ start[:n], back @ start[n : 2 * n]
+            end = flow.carry(z, duration, (), t).end
+            end[:n], end[n : 2 * n] = shapes @ end[:n], shapes @ end[n : 2 * n]
+            ends.append(end)
+        return np.asarray((ends[0] - ends[1]) / (2 * h))
+
+    def restructured(self, direction: StructureDirection, amount: float) -> tuple[VariationalFlow, Floats]:
+        """The flow of the structure moved along a direction, in its own modes, and their shapes (n, n) in the present
+        coordinates."""
+        s, loads = self.system, self.loads
+        L = np.linalg.cholesky(np.eye(s.size) + amount * direction.mass)
+        half = np.linalg.solve(L, np.diag(s.stiffness) + amount * direction.stiffness)
+        values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
+        T = np.linalg.solve(L.T, vectors)
+        rigid = np.abs(values) <= RIGID * float(np.abs(values).max())
+        moved = replace(
+            s,
+            stiffness=np.where(rigid, 0.0, values),
+            damping=T.T @ (s.damping + amount * direction.damping) @ T,
+            contacts=replace(s.contacts, shape=s.contacts.shape @ T),
+            constant_load=T.T @ (s.constant_load + amount * direction.load),
+        )
+        if loads.count:
+            unit = self.level * (self.omega / loads.reference) ** loads.force_power
+            loads = replace(loads, force=(loads.force + amount * direction.force / unit[:, None]) @ T)
+        return VariationalFlow(moved, loads, self.omega, self.level), T
+
+    def by_series(self) -> ExactFlow:
+        """The transient flow under the present loads, its contact states numbered as here."""
+        if self._series is None:
+            self._series = self.exact_flow(self._window)
+            for state in self._states:
+                self._series.state_index(state.closed)
+        return self._series
+
+    def number_in(self, exact: ExactFlow, closed: Bools) -> int:
+        """Number of a contact state, made the same in a transient flow."""
+        index = self.state_index(closed)
+        for state in self._states[len(exact.states) :]:
+            exact.state_index(state.closed)
+        return index
+
     def exact_flow(self, duration: float) -> ExactFlow:
         """The same structure and loads for long runs and outputs."""
-        from beamsim.dynamics.transient import ExactFlow
+        from beamsim.dynamics.flow import ExactFlow
 
         return ExactFlow(self.system, self.loads.signals(self.omega, self.level), duration)
 
@@ -560,6 +706,30 @@ class VariationalFlow:
             rate = rate + np.multiply.outer((moving * iw).sum(axis=1).real, sign)
         return delta, rate
 
+    def closed_in(self, passage: Passage) -> Bools:
+        """(G, m) which contacts are closed in each segment of a passage."""
+        return np.array([self._states[k].closed for k in passage.state]).reshape(-1, self.system.contacts.count)
+
+    def penetration_derivative(
+        self, passage: Passage, contact: int, parameters: Sequence[Parameter]
+    ) -> tuple[Floats, Floats]:
+        """Derivatives of a contact's penetration at the end of a passage from t = 0: by the start (N + m,), and by the
+        parameters that the passage was carried with (P,)."""
+        n, c, j = self.system.size, self.system.contacts, contact
+        row = -c.sign[j] * c.shape[j]
+        by = row @ passage.parameters[:n]
+        t, sign = passage.duration, -float(c.sign[j] * c.on_ground[j])
+        for i, p in enumerate(parameters):
+            if isinstance(p, ContactDirection):
+                by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])
+            elif sign and self._grounded and not isinstance(p, StructureDirection):
+                _, base, _, dbase = self.loads.at(self.omega, self.level)
+                moving = dbase + 1j * self.loads.multiple * t * base
+                if isinstance(p, Level):
+                    moving = self.loads.at(self.omega, 1.0)[1]
+                by[i] += sign * float((moving * np.exp(1j * self.loads.multiple * self.omega * t)).sum().real)
+        return row @ passage.transition[:n], by
+
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state (q, q') at increasing times within a passage."""
         from beamsim.dynamics import kernels
@@ -568,13 +738,21 @@ class VariationalFlow:
         if self._tables is None:
             self._prepare()
         out = np.empty((times.size, N))
-        table = np.ascontiguousarray(self._tables.term_vector)
+        tables, inputs = self._tables, self._inputs
+        if self._resonant:
+            tables, inputs = self.by_series().tables(), self.by_series().inputs()
+        table = np.ascontiguousarray(tables.term_vector)
         piece = np.zeros(passage.time.size, dtype=np.int64)
         kernels.sample(
-            self._tables, self._inputs, table, passage.time, passage.state, piece, passage.y, passage.face,
+            tables, inputs, table, passage.time, passage.state, piece, passage.y, passage.face,
             np.ascontiguousarray(times), out,
         )  # fmt: skip
         return out
+
+
+@cache
+def _constant_source() -> Sources:
+    return compile_sources(())
 
 
 def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:

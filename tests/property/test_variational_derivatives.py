@@ -8,6 +8,7 @@ from beamsim.dynamics.variational import (
     Frequency,
     Level,
     PeriodicForcing,
+    StructureDirection,
     VariationalFlow,
 )
 
@@ -63,7 +64,7 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
     duration = 5.3
     directions = [
         ContactDirection.of(system.contacts, stiffness=rng.normal(size=2)),
-        ContactDirection.of(system.contacts, dashpot=rng.normal(size=2) * (system.contacts.dashpot > 0)),
+        ContactDirection.of(system.contacts, dashpot=rng.normal(size=2)),
         ContactDirection.of(system.contacts, gap=rng.normal(size=2)),
         ContactDirection.of(system.contacts, shape=rng.normal(size=(2, 3))),
     ]
@@ -84,6 +85,45 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
     for column, expected in zip(passage.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
     np.testing.assert_allclose(passage.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(passage.slope).max())
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("what", ["stiffness", "damping", "mass", "load", "force"])
+def test_derivatives_by_the_structure(make_system, case, what):
+    """Any symmetric change of M, C or K, and any change of the loads; the twin is the flow built for the changed
+    structure, in its own modes."""
+    rng = np.random.default_rng(1)
+    system = build(make_system, case)
+    flow = VariationalFlow(system, forcing(1.0 if "ground" in case else 0.0), omega=1.3, level=2.0)
+    z = np.concatenate([rng.normal(size=3) * [0.5, 0.1, 0.02], rng.normal(size=3) * 0.4, np.zeros(2)])
+    a = rng.normal(size=(3, 3))
+    by = {"load": a[0], "force": a[:2] + 1j * a[1:]}.get(what, a + a.T)
+    direction = StructureDirection.of(3, **{what: by, "harmonics": 2})
+    passage = flow.carry(z, 5.3, [Frequency(), direction])
+    assert passage.event_time.size >= 4
+
+    def at(h):
+        moved, shapes = flow.restructured(direction, h)
+        turn = np.kron(np.eye(2), shapes)
+        end = moved.carry(np.concatenate([np.linalg.solve(turn, z[:6]), z[6:]]), 5.3).end
+        return np.concatenate([turn @ end[:6], end[6:]])
+
+    expected = central(at, 1e-6)
+    assert np.abs(expected).max() > 1e-3
+    scale = np.abs(expected).max() + np.abs(passage.transition).max()
+    np.testing.assert_allclose(passage.parameters[:, 1], expected, atol=1e-6 * scale)
+
+
+def test_derivatives_by_the_structure_where_the_motion_has_powers_of_time(make_system):
+    """A rigid-body mode under gravity: by differences, against the closed form of a fall."""
+    system = make_system([0.0], [0.0], shape=[[1.0]], stiffness=30.0, gap=50.0, constant_load=[-2.0])
+    flow = VariationalFlow(system)
+    z = np.array([0.4, 0.3, 0.0])
+    t = 4.0
+    load, mass = StructureDirection.of(1, load=1.0), StructureDirection.of(1, mass=1.0)
+    columns = flow.carry(z, t, [load, mass]).parameters
+    np.testing.assert_allclose(columns[:2, 0], [0.5 * t**2, t], rtol=1e-8)
+    np.testing.assert_allclose(columns[:2, 1], [0.5 * 2.0 * t**2, 2.0 * t], rtol=1e-8)
 
 
 def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system):

@@ -9,10 +9,11 @@ from scipy.special import ellipk
 
 from beamsim.dynamics.backbone import Backbone
 from beamsim.dynamics.continuation import Branch, Settings, solve_at
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.free_orbits import FreeOrbits
 from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness, follow_modes, linear_mode, mode_points
 from beamsim.dynamics.smooth_flow import CubicStiffness
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.transient import simulate
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 
@@ -143,6 +144,37 @@ def test_tongues_of_the_beam(beam_backbone):
         assert min(backbone.share(p) for p in tongue.points) < 0.5
         assert max(p.residual for p in tongue.points) < 1e-10
     assert {(j.mode + 1, j.ratio) for j in backbone.jumps} >= {(2, 6), (2, 5)}
+
+
+def test_every_jump_has_its_resonance_and_its_tongue(beam_backbone):
+    """Also of high order, where they cut the backbone: n times the frequency lies between the other mode's frequencies
+    with the contact open and closed (a bilinear mode's does), to the detuning that a wide tongue allows."""
+    orbits, backbone, _ = beam_backbone
+    assert {(j.mode + 1, j.ratio) for j in backbone.jumps} >= {(3, 12), (3, 16), (4, 22), (5, 38)}
+    assert {(j.mode, j.ratio) for j in backbone.jumps} == {(t.mode, t.ratio) for t in backbone.tongues}
+    system, phi = orbits.family.system, orbits.family.system.contacts.shape[0]
+    others = []
+    for tongue in backbone.tongues:
+        period, factor = tongue.points[0].u[-2:]
+        closed = np.diag(system.stiffness) + factor * system.contacts.stiffness[0] * np.outer(phi, phi)
+        low, high = orbits.omega[tongue.mode], np.sqrt(np.linalg.eigvalsh(closed)[tongue.mode])
+        fits = [0.99 * low < n * 2 * np.pi / period < 1.01 * high for n in tongue.ratio + np.array([-3, 0, 3])]
+        assert fits[1]
+        others += [fits[0], fits[2]]
+        assert max(p.residual for p in tongue.points) < 1e-10
+    assert np.mean(others) < 0.3  # the twin: another order does not fit
+
+
+def test_work_of_the_backbone(make_system, monkeypatch):
+    """Flows over half a period for the 75 steps of figure 3.16 with all tongues up to 20:1; measured 1190."""
+    omega, tip, k = cantilever()
+    count = itertools.count()
+    residual = BrakeOrbits.residual
+    monkeypatch.setattr(BrakeOrbits, "residual", lambda self, u: (next(count), residual(self, u))[1])
+    _, backbone, points = backbone_of(make_system, omega, tip, k, points=75)
+    assert len(points) >= 75
+    assert {(t.mode + 1, t.ratio) for t in backbone.tongues} >= {(2, 5), (2, 6), (3, 12), (3, 13), (3, 15), (3, 16)}
+    assert next(count) < 2000
 
 
 def test_first_mode_of_figure_3_16(make_system):

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from beamsim.dynamics.continuation import Branch, Settings, solve_at
 from beamsim.dynamics.folds import start_of_fold_curve
+from beamsim.dynamics.grazing_curve import GrazingCurve, start_of_grazing_curve
 from beamsim.dynamics.shooting import (
     ContactPath,
     ForcedOrbits,
@@ -181,6 +182,53 @@ def test_fold_followed_in_the_gap(flow_of, curve):
     other = list(Branch(level, start, 0.8, 1.5, Settings(tolerance=1e-9)))[-1]
     assert last.parameter == 0.25
     assert last.u[-2] == pytest.approx(other.u[-2], abs=1e-8)
+
+
+def test_grazing_followed_in_the_level(curve):
+    """The linear response touches all along: ``|q1(omega)| level = gap``. The first fold, 6e-9 away, goes with it."""
+    problem, _, _, special = curve
+    fold = next(s for s in special if s.kind == "fold")
+    grazing = next(s for s in special if s.kind == "grazing")
+    assert 0 < abs(fold.parameter - grazing.parameter) < 1e-8
+    curve_of_grazings, start = start_of_grazing_curve(problem, grazing, "level", 1.0, forward=-1)
+    branch = Branch(curve_of_grazings, start, 0.6, 1.5, Settings(tolerance=1e-9))
+    points = list(branch)
+    assert branch.status == "complete: reached 0.6"
+    assert len(points) < 40
+    for p in points:
+        omega, level = p.u[-2:]
+        q1 = np.linalg.solve(K - omega**2 * np.eye(2) + 0.03j * omega * K, [0.0, 0.1])[0]
+        assert abs(q1) * level == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("what", ["level", "gap", "shape", "stiffness"])
+@pytest.mark.parametrize("on_ground", [False, True])
+def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
+    """Against central differences, at a motion that has contacts besides; base-mounted, or feeling a moving base."""
+    system = make_system(
+        np.sqrt(W2), V.T @ (0.03 * K) @ V, shape=V, stiffness=[100.0, 3.0], gap=[1.0, 0.2], sign=-1.0,
+        on_ground=on_ground
+    )  # fmt: skip
+    loads = PeriodicForcing(
+        np.ones(1, dtype=np.int64), -0.1j * V[1:2], np.zeros(1), np.array([0.05 + 0.02j]), np.array([-2.0]), 1.0
+    )
+    flow = VariationalFlow(system, loads, 0.7)
+    orbits = ForcedOrbits(flow)
+    point = find_orbit(orbits)
+    assert point.data.event_time.size >= 2
+    direction = ContactDirection.of(
+        system.contacts, **({} if what == "level" else {what: V[::-1] if what == "shape" else 1.0})
+    )
+    second = "level" if what == "level" else ContactPath(flow, direction)
+    nothing = np.zeros(0)
+    curve = GrazingCurve(orbits, second, (nothing, nothing), 0, True, 0.3)
+    u = np.append(point.u, 1.0 if what == "level" else 0.0)
+    _, J, _ = curve.residual(u)
+    for i, size in enumerate(curve.scale(u)[0]):
+        h = np.zeros(u.size)
+        h[i] = 1e-6 * max(size, 0.1)
+        difference = (curve.residual(u + h)[0] - curve.residual(u - h)[0]) / (2 * h[i])
+        np.testing.assert_allclose(J[:, i], difference, atol=2e-5 * max(1.0, np.abs(J).max()))
 
 
 @pytest.mark.parametrize("law", [{"dashpot": 1.0}, {"dashpot": 5.0, "no_tension": True}])

@@ -1,0 +1,138 @@
+"""Motions that are never at rest: where they leave in closed form, and what an independent integrator says of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from beamsim.analyses.nnm import nnm
+from beamsim.dynamics.backbone import Backbone
+from beamsim.dynamics.continuation import Settings, solve_at
+from beamsim.dynamics.full_period_path import FullPeriodPath
+from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness, linear_mode
+from beamsim.scenario import load_scenario
+
+CUBIC = {
+    "title": "Two masses on cubic springs",
+    "chain": {
+        "masses": [1, 1],
+        "springs": [1, 1.7, 1],
+        "springs_to_ground": [
+            {"mass": 1, "kind": "cubic", "stiffness": 0.5},
+            {"mass": 2, "kind": "cubic", "stiffness": 0.5},
+        ],
+    },
+    "nnm": {"mode": 1, "method": "full_period", "continue_in": {"kind": "energy", "from": 0.1, "to": 2}},
+}
+
+
+@pytest.fixture(scope="module")
+def cubic():
+    return nnm(load_scenario(CUBIC))
+
+
+@pytest.fixture(scope="module")
+def stops(request):
+    return nnm(load_scenario(request.config.rootpath / "configs" / "nnm_never_at_rest.yaml"))
+
+
+def test_where_they_leave_in_closed_form(cubic):
+    """In phase x'' + x + x^3 / 2 = 0, x = a cn. Across, y'' + (4.4 + 1.5 x^2) y = 0, Lamé's equation of order 2.
+
+    The kick that reaches the same place after half a period is its solution sn cn, of eigenvalue 4 + k^2: with
+    W^2 = 1 + a^2 / 2 and k^2 W^2 = a^2 / 4 this is 4.4 = 4 + 0.75 a^2, so a^2 = 8/15, E = a^2 + a^4 / 4 = 136/225.
+    """
+    breaking = [e for e in cubic.backbone.special if e.kind == "symmetry_breaking"]
+    assert len(breaking) == 1
+    assert breaking[0].parameter == pytest.approx(136 / 225, rel=1e-10)
+
+
+def test_full_period_follows_the_same_mode(cubic, stops):
+    for result in (cubic, stops):
+        assert result.complete
+        assert result.half_period_difference.max() < 1e-9
+        assert result.backbone.residual.max() < 1e-10
+        assert result.backbone.least_kinetic.max() < 1e-12
+
+
+def integrated(result, branch, k, kick=0.0):
+    """State of the masses after a period by an eighth-order Runge-Kutta method, from a point of a branch."""
+    shapes = result.modes.shapes.T
+    y0 = np.concatenate([shapes @ branch.coordinates[k], shapes @ branch.coordinate_velocities[k]])
+    y0[-1] += kick
+
+    def slope(t, y):
+        x, v = y[:2], y[2:]
+        stop = np.maximum(np.abs(x) - 1.0, 0.0) * np.sign(x)
+        return [*v, -x[0] - 1.7 * (x[0] - x[1]) - stop[0], -x[1] - 1.7 * (x[1] - x[0]) - stop[1]]
+
+    period = 1.0 / branch.frequency_hz[k]
+    done = solve_ivp(slope, (0, period), y0, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.01, dense_output=True)
+    return y0, done.y[:, -1], done
+
+
+def test_two_masses_between_stops_are_never_at_rest(stops):
+    """Closed after a period, and moving all along, for an integrator that knows nothing of contacts."""
+    assert len(stops.never_at_rest) >= 1
+    for branch in stops.never_at_rest:
+        assert (branch.mode, branch.ratio) == (2, 2)
+        assert branch.residual.max() < 1e-10
+        k = int(np.argmax(branch.least_kinetic))
+        y0, end, done = integrated(stops, branch, k)
+        np.testing.assert_allclose(end, y0, atol=1e-8)
+        y = done.sol(np.linspace(0, done.t[-1], 4001))
+        kinetic = 0.5 * (y[2:] ** 2).sum(axis=0) / branch.energy[k]
+        assert kinetic.min() == pytest.approx(branch.least_kinetic[k], abs=1e-6)
+        assert kinetic.min() > 0.2
+        assert branch.least_kinetic.min() < 0.02  # it leaves, and comes back to, motions at rest
+        assert branch.status == "complete: came back to motions that are at rest"
+
+
+def test_the_integrator_would_see_a_motion_that_is_not_periodic(stops):
+    branch = stops.never_at_rest[0]
+    y0, end, _ = integrated(stops, branch, int(np.argmax(branch.least_kinetic)), kick=1e-3)
+    assert np.abs(end - y0).max() > 1e-4
+
+
+def test_reversed_motion_is_another_one(stops):
+    """The loop in the plane is run through one way: no reversal of the motion is a shift of it in time."""
+    motion = stops.motion
+    a, b = motion.displacement["first"][:-1], motion.displacement["second"][:-1]
+    va, vb = motion.velocity["first"][:-1], motion.velocity["second"][:-1]
+    there = np.stack([a, b, va, vb])
+    for k in range(0, a.size, 64):
+        back = np.stack([a, b, -va, -vb])[:, (k - np.arange(a.size)) % a.size]
+        assert np.abs(back - there).max() > 0.1
+
+
+def test_a_branch_in_the_stiffness_factor(request):
+    """The beam: with mode 2 near 6:1, where the half-period path only finds the tongue."""
+    changes = {
+        "nnm.method": {"kind": "full_period", "branches": 1},
+        "nnm.continue_in.to": 0.02,
+        "reduction": {"modes": 4},
+    }
+    result = nnm(load_scenario(request.config.rootpath / "configs" / "nnm_first.yaml", changes))
+    (branch,) = result.never_at_rest
+    assert (branch.mode, branch.ratio) == (2, 6)
+    assert branch.residual.max() < 1e-10
+    assert branch.least_kinetic.max() > 1e-3
+    tongue = result.tongues[0]
+    assert tongue.least_kinetic.max() == 0.0
+    np.testing.assert_allclose(branch.parameter, tongue.parameter[0], atol=2e-3)
+
+
+def test_full_period_shooting_would_see_a_wrong_half_period(make_system):
+    """Points put off by 1e-4 are not what shooting over the period finds beside them, and the path says so."""
+    system = make_system([1.0, 1.7], [0.0, 0.0], shape=[[0.8, 0.6]], stiffness=1.0)
+    orbits = BrakeOrbits(ContactStiffness(system), energy=1.0)
+    start = solve_at(orbits, linear_mode(orbits, 0, 0.0, np.array([0.8, 0.6])), Settings(), 0.0)
+    points = list(Backbone(orbits, start, 0.2, 0, points=10))
+    right = FullPeriodPath(orbits, points)
+    assert len(list(right)) == len(points)
+    assert right.status.startswith("complete")
+    off = np.append(np.full(3, 1.0 + 1e-4), 1.0)  # shape and period, at the same factor
+    wrong = FullPeriodPath(orbits, [replace(p, u=p.u * off) for p in points])
+    assert list(wrong) == []
+    assert wrong.status.startswith("stopped")

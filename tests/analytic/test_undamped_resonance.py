@@ -1,0 +1,122 @@
+"""A load at the frequency of an undamped mode: closed forms, independent integration and differences."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from beamsim.dynamics.continuation import Settings, solve_at
+from beamsim.dynamics.shooting import ForcedOrbits, find_orbit
+from beamsim.dynamics.variational import ContactDirection, Frequency, Level, PeriodicForcing, VariationalFlow
+
+OMEGA = np.array([1.0, 2.7])
+FORCE = np.array([0.3, 0.1])
+NEAR = [0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-5, 3e-4]
+LAWS = {
+    "spring": {},
+    "dashpot": {"dashpot": 2.0},
+    "face": {"dashpot": 6.0, "no_tension": True},
+    "ground": {"dashpot": 2.0, "on_ground": True},
+}
+
+
+def flow_of(make_system, omega, law="spring", stiffness=30.0, level=1.0):
+    system = make_system(OMEGA, np.zeros(2), shape=[[1.0, 0.6]], stiffness=stiffness, gap=1.0, sign=-1.0, **LAWS[law])
+    base = 0.1j if law == "ground" else 0j
+    forcing = PeriodicForcing(
+        np.ones(1, dtype=np.int64), -1j * FORCE[None, :], np.zeros(1), np.array([base]), np.array([-2.0]), 1.0
+    )
+    return VariationalFlow(system, forcing, omega, level)
+
+
+@pytest.mark.parametrize("detuning", NEAR)
+def test_linear_resonance_in_closed_form(make_system, detuning):
+    """q'' + q = f sin(w t) from rest: ``f (sin w t - w sin t) / (1 - w^2)``, written without cancellation."""
+    flow = flow_of(make_system, 1.0 + detuning)
+    t = 4.0
+    end = flow.carry(np.zeros(5), t).end
+    e = detuning
+    # sin((1+e)t) - (1+e) sin t = 2 cos(t + et/2) sin(et/2) - e sin t
+    difference = (np.cos(t + e * t / 2) * t * np.sinc(e * t / (2 * np.pi)) - np.sin(t)) / -(2.0 + e)
+    assert end[0] == pytest.approx(FORCE[0] * difference, rel=2e-12)
+
+
+@pytest.mark.parametrize("law", ["spring", "dashpot", "ground"])
+@pytest.mark.parametrize("detuning", [0.0, 1e-9])
+def test_across_contacts_against_integration(make_system, law, detuning):
+    """Three periods with contacts, by SciPy with a restart at every event."""
+    omega = 1.0 + detuning
+    flow = flow_of(make_system, omega, law)
+    z = np.array([0.2, 0.1, 0.3, 0.0, 0.0])
+    T = 6 * np.pi / omega
+    passage = flow.carry(z, T)
+    assert passage.event_time.size >= 4
+    c = flow.system.contacts
+
+    def penetration(t, y):
+        d, v = flow.base_motion(t) if c.on_ground[0] else (0.0, 0.0)
+        return y[:2] @ c.shape[0] + d - 1.0, y[2:] @ c.shape[0] + v
+
+    def rhs(t, y, closed):
+        delta, rate = penetration(t, y)
+        push = closed * (c.stiffness[0] * delta + c.dashpot[0] * rate)
+        return np.concatenate([y[2:], FORCE * np.sin(omega * t) - OMEGA**2 * y[:2] - push * c.shape[0]])
+
+    y, t, closed = z[:4], 0.0, False
+    while t < T:
+
+        def event(t, y, closed):
+            return penetration(t, y)[0]
+
+        event.terminal, event.direction = True, -1.0 if closed else 1.0
+        run = solve_ivp(rhs, (t, T), y, "DOP853", args=(closed,), events=event, rtol=1e-13, atol=1e-14)
+        t, y, closed = run.t[-1], run.y[:, -1], not closed
+    np.testing.assert_allclose(passage.end[:4], y, atol=2e-10)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_derivatives_at_resonance(make_system, law):
+    """Transition matrix and derivatives by frequency, level and stiffness, against differences of the motion."""
+    flow = flow_of(make_system, 1.0, law)
+    z = np.array([0.2, 0.1, 0.3, 0.0, 0.0])
+    T = 17.0
+    stiffer = ContactDirection.of(flow.system.contacts, stiffness=1.0)
+    passage = flow.carry(z, T, [Frequency(), Level(), stiffer])
+    assert passage.event_time.size >= 4
+    h = 1e-6
+
+    def central(at):
+        return (at(h) - at(-h)) / (2 * h)
+
+    scale = np.abs(passage.transition).max()
+    for k in range(4):
+        step = np.eye(5)[k]
+        column = central(lambda x, step=step: flow.carry(z + x * step, T).end)
+        np.testing.assert_allclose(passage.transition[:, k], column, atol=1e-7 * scale)
+    for column, at in zip(
+        passage.parameters.T,
+        (
+            lambda x: flow_of(make_system, 1.0 + x, law).carry(z, T).end,
+            lambda x: flow_of(make_system, 1.0, law, level=1.0 + x).carry(z, T).end,
+            lambda x: flow_of(make_system, 1.0, law, stiffness=30.0 + x).carry(z, T).end,
+        ),
+        strict=True,
+    ):
+        np.testing.assert_allclose(column, central(at), atol=1e-6 * max(scale, np.abs(column).max()))
+    np.testing.assert_allclose(
+        passage.slope, central(lambda x: flow.carry(z, T + x).end), atol=1e-6 * np.abs(passage.slope).max()
+    )
+
+
+def test_periodic_motion_goes_through_the_resonance(make_system):
+    """An undamped structure on a stop with a dashpot: the orbit at w = 1 lies between those beside it."""
+    orbits = ForcedOrbits(flow_of(make_system, 1.0, "dashpot"))
+    there = find_orbit(orbits)
+    assert there is not None
+    assert there.residual < 1e-11
+    assert there.data.event_time.size >= 2
+    beside = [solve_at(orbits, there.u, Settings(), 1.0 + e).u[:-1] for e in (-2e-4, 2e-4)]
+    np.testing.assert_allclose(there.u[:-1], np.mean(beside, axis=0), atol=1e-5)
+    times = np.linspace(0.0, 6.0, 7)
+    flow, passage = orbits.cycle(there)
+    alone = [flow.carry(passage.start, t).end[:4] for t in times[1:]]
+    np.testing.assert_allclose(flow.states_at(passage, times)[1:], alone, atol=1e-12)

@@ -1,0 +1,103 @@
+"""The beam's response curve over many superharmonic resonances: where it begins, what is found on it, and at what cost.
+
+One case of the thesis (one-sided contact, 2 g). Counts of work are flows over a period.
+"""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.dynamics.continuation import Settings, solve_at
+from beamsim.dynamics.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
+from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
+from beamsim.model.build import build_system
+
+CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+
+
+@pytest.fixture(scope="module")
+def orbits_at():
+    scenario = beamsim.load_scenario(CONFIG, {"excitation.frequency": 400.0})
+    system = build_system(scenario.model_copy(update={"run": None}))
+    loads = PeriodicForcing.harmonic(system.forcing.load[0])
+
+    def make(frequency_hz):
+        flow = VariationalFlow(system.dynamics, loads, 2 * np.pi * frequency_hz, scenario.excitation.level)
+        return ForcedOrbits(flow)
+
+    return make
+
+
+def walk(problem, low, high, forward, **settings):
+    start = find_orbit(problem, forward=forward)
+    before = problem.flow.passages
+    branch = follow_orbits(problem, start, 2 * np.pi * low, 2 * np.pi * high, Settings(**settings))
+    points = list(branch)
+    assert branch.status.startswith("complete: reached")
+    carried = problem.flow.passages - before
+    found = [s for a, b in itertools.pairwise(points) for s in special_points(problem, a, b, branch.settings)]
+    return points, found, carried, problem.flow.passages - before - carried
+
+
+@pytest.fixture(scope="module")
+def downwards(orbits_at):
+    problem = orbits_at(45.0)
+    return problem, *walk(problem, 34.0, 60.0, -1.0)
+
+
+def test_curve_is_followed_with_few_flows(downwards):
+    """Ten folds and more between 45 and 34 Hz; measured 3.8 flows a point, 17 a special point."""
+    _, points, found, carried, locating = downwards
+    assert sum(s.kind == "fold" for s in found) >= 8
+    assert carried < 4.5 * len(points) < 4.5 * 700
+    assert locating < 25 * len(found)
+    assert max(p.residual for p in points) < 1e-11
+
+
+def test_special_points_do_not_depend_on_the_steps(orbits_at, downwards):
+    """Steps of a quarter find the same points, to 1e-8: none hides, in a pair, within a step."""
+    _, _, found, _, _ = downwards
+    _, finer, _, _ = walk(orbits_at(45.0), 34.0, 60.0, -1.0, step=0.0125, largest_step=0.0125)
+    assert len(found) > 40
+
+    def ordered(special):
+        return sorted((s.kind, s.parameter) for s in special)
+
+    assert [k for k, _ in ordered(finer)] == [k for k, _ in ordered(found)]
+    np.testing.assert_allclose([x for _, x in ordered(finer)], [x for _, x in ordered(found)], rtol=1e-8)
+
+
+def test_unstable_beginning_lies_on_the_curve(orbits_at, downwards):
+    """At 35 Hz transients end in chaos; the path of falling damping ends on the curve that came down from 45 Hz."""
+    problem, points, _, _, _ = downwards
+    omega = 2 * np.pi * 35.0
+    on_curve = [
+        solve_at(problem, a.u + (b.u - a.u) * (omega - a.parameter) / (b.parameter - a.parameter), Settings(), omega)
+        for a, b in itertools.pairwise(points)
+        if (a.parameter - omega) * (b.parameter - omega) <= 0
+    ]
+
+    def distance(point):
+        return min(np.linalg.norm((p.u - point.u) / p.scale) for p in on_curve)
+
+    other = orbits_at(35.0)
+    start = find_orbit(other)
+    assert not other.orbit(start).stable
+    assert distance(start) < 1e-8
+
+
+def test_newton_alone_ends_anywhere(orbits_at):
+    """The twin: at 20 Hz Newton's method from where a transient happens to be finds several motions, all unstable."""
+    problem = orbits_at(20.0)
+    omega = problem.value
+    z, found = linear_guess(problem.flow), []
+    for _ in range(40):
+        z = problem.flow.carry(z, 2 * np.pi / omega).end
+        point = solve_at(problem, np.append(z[problem.kept], omega), Settings(iterations=25), omega)
+        if point is not None and all(np.linalg.norm((p.u - point.u) / p.scale) > 0.1 for p in found):
+            found.append(point)
+    assert len(found) > 1
+    assert not any(problem.orbit(p).stable for p in found)

@@ -1,0 +1,45 @@
+"""The short way to an undamped contact state's tables against the general one."""
+
+import numpy as np
+import pytest
+
+from beamsim.dynamics.contact_state import build_state
+from beamsim.dynamics.sources import compile_sources
+from beamsim.dynamics.undamped_state import undamped_state
+
+OMEGA = np.array([1.0, 6.3, 17.5])
+SHAPE = np.array([[1.4, -1.3, 1.1], [0.5, 1.2, 0.3]])
+
+
+@pytest.mark.parametrize("closed", [[False, False], [True, False], [True, True]])
+def test_tables_are_the_general_ones(make_system, no_forcing, closed):
+    system = make_system(
+        OMEGA, np.zeros(3), shape=SHAPE, stiffness=[40.0, 90.0], gap=[0.1, -0.05], sign=[1.0, -1.0],
+        constant_load=[0.3, -0.2, 0.1]
+    )  # fmt: skip
+    closed = np.array(closed)
+    short = undamped_state(system, closed, 60.0)
+    general = build_state(system, no_forcing(3), compile_sources(()), -1, closed, 60.0)
+    for name in ("exponent", "power", "term_basis", "term_source", "basis_of_source", "basis_below_source", "closed"):
+        np.testing.assert_array_equal(getattr(short, name), getattr(general, name))
+    assert short.horizon == general.horizon
+    for name in ("stiffness", "damping"):
+        np.testing.assert_allclose(getattr(short, name), getattr(general, name), atol=1e-14)
+
+    def flow(state, y, t):
+        amplitude = state.projector @ (y - state.term_vector[0].real)
+        free = state.term_vector[1:].T * np.exp(state.exponent[state.term_basis[1:]] * t)
+        return (state.term_vector[0] + free @ amplitude).real
+
+    y = np.array([0.2, -0.1, 0.3, 1.0, -2.0, 0.5])
+    np.testing.assert_allclose(flow(short, y, 0.0), y, atol=1e-14)
+    np.testing.assert_allclose(flow(short, y, 1.7), flow(general, y, 1.7), atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("omega", "damping", "dashpot"), [([0.0, 6.3, 17.5], 0.0, 0.0), (OMEGA, 0.1, 0.0), (OMEGA, 0.0, 2.0)]
+)
+def test_it_declines_what_it_cannot_do(make_system, omega, damping, dashpot):
+    """Rigid-body modes, damping, dashpots."""
+    system = make_system(omega, np.full(3, damping), shape=SHAPE, stiffness=40.0, dashpot=dashpot)
+    assert undamped_state(system, np.array([True, False]), 60.0) is None
