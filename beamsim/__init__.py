@@ -1,5 +1,21 @@
 """beamsim: exact simulation of structures that vibrate against one-sided elastic stops.
 
+One function a command, a result each, and its file:
+
+====================  ==========================  ======================
+function              writes                      reads
+====================  ==========================  ======================
+`run`                 `write_run`                 `open_run`
+`sweep`               `write_sweep`               `open_sweep`
+`frequency_response`  `write_frequency_response`  `open_response`
+`design_study`        `write_designs`             `open_designs`
+`identify_stiffness`  `write_identification`      `open_identification`
+`nnm`                 `write_nnm`                 `open_nnm`
+`compare`             `write_comparison`          `open_comparison`
+====================  ==========================  ======================
+
+`open_result` reads a result file of any kind, `export_result` writes it in another format.
+
 >>> import beamsim
 >>> scenario = beamsim.load_scenario("configs/one_sided_65hz.yaml", {"run.duration": "0.2 s"})  # doctest: +SKIP
 >>> result = beamsim.run(scenario)  # doctest: +SKIP
@@ -14,57 +30,108 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamsim.analyses.designs import design_study
+    from beamsim.analyses.compare import Comparison, compare
+    from beamsim.analyses.designs import design_study, plan_designs
+    from beamsim.analyses.designs_results import DesignsResult
+    from beamsim.analyses.frequency_response import frequency_response
+    from beamsim.analyses.identification_results import IdentificationResult
     from beamsim.analyses.identify import identify_stiffness
+    from beamsim.analyses.nnm import nnm
+    from beamsim.analyses.nnm_results import NormalModeResult
+    from beamsim.analyses.response_results import FrequencyResponse
     from beamsim.analyses.results import RunResult
     from beamsim.analyses.run import run
+    from beamsim.analyses.sweep import sweep
+    from beamsim.analyses.sweep_results import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
+    from beamsim.store.comparison import open_comparison, pair_channels, write_comparison
+    from beamsim.store.continuation import open_response, write_frequency_response
     from beamsim.store.designs import open_designs, write_designs
+    from beamsim.store.export import export_result
+    from beamsim.store.identification import open_identification, write_identification
     from beamsim.store.measurement import read_tests
-    from beamsim.store.read import open_result
+    from beamsim.store.nnm import open_nnm, write_nnm
+    from beamsim.store.read import open_run
+    from beamsim.store.stored import open_result
+    from beamsim.store.sweep import open_sweep, write_sweep
     from beamsim.store.write import write_run
 
 __version__ = "0.1.0"
 
+_NAMES = {
+    "beamsim.analyses.compare": ("Comparison", "compare"),
+    "beamsim.analyses.designs": ("design_study", "plan_designs"),
+    "beamsim.analyses.designs_results": ("DesignsResult",),
+    "beamsim.analyses.frequency_response": ("frequency_response",),
+    "beamsim.analyses.identification_results": ("IdentificationResult",),
+    "beamsim.analyses.identify": ("identify_stiffness",),
+    "beamsim.analyses.nnm": ("nnm",),
+    "beamsim.analyses.nnm_results": ("NormalModeResult",),
+    "beamsim.analyses.response_results": ("FrequencyResponse",),
+    "beamsim.analyses.results": ("RunResult",),
+    "beamsim.analyses.run": ("run",),
+    "beamsim.analyses.sweep": ("sweep",),
+    "beamsim.analyses.sweep_results": ("SweepResult",),
+    "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
+    "beamsim.scenario": ("Scenario", "load_scenario"),
+    "beamsim.store.comparison": ("open_comparison", "pair_channels", "write_comparison"),
+    "beamsim.store.continuation": ("open_response", "write_frequency_response"),
+    "beamsim.store.designs": ("open_designs", "write_designs"),
+    "beamsim.store.export": ("export_result",),
+    "beamsim.store.identification": ("open_identification", "write_identification"),
+    "beamsim.store.measurement": ("read_tests",),
+    "beamsim.store.nnm": ("open_nnm", "write_nnm"),
+    "beamsim.store.read": ("open_run",),
+    "beamsim.store.stored": ("open_result",),
+    "beamsim.store.sweep": ("open_sweep", "write_sweep"),
+    "beamsim.store.write": ("write_run",),
+}
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
+
 __all__ = [
     "BeamsimError",
+    "Comparison",
+    "DesignsResult",
+    "FrequencyResponse",
+    "IdentificationResult",
+    "NormalModeResult",
     "NotTrustedError",
     "Problem",
     "ResultFileError",
     "RunResult",
     "Scenario",
     "ScenarioError",
+    "SweepResult",
     "__version__",
+    "compare",
     "design_study",
+    "export_result",
+    "frequency_response",
     "identify_stiffness",
     "load_scenario",
+    "nnm",
+    "open_comparison",
     "open_designs",
+    "open_identification",
+    "open_nnm",
+    "open_response",
     "open_result",
+    "open_run",
+    "open_sweep",
+    "pair_channels",
+    "plan_designs",
     "read_tests",
     "run",
+    "sweep",
+    "write_comparison",
     "write_designs",
+    "write_frequency_response",
+    "write_identification",
+    "write_nnm",
     "write_run",
+    "write_sweep",
 ]
-
-_HOME = {
-    "BeamsimError": "beamsim.errors",
-    "NotTrustedError": "beamsim.errors",
-    "Problem": "beamsim.errors",
-    "ResultFileError": "beamsim.errors",
-    "RunResult": "beamsim.analyses.results",
-    "Scenario": "beamsim.scenario",
-    "ScenarioError": "beamsim.errors",
-    "design_study": "beamsim.analyses.designs",
-    "identify_stiffness": "beamsim.analyses.identify",
-    "load_scenario": "beamsim.scenario",
-    "open_designs": "beamsim.store.designs",
-    "open_result": "beamsim.store.read",
-    "read_tests": "beamsim.store.measurement",
-    "run": "beamsim.analyses.run",
-    "write_designs": "beamsim.store.designs",
-    "write_run": "beamsim.store.write",
-}
 
 
 def __getattr__(name: str) -> Any:

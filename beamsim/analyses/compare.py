@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.outcome import Outcome
 from beamsim.analyses.results import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
@@ -64,13 +66,10 @@ class ChannelComparison:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Outcome):
     """Everything that ``beamsim compare`` found."""
 
-    title: str
     channels: tuple[ChannelComparison, ...]
-    summary: dict[str, Any]
-    warnings: tuple[str, ...] = ()
 
 
 def compare(
@@ -94,8 +93,16 @@ def compare(
         Where a measured record is too short, unevenly sampled or too coarse.
     """
     warnings: list[str] = []
+    begin = perf_counter()
     channels = tuple(_channel(result, *pair, harmonics, last, warnings) for pair in pairs)
-    return Comparison(result.title, channels, _summary(channels), tuple(warnings))
+    return Comparison(
+        scenario=result.scenario,
+        status="complete",
+        channels=channels,
+        summary=_summary(channels),
+        warnings=tuple(warnings),
+        wall_time_s=perf_counter() - begin,
+    )
 
 
 def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:

@@ -237,18 +237,32 @@ def _solve_sweep(scenario: Scenario) -> tuple[Responses, str]:
 
 def _rehearse_sweep(scenario: Scenario) -> object:
     from beamsim.analyses.sweep import sweep
+    from beamsim.scenario.sweep import SteppedSine, SweptSine
 
     settings = scenario.sweep
-    assert settings is not None
+    assert isinstance(settings, (SweptSine, SteppedSine))
     change: dict[str, object] = {"to": 1.01 * settings.from_, "levels": settings.levels[:1], "direction": "up"}
     if settings.kind == "stepped":
         change["points"] = 2
     return sweep(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
+def _solve_response(scenario: Scenario) -> tuple[Responses, str]:
+    from beamsim.analyses.response_cases import solve_response
+
+    return solve_response(scenario)
+
+
+def _rehearse_response(scenario: Scenario) -> object:
+    from beamsim.analyses.response_cases import rehearse_response
+
+    return rehearse_response(scenario)
+
+
 ANALYSES: dict[str, Analysis] = {
     "run": Analysis(_solve_run, _rehearse_run),
     "swept_sine": Analysis(_solve_sweep, _rehearse_sweep),
     "stepped": Analysis(_solve_sweep, _rehearse_sweep),
+    "continuation": Analysis(_solve_response, _rehearse_response),
 }
 """What can be done with a case, by name: a run, or the kind of sweep."""

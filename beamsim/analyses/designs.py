@@ -9,7 +9,6 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from beamsim.analyses.design_cases import CaseTask, analysis_of, case_scenario, 
 from beamsim.analyses.designs_results import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
-from beamsim.analyses.run import versions
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.designs import Axis, LatinHypercube, axes
 
@@ -209,8 +207,6 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         },
         warnings=plan.scenario.warnings,
         wall_time_s=wall_time_s,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        provenance=versions(),
         fingerprint=plan.fingerprint,
     )
 
@@ -232,6 +228,8 @@ def _base(scenario: Scenario) -> dict[str, Any]:
         base.pop(key, None)
     if "run" in base and scenario.automatic_sample_rate:
         base["run"].pop("sample_rate", None)
+    if scenario.sweep is not None and not scenario.sweep.levels:
+        del base["sweep"]["levels"]  # an empty list is refused
     return base
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
+from beamsim.analyses.outcome import Outcome
 
 __all__ = ["CaseFailure", "CaseOutcome", "Coordinate", "DesignsResult", "Response", "is_scalar"]
 
@@ -73,13 +72,11 @@ class CaseFailure:
 
 
 @dataclass(frozen=True)
-class DesignsResult:
+class DesignsResult(Outcome):
     """Everything `beamsim sweep` computes of a scenario with ``vary``."""
 
-    scenario: Scenario  # resolved
     analysis: str  # what was done with each case: "run", or the kind of sweep
     kind: str  # "grid", "zip" or "latin_hypercube"
-    status: str  # "complete" or a sentence that says what is missing
     shape: tuple[int, ...]  # of the design: an axis a coordinate for a grid, else (cases,)
     coordinates: tuple[Coordinate, ...]
     solved: NDArray[np.bool_]  # the design's shape
@@ -87,22 +84,7 @@ class DesignsResult:
     margins: Mapping[str, Response]  # limit / value - 1, by name of the limit
     limits: Mapping[str, float]  # SI
     failures: tuple[CaseFailure, ...]
-    summary: dict[str, Any]  # plain Python values
-    warnings: tuple[str, ...] = ()
-    wall_time_s: float = 0.0
-    created: str = ""  # ISO 8601, UTC
-    provenance: dict[str, str] = field(default_factory=dict)  # package versions
     fingerprint: str = ""  # of all that the responses depend on
-
-    @property
-    def complete(self) -> bool:
-        """Whether every case has its responses."""
-        return self.status == "complete"
-
-    @property
-    def title(self) -> str:
-        """The scenario's title."""
-        return self.scenario.title
 
     @property
     def cases(self) -> int:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from beamsim.analyses.outputs import OutputSet, stack, velocities
 from beamsim.analyses.results import EnergyHistory
 from beamsim.dynamics.contact_state import LinearOutput
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.trajectory import Trajectory
-from beamsim.dynamics.transient import ExactFlow
 
 __all__ = ["balance_error", "energy_history", "stored_energy"]
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from beamsim.analyses.outcome import Outcome
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -173,11 +175,9 @@ class NonlinearEstimate:
 
 
 @dataclass(frozen=True)
-class IdentificationResult:
+class IdentificationResult(Outcome):
     """Everything `beamsim identify-stiffness` computes."""
 
-    scenario: Scenario  # resolved, as given
-    status: str  # "complete" or a sentence
     estimate: StiffnessEstimate | None
     with_snubber: FrequencyTable | None
     without_snubber: FrequencyTable
@@ -188,19 +188,4 @@ class IdentificationResult:
     mac: Floats | None  # (measured, predicted) modal assurance criterion
     nonlinear: NonlinearEstimate | None
     pad_modulus: float  # Pa; nan without pad
-    summary: dict[str, Any]  # plain Python values; names as fixed in RESULTS.md
-    warnings: tuple[str, ...] = ()
     processor_time_s: float = 0.0
-    wall_time_s: float = 0.0
-    created: str = ""  # ISO 8601, UTC
-    provenance: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def complete(self) -> bool:
-        """Whether everything asked for was found."""
-        return self.status == "complete"
-
-    @property
-    def title(self) -> str:
-        """The scenario's title."""
-        return self.scenario.title

@@ -6,7 +6,6 @@ import platform
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -146,8 +145,6 @@ def _identify(
         warnings=tuple(warnings),
         processor_time_s=spent,
         wall_time_s=clock.perf_counter() - begin,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        provenance=dict(_versions()),
     )
 
 

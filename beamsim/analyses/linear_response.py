@@ -61,7 +61,8 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
         moved = transfer(system, frequency_hz, which) @ contacts.shape.T
         return np.asarray(moved + base[:, None] * contacts.on_ground)
 
-    at_rest, shut = opening(closed), opening(np.ones(contacts.count, dtype=bool))
+    snubbers = np.arange(contacts.count) < len(system.snubbers)  # piecewise-linear springs stay as they are at rest
+    at_rest, shut = opening(closed), opening(closed | snubbers)
     unknown = np.full(omega.size, np.nan)
     found = {}
     for j, snubber in enumerate(system.snubbers):

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dynamics.contact_state import LinearOutput
-from beamsim.dynamics.transient import ExactFlow
-from beamsim.model.structure import BeamRecovery
+from beamsim.dynamics.flow import ExactFlow
+from beamsim.model.structure import BeamRecovery, SpringInfo
 
-__all__ = ["OutputSet", "accelerations", "bending_stress", "displacements", "stack", "velocities"]
+__all__ = [
+    "OutputSet",
+    "accelerations",
+    "bending_stress",
+    "displacements",
+    "first_rows",
+    "stack",
+    "stretches",
+    "velocities",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -24,6 +33,20 @@ def displacements(flow: ExactFlow, shape: Floats) -> LinearOutput:
     output = flow.empty_output(shape.shape[0])
     output.row[:, : flow.system.size] = shape
     return output
+
+
+def stretches(flow: ExactFlow, springs: Sequence[SpringInfo]) -> LinearOutput:
+    """Stretch of nonlinear springs; to the ground absolute, as far as the flow knows the base's displacement."""
+    output = displacements(flow, np.array([s.shape for s in springs]).reshape(-1, flow.system.size))
+    if flow.base_channel >= 0:
+        base = flow.sources.channel == flow.base_channel
+        output.direct[:, base] += np.array([s.on_ground for s in springs], dtype=float)[:, None]
+    return output
+
+
+def first_rows(output: LinearOutput, count: int) -> LinearOutput:
+    """The first rows: of contacts those that are snubbers."""
+    return LinearOutput(*(part[:count] for part in (output.row, output.direct, output.direct_slope, output.face)))
 
 
 def velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:

@@ -7,14 +7,12 @@ resonance), or a fraction (a subharmonic).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.sweep_results import ResponsePeak, SweepCurve
 
-__all__ = ["find_peaks"]
+__all__ = ["bent", "find_peaks"]
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +71,7 @@ def _named(curve: SweepCurve, probe: str, index: NDArray[np.int64], frequency: F
     r = int(np.argmax(rise))
     order = float(curve.orders[r])
     if order == 1.0 or not np.isfinite(rise[r]):
-        kind = "linear resonance" if _linear(curve.contact_share.values(), index[here]) else "nonlinear resonance"
+        kind = "linear resonance" if _linear(curve, index[here]) else "nonlinear resonance"
     else:
         kind = "superharmonic" if order > 1 else "subharmonic"
     value = float(envelope.peak[index[at]])
@@ -86,5 +84,14 @@ def _around(frequency: Floats, low: float, high: float, fallback: int | None) ->
     return inside if inside.size or fallback is None else np.array([fallback])
 
 
-def _linear(shares: Iterable[Floats], part: NDArray[np.int64]) -> bool:
+def _linear(curve: SweepCurve, part: NDArray[np.int64]) -> bool:
+    """Whether no contact is made or lost, nor a breakpoint of a spring met, in these cycles."""
+    shares = curve.contact_share.values()
+    if curve.bent is not None and np.any(curve.bent[part]):
+        return False
     return all(bool(np.all(share[part] <= ALWAYS) or np.all(share[part] >= 1 - ALWAYS)) for share in shares)
+
+
+def bent(share: Floats) -> NDArray[np.bool_]:
+    """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) that its stretch is beyond it."""
+    return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

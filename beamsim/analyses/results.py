@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.outcome import Outcome
 from beamsim.model.structure import ModeTable
 
 if TYPE_CHECKING:
     from beamsim.analyses.random_response import RandomResponse
-    from beamsim.scenario import Scenario
 
 __all__ = [
     "BeamResult",
@@ -24,6 +24,7 @@ __all__ = [
     "SnubberHistory",
     "SpectralLine",
     "Spectrum",
+    "SpringHistory",
     "Work",
 ]
 
@@ -47,8 +48,8 @@ class SnubberHistory:
     """One snubber at the output times, with the numbers that describe it."""
 
     name: str
-    position: float  # m along the beam; the mass number for a chain
-    side: str  # "below" or "above"
+    position: float  # m along the beam; the mass number for a chain, halfway for a snubber between two masses
+    side: str  # "below" or "above"; between two masses "approach" or "separation"
     stiffness: float  # N/m
     dashpot: float  # N s/m
     gap: float  # m, clearance positive; resolved where a preload was given
@@ -58,13 +59,24 @@ class SnubberHistory:
     force: Floats  # (nt,) N, positive when it pushes
     penetration: Floats  # (nt,) m
     closed: NDArray[np.bool_]  # (nt,)
-    displacement: Floats  # (nt,) m, of the structure at the snubber, relative to the base
+    displacement: Floats  # (nt,) m, of the structure at the snubber, relative to the base; the stretch between masses
     velocity: Floats  # (nt,) m/s
 
 
 @dataclass(frozen=True)
+class SpringHistory:
+    """One nonlinear spring of a chain at the output times."""
+
+    name: str
+    kind: str  # "cubic" or "piecewise_linear"
+    masses: tuple[int, ...]  # the one it ties to the ground, or the two it joins
+    stretch: Floats  # (nt,) m; to the ground the absolute displacement of the mass
+    force: Floats  # (nt,) N, positive where it pulls back a positive stretch
+
+
+@dataclass(frozen=True)
 class EventLog:
-    """Contact events in order of time."""
+    """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them."""
 
     time: Floats  # (ne,) s
     snubber: NDArray[np.int64]  # (ne,) index into the scenario's snubbers
@@ -132,12 +144,10 @@ class Work:
 
 
 @dataclass(frozen=True)
-class RunResult:
+class RunResult(Outcome):
     """Everything `beamsim run` computes."""
 
-    scenario: Scenario  # resolved
     method: str  # "exact" or "reference (BDF)" ...
-    status: str  # "complete" or a sentence that says why the run stopped early
     time: Floats  # (nt,) s
     probes: dict[str, ProbeHistory]
     snubbers: dict[str, SnubberHistory]
@@ -149,19 +159,5 @@ class RunResult:
     energy: EnergyHistory
     modes: ModeTable
     work: Work
-    summary: dict[str, Any]  # plain Python values; names as fixed in RESULTS.md
-    warnings: tuple[str, ...] = ()
-    wall_time_s: float = 0.0
-    created: str = ""  # ISO 8601, UTC
-    provenance: dict[str, str] = field(default_factory=dict)  # package versions
     random: RandomResponse | None = None  # of a random or sampled input
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run reached its end with results that can be trusted."""
-        return self.status == "complete"
-
-    @property
-    def title(self) -> str:
-        """The scenario's title."""
-        return self.scenario.title
+    springs: dict[str, SpringHistory] = field(default_factory=dict)  # nonlinear springs of a chain

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import platform
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +12,14 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.energy import balance_error, energy_history, stored_energy
 from beamsim.analyses.limits import margins
-from beamsim.analyses.outputs import OutputSet, accelerations, bending_stress, displacements, velocities
+from beamsim.analyses.outputs import (
+    OutputSet,
+    accelerations,
+    bending_stress,
+    displacements,
+    stretches,
+    velocities,
+)
 from beamsim.analyses.results import (
     BeamResult,
     EnergyHistory,
@@ -23,25 +28,31 @@ from beamsim.analyses.results import (
     RunResult,
     SnubberHistory,
     Spectrum,
+    SpringHistory,
     Work,
 )
 from beamsim.analyses.spectrum import spectrum
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.flow import ExactFlow
+from beamsim.dynamics.transient import simulate
 from beamsim.errors import Problem, ScenarioError
 from beamsim.model.build import build_system
 from beamsim.model.structure import StructuralSystem
 
 if TYPE_CHECKING:
     from beamsim.dynamics.contact_state import LinearOutput
+    from beamsim.dynamics.reference import ReferenceTrajectory
+    from beamsim.dynamics.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
 
-__all__ = ["exact_flow", "run", "versions"]
+__all__ = ["exact_flow", "run"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_SAMPLES = 50_000_000
+STEPS_A_PERIOD = 20  # of a structure with cubic springs and contacts, at least
+SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for their extremes
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
 
 
@@ -75,6 +86,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
         time=motion.time,
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),
+        springs=_springs(system, motion),
         base_acceleration=_signal(system.base_acceleration, motion.time),
         base_displacement=_signal(system.base_displacement, motion.time),
         events=motion.events,
@@ -86,8 +98,6 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
         summary=_with_margins(scenario, _summary(system, motion, spectra)),
         warnings=(*scenario.warnings, *system.warnings, *motion.warnings),
         wall_time_s=clock.perf_counter() - begin,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        provenance=versions(),
     )
     return _with_statistics(result, system) if scenario.excitation.kind in ("random", "sampled") else result
 
@@ -160,6 +170,8 @@ def _groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
         "snubber_displacement": displacements(flow, snubber_shapes),
         "snubber_velocity": velocities(flow, snubber_shapes),
     }
+    if system.springs:
+        fixed["stretch"] = stretches(flow, system.springs)
     groups = {name: _same_in_every_state(output) for name, output in fixed.items()}
     groups["acceleration"] = lambda closed: accelerations(flow, probe_shapes, closed, absolute=True)
     groups["force"] = flow.contact_forces
@@ -180,7 +192,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
     values = groups.split(trajectory.sample(times, groups), nothing_closed)
     energy, energy_error = energy_history(trajectory, times)
 
-    searched = {name: groups.groups[name] for name in ("displacement", "acceleration", "force", "penetration")}
+    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
     seeds = {name: (times, values[name]) for name in searched}
     if system.beam is not None:
         searched["stress"] = _same_in_every_state(bending_stress(flow, system.beam))
@@ -204,7 +216,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
         closed=closed,
         energy=energy,
         energy_error=energy_error,
-        events=EventLog(trajectory.event_time, trajectory.event_contact, trajectory.event_closing),
+        events=_events(system, trajectory),
         extremes=extremes,
         extreme_times=extreme_times,
         extreme_states=trajectory.states_at(extreme_times[order])[order],
@@ -228,30 +240,35 @@ def _reference(
     flow = exact_flow(system, settings.duration)
     integrator, rtol = settings.integrator, settings.rtol
     warnings: tuple[str, ...] = ()
+    longest = np.inf
     if settings.method != "reference":
         integrator, rtol = "DOP853", min(rtol, 1e-10)
+        longest = _longest_step(system)
         warnings = (
             f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
             "contacts are found by sign changes between steps, without certificate",
         )
     trajectory = integrate(
         flow, system.initial_state, times, integrator=integrator, rtol=rtol, atol=settings.atol,
-        cubic=system.cubic, max_events=settings.max_events, progress=progress,
+        max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress,
     )  # fmt: skip
     n = flow.system.size
     groups = _groups(system, flow)
     values = groups.split(trajectory.sample(groups), np.zeros(flow.system.contacts.count, dtype=bool))
     if system.cubic.count:
         q = trajectory.y[:, :n] @ system.cubic.shape.T
-        d = _signal(system.base_displacement, trajectory.time)[:, None]
+        d = _signal(system.base_displacement, trajectory.time)[:, None] * system.cubic.felt
         probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, n)
         pull = (system.cubic.stiffness * (q + d) ** 3) @ (system.cubic.shape @ probe_shapes.T)
         values["acceleration"] = values["acceleration"] - pull
+    for i, spring in enumerate(system.springs):
+        if spring.on_ground and flow.base_channel < 0:  # no contact feels the base's displacement
+            values["stretch"][:, i] += _signal(system.base_displacement, trajectory.time)
     stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.closed, trajectory.face)
     if system.cubic.count:
         stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
-    searched = {name: values[name] for name in ("displacement", "acceleration", "force", "penetration")}
+    searched = {name: values[name] for name in SEARCHED if name in values}
     if system.beam is not None:
         searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.beam)))
     at = trajectory.time
@@ -266,7 +283,7 @@ def _reference(
         closed=trajectory.closed,
         energy=energy,
         energy_error=balance_error(at, energy, trajectory.power_in),
-        events=EventLog(trajectory.event_time, trajectory.event_contact, trajectory.event_closing),
+        events=_events(system, trajectory),
         extremes=extremes,
         extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
         extreme_states=trajectory.y[[values["displacement"][:, 0].argmin(), values["displacement"][:, 0].argmax()]],
@@ -280,6 +297,15 @@ def _reference(
         ),
         warnings=warnings,
     )
+
+
+def _longest_step(system: StructuralSystem) -> float:
+    """A step in which hardly a contact begins and ends unseen: a part of the shortest period, all contacts closed."""
+    c = system.dynamics.contacts
+    if c.count == 0:
+        return np.inf
+    fastest = system.dynamics.stiffness.max() + np.abs(c.stiffness) @ (c.shape**2).sum(axis=1)
+    return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
 def _negative(output_of: Callable[[Bools], LinearOutput]) -> Callable[[Bools], LinearOutput]:
@@ -330,6 +356,20 @@ def _snubbers(system: StructuralSystem, motion: _Motion) -> dict[str, SnubberHis
     }
 
 
+def _springs(system: StructuralSystem, motion: _Motion) -> dict[str, SpringHistory]:
+    found = {}
+    for i, s in enumerate(system.springs):
+        stretch = motion.values["stretch"][:, i]
+        found[s.name] = SpringHistory(s.name, s.kind, s.masses, stretch, s.force(stretch))
+    return found
+
+
+def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
+    """The snubbers' events; those beyond are breakpoints of piecewise-linear springs."""
+    own = trajectory.event_contact < len(system.snubbers)
+    return EventLog(trajectory.event_time[own], trajectory.event_contact[own], trajectory.event_closing[own])
+
+
 def _beam(system: StructuralSystem, motion: _Motion) -> BeamResult | None:
     beam = system.beam
     if beam is None:
@@ -364,6 +404,7 @@ def _spectra(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> d
 def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str, str], Spectrum]) -> dict[str, Any]:
     probes = [p.name for p in system.probes]
     names = [s.name for s in system.snubbers]
+    count = len(names)
     low, _, high, _ = motion.extremes["displacement"]
     low_a, _, high_a, _ = motion.extremes["acceleration"]
     closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(names))
@@ -374,12 +415,12 @@ def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str,
         "min_displacement_m": _named(probes, low),
         "max_displacement_m": _named(probes, high),
         "peak_acceleration_g": _named(probes, np.maximum(np.abs(low_a), np.abs(high_a)) / STANDARD_GRAVITY),
-        "peak_force_n": _named(names, motion.extremes["force"][2]),
-        "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0], 0.0)),
-        "contact_share": _named(names, motion.contact_share),
+        "peak_force_n": _named(names, motion.extremes["force"][2][:count]),
+        "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0][:count], 0.0)),
+        "contact_share": _named(names, motion.contact_share[:count]),
         "contacts": {name: int(count) for name, count in zip(names, closings, strict=True)},
         "events": int(motion.events.time.size),
-        "linear": motion.events.time.size == 0,
+        "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.energy_error,
         "processor_time_s": motion.work.processor_time_s,
         "static_force_n": {s.name: s.preload for s in system.snubbers},
@@ -405,6 +446,13 @@ def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str,
             for line in s.lines
         ],
     }
+    if system.springs:
+        ends = np.array(motion.extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
+        springs = [s.name for s in system.springs]
+        summary["breakpoints_passed"] = motion.work.events - motion.events.time.size
+        summary["peak_stretch_m"] = _named(springs, np.abs(ends).max(axis=1))
+        forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
+        summary["peak_spring_force_n"] = _named(springs, np.array(forces))
     if system.beam is not None:
         low_s, _, high_s, _ = motion.extremes["stress"]
         stress = np.maximum(np.abs(low_s), np.abs(high_s))
@@ -421,11 +469,3 @@ def _with_margins(scenario: Scenario, summary: dict[str, Any]) -> dict[str, Any]
 
 def _named(names: list[str], values: Floats) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=True)}
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that the numbers depend on."""
-    from importlib.metadata import version
-
-    packages = {name: version(name) for name in ("numpy", "scipy", "numba")}
-    return {"python": platform.python_version(), **packages}

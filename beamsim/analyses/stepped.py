@@ -11,6 +11,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.peaks import bent
 from beamsim.analyses.sweep_results import Envelope, SteadyStates, SweepCurve, SweepWork
 from beamsim.analyses.swept_sine import limited_values, sweep_outputs, swept_flow
 from beamsim.dynamics.lyapunov import largest_exponent
@@ -194,6 +195,7 @@ def _curve(
         contact_share={name: share[:, k] for k, name in enumerate(snubbers)},
         contacts={name: closings[:, k] for k, name in enumerate(snubbers)},
         limited=limited_values(system, settings.accelerations, limited, high, low),
+        bent=bent(share[:, S:]),
         steady=SteadyStates(
             kind=tuple(p.kind for p in points),
             period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import numpy as np
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.linear_response import linear_curve
 from beamsim.analyses.peaks import find_peaks
-from beamsim.analyses.run import versions
 from beamsim.analyses.sweep_results import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
 from beamsim.errors import Problem, ScenarioError
 from beamsim.model.build import build_system
@@ -67,7 +65,7 @@ def sweep(
     if system.cubic.count:
         raise ScenarioError(
             Problem(
-                "chain.springs_to_ground",
+                "chain",
                 "has cubic springs, whose motion has no closed form",
                 "use `beamsim run` with excitation: {kind: swept_sine, ...}, which steps through time",
             )
@@ -103,8 +101,6 @@ def sweep(
             truncation=truncation,
             warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario)),
             wall_time_s=clock.perf_counter() - begin,
-            created=datetime.now(UTC).isoformat(timespec="seconds"),
-            provenance=versions(),
         )
 
     for index, level in enumerate(levels):
@@ -144,7 +140,7 @@ def sweep(
 
 def sweep_system(scenario: Scenario) -> StructuralSystem:
     """The system of a sweep: reduced for its highest frequency."""
-    assert scenario.sweep is not None
+    assert isinstance(scenario.sweep, (SweptSine, SteppedSine))
     assert isinstance(scenario.excitation, Harmonic)
     highest = max(scenario.sweep.from_, scenario.sweep.to)
     # without the run its sample rate does not call for modes; the excitation's own frequency plays no part

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.outcome import Outcome
 from beamsim.model.structure import ModeTable
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 __all__ = [
     "ContactLevels",
@@ -83,6 +80,7 @@ class SweepCurve:
     steady: SteadyStates | None = None  # of a stepped sweep
     # largest value of each cycle, (C,), of what limits ask for beyond the above: "bending_stress" Pa, "gap <snubber>" m
     limited: dict[str, Floats] = field(default_factory=dict)
+    bent: NDArray[np.bool_] | None = None  # (C,) whether a piecewise-linear spring met a breakpoint; not stored
 
 
 @dataclass(frozen=True)
@@ -155,32 +153,15 @@ class LevelWork:
 
 
 @dataclass(frozen=True)
-class SweepResult:
+class SweepResult(Outcome):
     """Everything one `beamsim sweep` of one design computes."""
 
-    scenario: Scenario
     kind: str  # "swept_sine" or "stepped"
-    status: str  # "complete" or a sentence that says why it stopped early
     curves: dict[str, SweepCurve]
     linear: LinearCurve
     peaks: tuple[ResponsePeak, ...]
     modes: ModeTable
     work: SweepWork
-    summary: dict[str, Any]
     levels: dict[int, LevelWork] = field(default_factory=dict)  # the levels that were computed, by index
     histories: dict[int, SweepHistory] = field(default_factory=dict)  # by level index
     truncation: float = 0.0  # bound on what the expansion of the sine leaves out, of its amplitude
-    warnings: tuple[str, ...] = ()
-    wall_time_s: float = 0.0
-    created: str = ""
-    provenance: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def complete(self) -> bool:
-        """Whether the sweep reached its end."""
-        return self.status == "complete"
-
-    @property
-    def title(self) -> str:
-        """The scenario's title."""
-        return self.scenario.title

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.outputs import accelerations, bending_stress, displacements, stack
+from beamsim.analyses.outputs import accelerations, bending_stress, displacements, first_rows, stack
+from beamsim.analyses.peaks import bent
 from beamsim.analyses.sweep_results import Envelope, SweepCurve, SweepHistory
 from beamsim.dynamics.contact_state import LinearOutput
 from beamsim.dynamics.swept_sine import CycleRecord, SweptFlow, sweep
@@ -97,16 +98,17 @@ def sweep_outputs(
     template = flow.template
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     moved = displacements(template, shapes)
+    count = len(system.snubbers)
 
     def output_of(closed: Bools) -> LinearOutput:
-        parts = [moved, template.contact_forces(closed)]
+        parts = [moved, first_rows(template.contact_forces(closed), count)]
         if with_accelerations:
             parts.append(accelerations(template, shapes, closed, absolute=system.base_acceleration is not None))
         return stack(*parts, *extra)
 
     extra = []
     if "gap" in limited:
-        extra.append(template.penetrations()[0])
+        extra.append(first_rows(template.penetrations()[0], count))
     if "bending_stress" in limited and system.beam is not None:
         extra.append(bending_stress(template, system.beam))
     return output_of
@@ -206,6 +208,7 @@ def _curves(
                 contact_share={name: record.contact_share[here, k] for k, name in enumerate(snubbers)},
                 contacts={name: record.closings[here, k] for k, name in enumerate(snubbers)},
                 limited=limited_values(system, settings.accelerations, limited, record.high[here], record.low[here]),
+                bent=bent(record.contact_share[here, S:]),
             )
         )
     return tuple(curves)

@@ -12,6 +12,7 @@ from beamsim.cli.designs import Check, check_limits, need_limits
 from beamsim.cli.failures import guarded, say
 from beamsim.cli.identification import register as register_identification
 from beamsim.cli.nnm import register as register_nnm
+from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
 from beamsim.cli.sweep import register as register_sweep
 
 __all__ = ["app"]
@@ -49,20 +50,6 @@ class TemplateKind(StrEnum):
     chain = "chain"
 
 
-Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
-Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file of `beamsim run`.")]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Override a value, e.g. beam.thickness='4 mm'; repeatable."),
-]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="PATH", help="File or folder for the results (default: current folder)."),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         from beamsim import __version__
@@ -87,8 +74,8 @@ def run(
     set_: Overrides = None,
     output: Output = None,
     json: Json = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")] = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
     check: Check = False,
     debug: Debug = False,
 ) -> None:
@@ -180,23 +167,9 @@ def new(
 @guarded
 def info(result: Stored, json: Json = False, debug: Debug = False) -> None:
     """Print what a result file holds."""
-    from beamsim.cli.report import print_json, print_table, summary_rows
-    from beamsim.cli.stored import print_other
-    from beamsim.store.read import open_result
+    from beamsim.cli.stored import print_stored
 
-    if print_other(result, as_json=json):
-        return
-    stored = open_result(result)
-    if json:
-        print_json({**stored.summary, "wall_time_s": stored.wall_time_s, "created": stored.created})
-        return
-    rows = [
-        ("written", f"{stored.created} by beamsim {stored.beamsim_version} run"),
-        ("time", f"{stored.time[0]:g} to {stored.time[-1]:g} s, {stored.time.size} samples"),
-        *summary_rows(stored),
-        *(("warning", warning) for warning in stored.warnings),
-    ]
-    print_table(f"{result}: {stored.title}", rows)
+    print_stored(result, as_json=json)
 
 
 @app.command()
@@ -210,19 +183,10 @@ def plot(
 ) -> None:
     """Draw the plots of a result file again. Nothing is recomputed."""
     from beamsim.cli.output import output_folder
-    from beamsim.cli.report import print_json
-    from beamsim.cli.stored import plot_other
-    from beamsim.plots.run import save_run_plots
-    from beamsim.store.read import open_result
+    from beamsim.cli.report import print_files
+    from beamsim.cli.stored import plot_stored
 
-    folder = output_folder(output, result.stem)
-    files = plot_other(result, folder, form.value) or save_run_plots(
-        open_result(result), folder, result.stem, form.value
-    )
-    if json:
-        print_json({"files": [str(path) for path in files]})
-    else:
-        print(*files, sep="\n")
+    print_files(plot_stored(result, output_folder(output, result.stem), form.value), as_json=json)
 
 
 @app.command()
@@ -235,26 +199,10 @@ def export(
     debug: Debug = False,
 ) -> None:
     """Write a result file in another format."""
-    from beamsim.cli.designs import export_designs_table
-    from beamsim.cli.output import output_file, output_folder
-    from beamsim.cli.report import print_json
-    from beamsim.cli.stored import holds_designs
-    from beamsim.store.export import export_run, export_target
-    from beamsim.store.read import open_result
+    from beamsim.cli.report import print_files
+    from beamsim.cli.stored import export_stored
 
-    if holds_designs(result):
-        files = [export_designs_table(result, output, form.value)]
-    else:
-        stored = open_result(result)
-        if form is ExportFormat.csv:
-            target = export_target(output_folder(output, result.stem), result.stem, form.value)
-        else:
-            target = output_file(output, result.stem, f".{form.value}")
-        files = export_run(stored, target, form.value)
-    if json:
-        print_json({"files": [str(path) for path in files]})
-    else:
-        print(*files, sep="\n")
+    print_files(export_stored(result, output, form.value), as_json=json)
 
 
 register_identification(app)

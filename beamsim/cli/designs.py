@@ -24,8 +24,7 @@ __all__ = [
     "Check",
     "StudyOptions",
     "check_limits",
-    "export_designs_table",
-    "inform_about_designs",
+    "design_rows",
     "need_limits",
     "print_designs",
     "refuse_study_options",
@@ -109,52 +108,19 @@ def check_limits(margins: dict[str, Any]) -> None:
 
 def print_designs(result: DesignsResult, files: Sequence[Path], *, as_json: bool) -> None:
     """Summary of a study and the files it left."""
-    from beamsim.cli.report import print_json, print_table
+    from beamsim.cli.report import print_outcome
 
-    if as_json:
-        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
-    else:
-        rows = [*_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
-        print_table(result.title, rows)
-
-
-def inform_about_designs(path: Path, *, as_json: bool) -> None:
-    """Print what the result file of a study holds."""
-    from beamsim.cli.report import print_json, print_table
-    from beamsim.store.designs import open_designs
-
-    stored = open_designs(path)
-    if as_json:
-        print_json({**stored.summary, "wall_time_s": stored.wall_time_s, "created": stored.created})
-        return
-    written = ("written", f"{stored.created} by beamsim {stored.beamsim_version} sweep")
-    warnings = (("warning", warning) for warning in stored.warnings)
-    print_table(f"{path}: {stored.title}", [written, *_rows(stored), *warnings])
-
-
-def export_designs_table(path: Path, output: Path | None, form: str) -> Path:
-    """Write the table of a study's result file as CSV; returns the file.
-
-    Raises
-    ------
-    ScenarioError
-        For a format that holds time histories only.
-    """
-    from beamsim.cli.output import output_file
-    from beamsim.store.designs import export_designs, open_designs
-
-    if form != "csv":
-        raise ScenarioError(f"--format {form}: the table of a study is exported as csv")
-    return export_designs(open_designs(path), output_file(output, path.stem, ".csv"))
+    print_outcome(result, design_rows(result), files, as_json=as_json)
 
 
 def _finished(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]] | None:
     """The result, where ``--resume`` finds that nothing is left to do."""
     from beamsim import __version__
-    from beamsim.store.designs import holds_designs, open_designs
+    from beamsim.store.designs import open_designs
     from beamsim.store.journal import journal_path
+    from beamsim.store.stored import holds
 
-    if not options.resume or journal_path(target).exists() or not holds_designs(target):
+    if not options.resume or journal_path(target).exists() or not holds(target, "designs"):
         return None
     stored = open_designs(target)
     same = stored.fingerprint == plan.fingerprint and stored.beamsim_version == __version__
@@ -240,7 +206,8 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _rows(result: DesignsResult) -> Iterator[tuple[str, str]]:
+def design_rows(result: DesignsResult) -> Iterator[tuple[str, str]]:
+    """Label and text of every row of the table of a study."""
     from beamsim.cli.report import _si, margin_rows
 
     s = result.summary

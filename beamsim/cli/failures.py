@@ -9,12 +9,15 @@ code  meaning
 3     stopped before the end or not to be trusted; what there is was saved
 4     an allowable is exceeded, under ``--check``
 130   interrupted from the keyboard
+141   whoever read the output went away (``| head``)
 ====  ==================================================================
 """
 
 from __future__ import annotations
 
+import errno
 import functools
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -29,6 +32,8 @@ __all__ = ["guarded", "say", "verdict"]
 Parameters = ParamSpec("Parameters")
 
 INTERRUPTED = 130
+PIPE_CLOSED = 141
+OUTPUT_REFUSED = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)  # what print meets where the disk is full
 
 
 def verdict(error: BaseException) -> tuple[int, str]:
@@ -45,6 +50,8 @@ def verdict(error: BaseException) -> tuple[int, str]:
         return 2, "beamsim: not enough memory; shorten run.duration or lower run.sample_rate"
     if isinstance(error, OSError) and error.filename is not None:
         return 2, f"beamsim: {error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.errno in OUTPUT_REFUSED:
+        return 2, f"beamsim: cannot write the output: {error.strerror}"
     text = f"{type(error).__name__}: {error}".splitlines()[0]
     return 1, f"beamsim: internal error ({text}); use --debug to see where"
 
@@ -61,8 +68,13 @@ def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
     def wrapper(*args: Parameters.args, **kwargs: Parameters.kwargs) -> None:
         try:
             command(*args, **kwargs)
-        except (typer.Exit, BrokenPipeError):
+            if sys.stdout is not None:
+                sys.stdout.flush()  # here, where a full disk is told as such
+        except typer.Exit:
             raise
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing fails when Python flushes at exit
+            raise typer.Exit(PIPE_CLOSED) from None
         except (Exception, KeyboardInterrupt) as error:
             if kwargs.get("debug"):
                 traceback.print_exception(error)

@@ -72,13 +72,13 @@ def compare(
     from beamsim.cli.identification_report import print_comparison, save_comparison
     from beamsim.cli.output import output_file
     from beamsim.store.comparison import pair_channels
-    from beamsim.store.read import open_result
+    from beamsim.store.read import open_run
 
-    stored = open_result(result)
+    stored = open_run(result)
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
     pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
     found = compare_with(stored, pairs, harmonics=harmonics, last=last)
-    files = save_comparison(found, stored, target, plots=not no_plots)
+    files = save_comparison(found, target, plots=not no_plots)
     for warning in found.warnings:
         say(f"beamsim: warning: {warning}")
     print_comparison(found, files, as_json=json)

@@ -15,11 +15,17 @@ from beamsim.analyses.identification_results import (
     ParameterEstimate,
     StiffnessEstimate,
 )
-from beamsim.analyses.results import RunResult
-from beamsim.cli.report import print_json, print_table
+from beamsim.cli.report import print_outcome
 from beamsim.plots.style import scale_for
 
-__all__ = ["print_comparison", "print_identification", "save_comparison", "save_identification"]
+__all__ = [
+    "comparison_rows",
+    "identification_rows",
+    "print_comparison",
+    "print_identification",
+    "save_comparison",
+    "save_identification",
+]
 
 Row = tuple[str, str]
 SENSITIVITIES_SHOWN = 6
@@ -39,26 +45,14 @@ def save_identification(result: IdentificationResult, target: Path, *, plots: bo
 
 def print_identification(result: IdentificationResult, files: Sequence[Path], *, as_json: bool) -> None:
     """Summary of an identification and the files it left."""
-    if as_json:
-        print_json(
-            {
-                **result.summary,
-                "status": result.status,
-                "warnings": list(result.warnings),
-                "wall_time_s": result.wall_time_s,
-                "files": [str(path) for path in files],
-            }
-        )
-        return
-    rows = [*_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
-    print_table(result.title, rows)
+    print_outcome(result, identification_rows(result), files, as_json=as_json)
 
 
-def save_comparison(comparison: Comparison, result: RunResult, target: Path, *, plots: bool) -> list[Path]:
+def save_comparison(comparison: Comparison, target: Path, *, plots: bool) -> list[Path]:
     """Write the comparison and, beside it, the plots; returns the files."""
     from beamsim.store.comparison import write_comparison
 
-    files = [write_comparison(comparison, result, target)]
+    files = [write_comparison(comparison, target)]
     if plots:
         from beamsim.plots.comparison import save_comparison_plots
 
@@ -68,28 +62,28 @@ def save_comparison(comparison: Comparison, result: RunResult, target: Path, *, 
 
 def print_comparison(comparison: Comparison, files: Sequence[Path], *, as_json: bool) -> None:
     """Table of harmonic differences and the files left."""
-    if as_json:
-        print_json({**comparison.summary, "files": [str(path) for path in files]})
-        return
-    rows: list[Row] = []
+    print_outcome(comparison, comparison_rows(comparison), files, as_json=as_json)
+
+
+def comparison_rows(comparison: Comparison) -> Iterator[Row]:
+    """Label and text of every row of the table of a comparison."""
     for c in comparison.channels:
-        rows.append((f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}"))
+        yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}"
         if math.isfinite(c.rms_difference):
             negligible = abs(c.delay_s) * (c.excitation_hz if math.isfinite(c.excitation_hz) else 1.0) < 1e-9
             delay = "no delay" if negligible else f"a delay of {_si(c.delay_s, 's')}"
-            rows.append(("  histories", f"differ by {100 * c.rms_difference:.3g} % rms after {delay}"))
+            yield "  histories", f"differ by {100 * c.rms_difference:.3g} % rms after {delay}"
         scale = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
         for n, p, m, d, a in zip(
             c.order, c.predicted, c.measured, c.difference_db, c.phase_difference_deg, strict=True
         ):
             text = f"predicted {abs(p) * scale.factor:9.4g}, measured {abs(m) * scale.factor:9.4g} {scale.unit}"
             phase = f", {a:+.1f} deg" if math.isfinite(a) else ""
-            rows.append((f"  harmonic {n}", f"{text}, difference {d:+.2f} dB{phase}"))
-    rows += [("files" if k == 0 else "", str(path)) for k, path in enumerate(files)]
-    print_table(comparison.title, rows)
+            yield f"  harmonic {n}", f"{text}, difference {d:+.2f} dB{phase}"
 
 
-def _rows(result: IdentificationResult) -> Iterator[Row]:
+def identification_rows(result: IdentificationResult) -> Iterator[Row]:
+    """Label and text of every row of the table of an identification."""
     if not result.complete:
         yield "status", result.status
     if result.update is not None:

@@ -10,7 +10,7 @@ import typer
 __all__ = ["Case", "Debug", "Json", "NoPlots", "Output", "Overrides", "Quiet", "Stored"]
 
 Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
-Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file of `beamsim run`.")]
+Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Override a value, e.g. beam.thickness='4 mm'; repeatable."),

@@ -11,11 +11,21 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.outcome import Outcome
 from beamsim.analyses.results import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
-__all__ = ["margin_rows", "print_json", "print_result", "print_run", "print_table", "summary_rows"]
+__all__ = [
+    "margin_rows",
+    "print_files",
+    "print_json",
+    "print_outcome",
+    "print_result",
+    "print_run",
+    "print_table",
+    "summary_rows",
+]
 
 LINES_SHOWN = 6
 Row = tuple[str, str]
@@ -36,13 +46,24 @@ def print_result(
     print_table(title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
 
 
+def print_outcome(result: Outcome, rows: Iterable[Row], files: Sequence[Path], *, as_json: bool, **more: Any) -> None:
+    """Print the result of a command: its summary and ``more`` as JSON, or its table with the files written below."""
+    about = {"status": result.status, "warnings": list(result.warnings)}
+    summary = {**about, **result.summary, **more, "wall_time_s": result.wall_time_s}
+    print_result(result.title, summary, rows, files, as_json=as_json)
+
+
 def print_run(result: RunResult, files: Sequence[Path], *, as_json: bool) -> None:
     """Summary of a run and the files it left."""
+    print_outcome(result, summary_rows(result), files, as_json=as_json)
+
+
+def print_files(files: Sequence[Path], *, as_json: bool) -> None:
+    """The files a command wrote, one a line."""
     if as_json:
-        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
+        print_json({"files": [str(path) for path in files]})
     else:
-        rows = [*summary_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
-        print_table(result.title, rows)
+        print(*files, sep="\n")
 
 
 def print_table(title: str, rows: Sequence[Row]) -> None:
@@ -75,6 +96,13 @@ def summary_rows(result: RunResult) -> Iterator[Row]:
             for name, v in s["contact_share"].items()
         },
     )
+    yield from _each(
+        "peak spring force",
+        {
+            name: f"{_si(v, 'N')} at a stretch of {_si(s['peak_stretch_m'][name], 'm')}"
+            for name, v in s.get("peak_spring_force_n", {}).items()
+        },
+    )
     yield from _each("preload", {name: _preload(s, name) for name in s["gap_m"]})
     if "largest_bending_stress_pa" in s:
         where = _si(s["largest_bending_stress_position_m"], "m")
@@ -89,9 +117,11 @@ def summary_rows(result: RunResult) -> Iterator[Row]:
         f"estimated error {s['reduction_error']:.2g}",
     )
     yield "energy balance error", f"{s['energy_error']:.2g}"
+    bends = s.get("breakpoints_passed", 0)
+    passed = f", {_counted(bends, 'breakpoint')} of springs passed" if bends else ""
     yield (
         "solver",
-        f"{s['method']}, {_counted(s['events'], 'event')}, processor time {_si(s['processor_time_s'], 's')}",
+        f"{s['method']}, {_counted(s['events'], 'event')}{passed}, processor time {_si(s['processor_time_s'], 's')}",
     )
     yield "wall time", _si(result.wall_time_s, "s")
 

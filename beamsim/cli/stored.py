@@ -1,73 +1,112 @@
-"""Result files of commands other than ``run``: what ``info`` prints and ``plot`` draws of them."""
+"""What ``info``, ``plot`` and ``export`` do with each kind of result file: one table."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from beamsim.cli.designs import inform_about_designs
+if TYPE_CHECKING:
+    from beamsim.analyses.results import RunResult
 
-__all__ = ["command_of", "holds_designs", "plot_other", "print_other"]
+__all__ = ["export_stored", "plot_stored", "print_stored"]
 
-
-def command_of(path: Path) -> str:
-    """The command that wrote a result file; empty for what is no result file (whose reader then says why)."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs.get("command", ""))
-    except OSError:
-        return ""
+Row = tuple[str, str]
 
 
-def holds_designs(path: Path) -> bool:
-    """Whether a design study wrote the file."""
-    from beamsim.store.designs import holds_designs as holds
+class Stored(NamedTuple):
+    """Where the functions for one kind of result are, as ``module:name``; each is imported when it is needed."""
 
-    return holds(path)
-
-
-def _holds_sweep(path: Path) -> bool:
-    from beamsim.store.sweep import holds_sweep
-
-    return holds_sweep(path)
+    rows: str  # of a result: labels and texts of its table
+    plots: str  # of a result, a folder, a stem and a format: the files written
 
 
-def print_other(path: Path, *, as_json: bool) -> bool:
-    """Print a result that is not a run's; False where it is one."""
-    if holds_designs(path):
-        inform_about_designs(path, as_json=as_json)
-        return True
-    if _holds_sweep(path):
-        from beamsim.cli.sweep_report import print_sweep
-        from beamsim.store.sweep import open_sweep
-
-        print_sweep(open_sweep(path), [], as_json=as_json)
-        return True
-    if command_of(path) != "identify-stiffness":
-        return False
-    from beamsim.cli.identification_report import print_identification
-    from beamsim.store.identification import open_identification
-
-    print_identification(open_identification(path), [], as_json=as_json)
-    return True
+# one entry a kind, under the names of beamsim.store.stored.KINDS
+TABLE = {
+    "run": Stored("beamsim.cli.stored:run_rows", "beamsim.plots.run:save_run_plots"),
+    "sweep": Stored("beamsim.cli.sweep_report:sweep_rows", "beamsim.plots.sweep:save_sweep_plots"),
+    "continuation": Stored("beamsim.cli.continuation:response_rows", "beamsim.plots.continuation:save_response_plots"),
+    "designs": Stored("beamsim.cli.designs:design_rows", "beamsim.plots.designs:save_design_plots"),
+    "identify-stiffness": Stored(
+        "beamsim.cli.identification_report:identification_rows",
+        "beamsim.plots.identification:save_identification_plots",
+    ),
+    "nnm": Stored("beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"),
+    "compare": Stored(
+        "beamsim.cli.identification_report:comparison_rows", "beamsim.plots.comparison:save_comparison_plots"
+    ),
+}
 
 
-def plot_other(path: Path, folder: Path, form: str) -> list[Path]:
-    """Draw a result that is not a run's; no files where it is one."""
-    if holds_designs(path):
-        from beamsim.plots.designs import save_design_plots
-        from beamsim.store.designs import open_designs
+def print_stored(path: Path, *, as_json: bool) -> None:
+    """Print what a result file of any kind holds.
 
-        return save_design_plots(open_designs(path), folder, path.stem, form)
-    if _holds_sweep(path):
-        from beamsim.plots.sweep import save_sweep_plots
-        from beamsim.store.sweep import open_sweep
+    Raises
+    ------
+    ResultFileError
+        When the file cannot be read.
+    """
+    from beamsim.cli.report import print_json, print_table
+    from beamsim.store.stored import KINDS, kind_of, open_result
 
-        return save_sweep_plots(open_sweep(path), folder, path.stem, form)
-    if command_of(path) != "identify-stiffness":
-        return []
-    from beamsim.plots.identification import save_identification_plots
-    from beamsim.store.identification import open_identification
+    kind = kind_of(path)
+    result = open_result(path)
+    if as_json:
+        about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
+        made = {"created": result.created, "beamsim_version": result.beamsim_version}
+        print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
+        return
+    rows = [
+        ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}"),
+        *_named(TABLE[kind].rows)(result),
+        *(("warning", warning) for warning in result.warnings),
+    ]
+    print_table(f"{path}: {result.title}", rows)
 
-    return save_identification_plots(open_identification(path), folder, path.stem, form)
+
+def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
+    """Draw a result file of any kind; returns the pictures.
+
+    Raises
+    ------
+    ResultFileError
+        When the file cannot be read or a picture cannot be written.
+    """
+    from beamsim.store.stored import kind_of, open_result
+
+    draw = _named(TABLE[kind_of(path)].plots)
+    return list(draw(open_result(path), folder, path.stem, form))
+
+
+def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
+    """Write a result file of any kind in another format; returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When the file cannot be read, the format cannot hold it, or a file cannot be written.
+    """
+    from beamsim.cli.output import output_file, output_folder
+    from beamsim.store.export import export_result, export_target, is_folder
+    from beamsim.store.stored import kind_of
+
+    if is_folder(kind_of(path), form):
+        target = export_target(output_folder(output, path.stem), path.stem, form)
+    else:
+        target = output_file(output, path.stem, f".{form}")
+    return export_result(path, target, form)
+
+
+def run_rows(result: RunResult) -> Iterator[Row]:
+    """Label and text of every row of the table of a stored run."""
+    from beamsim.cli.report import summary_rows
+
+    yield "time", f"{result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
+    yield from summary_rows(result)
+
+
+def _named(place: str) -> Callable[..., Any]:
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found

@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from beamsim.analyses.sweep_results import ResponsePeak, SweepResult
-from beamsim.cli.report import Row, _si, margin_rows, print_json, print_table
+from beamsim.cli.report import Row, _si, margin_rows, print_outcome
 
 __all__ = ["print_sweep", "save_sweep", "sweep_rows"]
 
@@ -28,11 +28,7 @@ def save_sweep(result: SweepResult, target: Path, *, plots: bool) -> list[Path]:
 
 def print_sweep(result: SweepResult, files: Sequence[Path], *, as_json: bool) -> None:
     """Summary of a sweep and the files it left."""
-    if as_json:
-        print_json({**result.summary, "wall_time_s": result.wall_time_s, "files": [str(path) for path in files]})
-    else:
-        rows = [*sweep_rows(result), *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))]
-        print_table(result.title, rows)
+    print_outcome(result, sweep_rows(result), files, as_json=as_json)
 
 
 def sweep_rows(result: SweepResult) -> Iterator[Row]:

@@ -25,6 +25,7 @@ __all__ = [
     "plot_displacement",
     "plot_phase_portrait",
     "plot_spectrum",
+    "plot_spring_force",
     "run_figures",
     "save_run_plots",
 ]
@@ -129,6 +130,19 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
     return ax
 
 
+def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
+    """Force of the nonlinear springs over their stretch, as far as the motion takes them."""
+    springs = list(result.springs.values())[:MOST_CURVES]
+    length, newton = scale_for("m", *(s.stretch for s in springs)), scale_for("N", *(s.force for s in springs))
+    for k, spring in enumerate(springs):
+        order = np.argsort(spring.stretch, kind="stable")
+        stretch, force = spring.stretch[order] * length.factor, spring.force[order] * newton.factor
+        ax.plot(*thinned(stretch, force), label=spring.name, **curve_style(k))
+    finish(ax, f"Stretch ({length.unit})", f"Spring force ({newton.unit})")
+    legend(ax, len(springs), len(result.springs), "springs")
+    return ax
+
+
 def plot_deflected_shapes(result: RunResult, ax: Axes) -> Axes:
     """Beam when the first probe is lowest and highest, its static shape, and the snubbers' faces."""
     beam = result.beam
@@ -189,6 +203,10 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     }
     if result.snubbers:
         figures["contact_force"] = whole_and_last_part(plot_contact_force)
+    if result.springs:
+        figure, (ax,) = panels(1, height=4.4)
+        plot_spring_force(result, ax)
+        figures["spring_force"] = figure
     figure, (above, below) = panels(2)
     plot_spectrum(result, above)
     plot_spectrum(result, below, "displacement")

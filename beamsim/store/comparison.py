@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from beamsim.analyses.compare import QUANTITIES, Comparison
+from beamsim.analyses.compare import QUANTITIES, ChannelComparison, Comparison
 from beamsim.analyses.measured import MeasuredSignal
 from beamsim.analyses.results import RunResult
 from beamsim.errors import Problem, ScenarioError
-from beamsim.files import replacing
 from beamsim.store import schema
-from beamsim.store.identification import put
+from beamsim.store.datasets import native, put
 from beamsim.store.measurement import channel_named, in_si, read_signals
 from beamsim.store.schema import Field
+from beamsim.store.spectra import read_spectrum, write_spectrum
+from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
-__all__ = ["COMMAND", "pair_channels", "write_comparison"]
+__all__ = ["COMMAND", "StoredComparison", "open_comparison", "pair_channels", "write_comparison"]
 
 COMMAND = "compare"
+_NUMBERS = (
+    "place", "quantity", "unit", "channel", "source", "excitation_hz", "delay_s", "has_phase", "rms_difference",
+)  # fmt: skip
 
 
 def pair_channels(
@@ -90,7 +91,7 @@ def _known(result: RunResult, place: str, quantity: str) -> None:
         raise ScenarioError(Problem("", f"--probe {place} has no {quantity}", f"choose from {', '.join(owners)}"))
 
 
-def write_comparison(comparison: Comparison, result: RunResult, path: Path | str) -> Path:
+def write_comparison(comparison: Comparison, path: Path | str) -> Path:
     """Write a comparison; an existing file is replaced only when the new one is complete.
 
     Raises
@@ -98,45 +99,58 @@ def write_comparison(comparison: Comparison, result: RunResult, path: Path | str
     ResultFileError
         When the file cannot be written.
     """
-    from beamsim import __version__
-
-    with replacing(path) as temporary, h5py.File(temporary, "x") as file:
-        file.attrs.update(
-            {
-                "schema_version": schema.SCHEMA_VERSION,
-                "beamsim_version": __version__,
-                "command": COMMAND,
-                "scenario": result.scenario.to_yaml(),
-                "title": comparison.title,
-                "status": "complete",
-                "created": datetime.now(UTC).isoformat(timespec="seconds"),
-                "wall_time_s": 0.0,
-                "warnings": json.dumps(list(comparison.warnings), ensure_ascii=False),
-            }
-        )
-        for index, c in enumerate(comparison.channels, 1):
-            group = file.create_group(f"channels/{index}")
-            names = ("place", "quantity", "unit", "channel", "source", "excitation_hz", "delay_s", "rms_difference")
-            group.attrs.update({name: getattr(c, name) for name in names})
-            order = put(group, Field("order", "1", "frequency over excitation frequency"), c.order, scale=True)
-            columns: Sequence[tuple[Field, object]] = (
-                (Field("predicted", c.unit, "predicted harmonic, zero to peak"), np.abs(c.predicted)),
-                (Field("measured", c.unit, "measured harmonic, zero to peak"), np.abs(c.measured)),
-                (Field("difference_db", "dB", "20 log10(predicted / measured)"), c.difference_db),
-                (Field("phase_difference_deg", "degree", "predicted over measured, aligned"), c.phase_difference_deg),
-                (Field("measured_noise", c.unit, "standard deviation of the measured harmonic"), c.measured_noise),
-            )
-            for field, values in columns:
-                put(group, field, values, order)
-            for kind in ("predicted", "measured"):
-                part = group.create_group(kind + "_history")
-                time = put(part, schema.TIME, getattr(c, f"{kind}_time"), scale=True)
-                put(part, Field(c.quantity, c.unit, f"{kind} {c.quantity}"), getattr(c, f"{kind}_history"), time)
-                spectrum = getattr(c, f"{kind}_spectrum")
-                part = group.create_group(kind + "_spectrum")
-                axis, amplitude, level = schema.spectrum_fields(c.quantity, c.unit)
-                frequency = put(part, axis, spectrum.frequency_hz, scale=True)
-                put(part, amplitude, spectrum.amplitude, frequency)
-                put(part, level, spectrum.amplitude_db, frequency)
-        file.create_group("summary").attrs.update(schema.encode_summary(comparison.summary))
+    with creating(path) as file:
+        write_root(file, comparison, COMMAND)
+        for index, channel in enumerate(comparison.channels, 1):
+            _write_channel(file.create_group(f"channels/{index}"), channel)
     return Path(path)
+
+
+def _write_channel(group: h5py.Group, c: ChannelComparison) -> None:
+    group.attrs.update({name: getattr(c, name) for name in _NUMBERS})
+    order = put(group, Field("order", "1", "frequency over excitation frequency"), c.order, scale=True)
+    for kind, value in (("predicted", c.predicted), ("measured", c.measured)):
+        put(group, Field(kind, c.unit, f"{kind} harmonic, zero to peak"), np.abs(value), order)
+        phase = Field(f"{kind}_phase_deg", "degree", f"phase of the {kind} harmonic as a sine, on the predicted clock")
+        put(group, phase, np.degrees(np.angle(value)), order)
+        part = group.create_group(f"{kind}_history")
+        time = put(part, schema.TIME, getattr(c, f"{kind}_time"), scale=True)
+        put(part, Field(c.quantity, c.unit, f"{kind} {c.quantity}"), getattr(c, f"{kind}_history"), time)
+        write_spectrum(group.create_group(f"{kind}_spectrum"), getattr(c, f"{kind}_spectrum"))
+    put(group, Field("difference_db", "dB", "20 log10(predicted / measured)"), c.difference_db, order)
+    put(
+        group, Field("phase_difference_deg", "degree", "predicted over measured, aligned"), c.phase_difference_deg,
+        order,
+    )  # fmt: skip
+    put(group, Field("measured_noise", c.unit, "standard deviation of the measured harmonic"), c.measured_noise, order)
+
+
+class StoredComparison(LazyScenario, Comparison):
+    """A comparison read from a file."""
+
+
+def open_comparison(path: Path | str) -> StoredComparison:
+    """Read a file written by ``beamsim compare`` back.
+
+    Raises
+    ------
+    ResultFileError
+        When the file is missing, damaged, or holds something else.
+    """
+    with reading(path, COMMAND) as file:
+        channels = sorted(file["channels"].items(), key=lambda item: int(item[0]))
+        return StoredComparison.of(
+            {**root_fields(file), "channels": tuple(_read_channel(group) for _, group in channels)}
+        )
+
+
+def _read_channel(group: h5py.Group) -> ChannelComparison:
+    fields = native(group, *_NUMBERS)
+    fields["has_phase"] = bool(fields["has_phase"])
+    for kind in ("predicted", "measured"):
+        fields[kind] = group[kind][()] * np.exp(1j * np.radians(group[f"{kind}_phase_deg"][()]))
+        part = group[f"{kind}_history"]
+        fields[f"{kind}_time"] = part["time"][()]
+        fields[f"{kind}_history"] = part[fields["quantity"]][()]
+        fields[f"{kind}_spectrum"] = read_spectrum(group[f"{kind}_spectrum"])
+    return ChannelComparison(order=group["order"][()], measured_noise=group["measured_noise"][()], **fields)

@@ -11,22 +11,20 @@ numbers.
 from __future__ import annotations
 
 import json
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
 
 from beamsim.analyses.designs_results import CaseFailure, Coordinate, DesignsResult, Response
-from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.store import schema
+from beamsim.store.datasets import put, texts, words
+from beamsim.store.schema import Field
+from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-
-__all__ = ["COMMAND", "StoredDesigns", "export_designs", "holds_designs", "open_designs", "write_designs"]
+__all__ = ["COMMAND", "StoredDesigns", "export_designs", "open_designs", "write_designs"]
 
 COMMAND = "sweep"
 GROUP = "designs"
@@ -40,8 +38,8 @@ def write_designs(result: DesignsResult, path: Path | str) -> Path:
     ResultFileError
         When the file cannot be written.
     """
-    with replacing(path) as temporary, h5py.File(temporary, "x") as file:
-        _write_root(file, result)
+    with creating(path) as file:
+        write_root(file, result, COMMAND)
         group = file.create_group(GROUP)
         group.attrs.update(
             {
@@ -62,43 +60,11 @@ def write_designs(result: DesignsResult, path: Path | str) -> Path:
             _write_response(group, response, scales, hint)
         for margin in result.margins.values():
             _write_response(group.require_group("margins"), margin, scales, hint)
-        file.create_group("summary").attrs.update(schema.encode_summary(result.summary))
     return Path(path)
 
 
-def holds_designs(path: Path | str) -> bool:
-    """Whether a file is the result of a design study."""
-    try:
-        with h5py.File(path, "r") as file:
-            return file.attrs.get("command") == COMMAND and GROUP in file
-    except OSError:
-        return False
-
-
-class StoredDesigns(DesignsResult):
-    """A study read from a file; its scenario is parsed when it is first asked for."""
-
-    scenario_yaml: str
-    beamsim_version: str
-    _title: str
-
-    @cached_property
-    def scenario(self) -> Scenario:
-        """The resolved scenario."""
-        from beamsim.scenario import load_scenario
-
-        return load_scenario(self.scenario_yaml)
-
-    @property
-    def title(self) -> str:
-        """The scenario's title, known without parsing it."""
-        return self._title
-
-    @classmethod
-    def _of(cls, fields: dict[str, Any]) -> StoredDesigns:
-        stored = cls.__new__(cls)
-        stored.__dict__.update(fields)  # the scenario is left out, so __init__ cannot be called
-        return stored
+class StoredDesigns(LazyScenario, DesignsResult):
+    """A study read from a file."""
 
 
 def open_designs(path: Path | str) -> StoredDesigns:
@@ -109,21 +75,8 @@ def open_designs(path: Path | str) -> StoredDesigns:
     ResultFileError
         When the file is missing, damaged, or holds something else.
     """
-    if not Path(path).is_file():
-        raise ResultFileError(f"{path}: no such result file; `beamsim sweep case.yaml` writes one")
-    if not holds_designs(path):
-        raise ResultFileError(f"{path}: holds no design study; give the file that `beamsim sweep` wrote")
-    try:
-        with h5py.File(path, "r") as file:
-            version = file.attrs["schema_version"]
-            if version != schema.SCHEMA_VERSION:
-                raise ResultFileError(
-                    f"{path}: schema_version {version}, but this beamsim reads {schema.SCHEMA_VERSION}; "
-                    "run its scenario again"
-                )
-            return StoredDesigns._of(_fields(file))
-    except (KeyError, ValueError, TypeError, OSError, RuntimeError) as error:
-        raise ResultFileError(f"{path}: damaged ({error}); run the case again") from error
+    with reading(path, "designs") as file:
+        return StoredDesigns.of(_fields(file))
 
 
 def export_designs(result: DesignsResult, path: Path) -> Path:
@@ -160,93 +113,56 @@ def _header(name: str, unit: str) -> str:
     return name if unit == "1" else f"{name} ({unit})"
 
 
-def _write_root(file: h5py.File, result: DesignsResult) -> None:
-    from beamsim import __version__
-
-    file.attrs.update(
-        {
-            "schema_version": schema.SCHEMA_VERSION,
-            "beamsim_version": __version__,
-            "command": COMMAND,
-            "scenario": result.scenario.to_yaml(),
-            "title": result.title,
-            "status": result.status,
-            "created": result.created,
-            "wall_time_s": result.wall_time_s,
-            "warnings": json.dumps(list(result.warnings), ensure_ascii=False),
-            "provenance": json.dumps(dict(result.provenance), ensure_ascii=False),
-        }
-    )
-
-
 def _write_coordinates(group: h5py.Group, result: DesignsResult) -> tuple[list[h5py.Dataset], str]:
     """Write the coordinates; returns the scales of the design's axes, and the CF attribute of what lies along them."""
     if result.kind == "grid":
         return [_coordinate(group, c, scale=True) for c in result.coordinates], ""
-    case = group.create_dataset("case", data=np.arange(1, result.cases + 1))
-    case.attrs.update({"units": "1", "long_name": "number of the case"})
-    case.make_scale("case")
+    case = put(group, Field("case", "1", "number of the case"), np.arange(1, result.cases + 1), scale=True)
     for c in result.coordinates:
         _coordinate(group, c).dims[0].attach_scale(case)
     return [case], " ".join(c.path for c in result.coordinates)
 
 
 def _coordinate(group: h5py.Group, coordinate: Coordinate, scale: bool = False) -> h5py.Dataset:
-    if coordinate.numeric:
-        dataset = group.create_dataset(coordinate.path, data=coordinate.values)
-    else:
-        dataset = group.create_dataset(
-            coordinate.path, data=coordinate.values.tolist(), dtype=h5py.string_dtype("utf-8")
-        )
-    dataset.attrs.update({"units": coordinate.unit, "long_name": f"varied {coordinate.path}"})
-    if scale:
-        dataset.make_scale(coordinate.path)
-    return dataset
+    values = coordinate.values
+    if not coordinate.numeric:
+        values = words(values.tolist())
+    return put(group, Field(coordinate.path, coordinate.unit, f"varied {coordinate.path}"), values, scale=scale)
 
 
 def _flags(group: h5py.Group, result: DesignsResult, scales: list[h5py.Dataset], hint: str) -> None:
-    dataset = group.create_dataset("solved", data=result.solved.astype(np.uint8))
-    dataset.attrs.update({"units": "1", "long_name": "whether the case has responses"})
-    dataset.attrs["flag_values"] = np.array([0, 1], dtype=np.uint8)
-    dataset.attrs["flag_meanings"] = "missing solved"
-    _attach(dataset, scales, hint)
+    field = Field("solved", "1", "whether the case has responses", ("missing", "solved"))
+    _hinted(put(group, field, result.solved, *scales), hint)
 
 
 def _write_response(group: h5py.Group, response: Response, scales: list[h5py.Dataset], hint: str) -> None:
     *parents, quantity = response.name.split("/")
     for parent in parents:
         group = group.require_group(schema.group_name(parent))
-    dataset = group.create_dataset(quantity, data=response.values)
-    dataset.attrs.update({"units": response.unit, "long_name": response.long_name, "name": response.name})
-    _attach(dataset, scales, hint)
+    dataset = put(group, Field(quantity, response.unit, response.long_name), response.values, *scales)
+    dataset.attrs["name"] = response.name
+    _hinted(dataset, hint)
     if response.values.ndim > len(scales):
         modes = response.values.shape[-1]
         if "mode" not in group:
-            number = group.create_dataset("mode", data=np.arange(1, modes + 1))
-            number.attrs.update({"units": "1", "long_name": "mode number"})
-            number.make_scale("mode")
+            put(group, schema.MODE_NUMBER, np.arange(1, modes + 1), scale=True)
         if group["mode"].size == modes:
             dataset.dims[len(scales)].attach_scale(group["mode"])
 
 
-def _attach(dataset: h5py.Dataset, scales: list[h5py.Dataset], hint: str) -> None:
-    for axis, scale in enumerate(scales):
-        dataset.dims[axis].attach_scale(scale)
+def _hinted(dataset: h5py.Dataset, hint: str) -> None:
     if hint:
         dataset.attrs["coordinates"] = hint
 
 
 def _fields(file: h5py.File) -> dict[str, Any]:
-    attributes, group = file.attrs, file[GROUP]
+    group = file[GROUP]
     solved = group["solved"][()].astype(bool)
     margins = group["margins"].values() if "margins" in group else ()
     return {
-        "scenario_yaml": attributes["scenario"],
-        "beamsim_version": attributes["beamsim_version"],
-        "_title": attributes["title"],
+        **root_fields(file),
         "analysis": group.attrs["analysis"],
         "kind": group.attrs["kind"],
-        "status": attributes["status"],
         "shape": solved.shape,
         "coordinates": tuple(_read_coordinate(group[path]) for path in json.loads(group.attrs["paths"])),
         "solved": solved,
@@ -254,11 +170,6 @@ def _fields(file: h5py.File) -> dict[str, Any]:
         "margins": {item.attrs["name"]: _read_response(item) for item in margins},
         "limits": json.loads(group.attrs["limits"]),
         "failures": tuple(CaseFailure(case, tuple(v), why) for case, v, why in json.loads(group.attrs["failures"])),
-        "summary": schema.decode_summary(dict(file["summary"].attrs)),
-        "warnings": tuple(json.loads(attributes["warnings"])),
-        "wall_time_s": float(attributes["wall_time_s"]),
-        "created": attributes["created"],
-        "provenance": json.loads(attributes["provenance"]),
         "fingerprint": group.attrs["fingerprint"],
     }
 
@@ -269,8 +180,7 @@ def _link(name: str) -> str:
 
 
 def _read_coordinate(dataset: h5py.Dataset) -> Coordinate:
-    words = h5py.check_string_dtype(dataset.dtype) is not None
-    values = np.array(dataset.asstr()[()].tolist()) if words else dataset[()]
+    values = np.array(texts(dataset)) if h5py.check_string_dtype(dataset.dtype) is not None else dataset[()]
     return Coordinate(dataset.name.rpartition("/")[2], values, dataset.attrs["units"])
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from beamsim.analyses.identification_results import (
     FrequencyCurve,
@@ -27,12 +28,12 @@ from beamsim.analyses.identification_results import (
     StiffnessEstimate,
     TestFit,
 )
-from beamsim.errors import ResultFileError
-from beamsim.files import replacing
 from beamsim.store import schema
+from beamsim.store.datasets import native, put, texts, words
 from beamsim.store.schema import Field
+from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
-__all__ = ["COMMAND", "open_identification", "put", "write_identification"]
+__all__ = ["COMMAND", "StoredIdentification", "open_identification", "write_identification"]
 
 COMMAND = "identify-stiffness"
 
@@ -71,8 +72,8 @@ def write_identification(result: IdentificationResult, path: Path | str) -> Path
     ResultFileError
         When the file cannot be written.
     """
-    with replacing(path) as temporary, h5py.File(temporary, "x") as file:
-        _write_root(file, result)
+    with creating(path) as file:
+        write_root(file, result, COMMAND, processor_time_s=result.processor_time_s)
         _write_stiffness(file, result)
         if result.with_snubber is not None:
             _write_table(file.create_group("modes"), result.with_snubber)
@@ -89,31 +90,10 @@ def write_identification(result: IdentificationResult, path: Path | str) -> Path
         if result.profile is not None:
             _write_profile(file.create_group("profile"), result.profile)
         if result.mac is not None:
-            put(file, Field("mac", "1", "modal assurance criterion, measured by predicted shapes"), result.mac)
+            _write_mac(file, result.mac)
         _write_update(file, result)
         _write_nonlinear(file, result)
-        file.create_group("summary").attrs.update(schema.encode_summary(result.summary))
     return Path(path)
-
-
-def _write_root(file: h5py.File, result: IdentificationResult) -> None:
-    from beamsim import __version__
-
-    file.attrs.update(
-        {
-            "schema_version": schema.SCHEMA_VERSION,
-            "beamsim_version": __version__,
-            "command": COMMAND,
-            "scenario": result.scenario.to_yaml(),
-            "title": result.title,
-            "status": result.status,
-            "created": result.created,
-            "wall_time_s": result.wall_time_s,
-            "processor_time_s": result.processor_time_s,
-            "warnings": json.dumps(list(result.warnings), ensure_ascii=False),
-            "provenance": json.dumps(dict(result.provenance), ensure_ascii=False),
-        }
-    )
 
 
 def _write_stiffness(file: h5py.File, result: IdentificationResult) -> None:
@@ -133,6 +113,14 @@ def _write_stiffness(file: h5py.File, result: IdentificationResult) -> None:
     dataset.attrs["pad_youngs_modulus_pa"] = result.pad_modulus
 
 
+def _write_mac(file: h5py.File, mac: NDArray[np.float64]) -> None:
+    axes = [
+        put(file, Field(f"mac_{kind}", "1", f"number of the {kind} shape"), np.arange(1, size + 1), scale=True)
+        for kind, size in zip(("measured", "predicted"), mac.shape, strict=True)
+    ]
+    put(file, Field("mac", "1", "modal assurance criterion, measured by predicted shapes"), mac, *axes)
+
+
 def _write_table(group: h5py.Group, table: FrequencyTable) -> None:
     mode = put(group, _MODE, table.mode, scale=True)
     for field in _TABLE:
@@ -150,14 +138,16 @@ def _write_parameters(group: h5py.Group, parameters: Sequence[ParameterEstimate]
     for field in _ESTIMATE:
         put(group, field, [getattr(p, field.name) for p in parameters], names)
     intervals = np.array([p.interval for p in parameters]).reshape(-1, 2)
-    put(group, Field("interval", "1", "lower and upper end of the confidence interval, SI units"), intervals, names)
+    ends = put(group, Field("end", "1", "which end of a range"), words(("lower", "upper")), scale=True)
+    interval = Field("interval", "1", "lower and upper end of the confidence interval, SI units")
+    put(group, interval, intervals, names, ends)
     bounds = np.array([p.bounds for p in parameters]).reshape(-1, 2)
-    put(group, Field("bounds", "1", "lower and upper bound of the search, SI units"), bounds, names)
+    put(group, Field("bounds", "1", "lower and upper bound of the search, SI units"), bounds, names, ends)
     put(
         group, Field("prior", "1", "relative standard deviation known beforehand"), [p.prior for p in parameters], names
     )
-    at_bound = np.array([p.at_bound for p in parameters], dtype=np.uint8)
-    put(group, Field("at_bound", "1", "1 where the estimate lies on its bound"), at_bound, names)
+    bound = Field("at_bound", "1", "whether the estimate lies on its bound", ("inside", "on_its_bound"))
+    put(group, bound, [p.at_bound for p in parameters], names)
     put(group, Field("correlation", "1", "correlation of the parameters' logarithms"), correlation, names, names)
 
 
@@ -213,52 +203,32 @@ def _write_test(group: h5py.Group, test: TestFit) -> None:
 
 
 def _names(group: h5py.Group, names: Sequence[str]) -> h5py.Dataset:
-    dataset = group.create_dataset("parameter", data=list(names), dtype=h5py.string_dtype("utf-8"))
-    dataset.attrs.update({"units": "1", "long_name": "path of the parameter in the scenario"})
-    dataset.make_scale("parameter")
-    return dataset
+    return put(group, Field("parameter", "1", "path of the parameter in the scenario"), words(names), scale=True)
 
 
-def put(group: h5py.Group, field: Field, values: Any, *scales: h5py.Dataset, scale: bool = False) -> h5py.Dataset:
-    """A dataset with units and long name, along dimension scales, or as one."""
-    dataset = group.create_dataset(field.name, data=np.asarray(values))
-    dataset.attrs.update({"units": field.units, "long_name": field.long_name})
-    if scale:
-        dataset.make_scale(field.name)
-    for axis, dimension in enumerate(scales):
-        dataset.dims[axis].attach_scale(dimension)
-    return dataset
+class StoredIdentification(LazyScenario, IdentificationResult):
+    """An identification read from a file, enough to print and draw it again."""
 
 
-def open_identification(path: Path | str) -> IdentificationResult:
-    """Read a file written by ``beamsim identify-stiffness`` back, enough to print and draw it again.
+def open_identification(path: Path | str) -> StoredIdentification:
+    """Read a file written by ``beamsim identify-stiffness`` back.
 
     Raises
     ------
     ResultFileError
-        When the file is missing, not of this command, or damaged.
+        When the file is missing, damaged, or holds something else.
     """
-    if not Path(path).is_file():
-        raise ResultFileError(f"{path}: no such result file; `beamsim identify-stiffness case.yaml` writes one")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("command") != COMMAND:
-                raise ResultFileError(f"{path}: does not hold the result of `beamsim {COMMAND}`")
-            return _read(file)
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise ResultFileError(f"{path}: damaged, or not one of beamsim's ({error}); run the case again") from error
+    with reading(path, COMMAND) as file:
+        return StoredIdentification.of(_fields(file))
 
 
-def _read(file: h5py.File) -> IdentificationResult:
-    from beamsim.scenario import load_scenario
-
-    attributes = file.attrs
+def _fields(file: h5py.File) -> dict[str, Any]:
     sensitivities: tuple[Sensitivity, ...] = ()
     if "sensitivity" in file:
         group = file["sensitivity"]
         columns = (group["value"][()].tolist(), group["relative"][()].tolist(), group["uncertainty"][()].tolist())
         sensitivities = tuple(
-            Sensitivity(name, *row) for name, *row in zip(_texts(group["parameter"]), *columns, strict=True)
+            Sensitivity(name, *row) for name, *row in zip(texts(group["parameter"]), *columns, strict=True)
         )
     curves = sorted(
         (
@@ -267,35 +237,20 @@ def _read(file: h5py.File) -> IdentificationResult:
         ),
         key=lambda curve: curve.mode,
     )
-    return IdentificationResult(
-        scenario=load_scenario(str(attributes["scenario"])),
-        status=str(attributes["status"]),
-        estimate=_read_stiffness(file),
-        with_snubber=_read_table(file["modes"]) if "modes" in file else None,
-        without_snubber=_read_table(file["modes_without"]),
-        sensitivities=sensitivities,
-        curves=tuple(curves),
-        profile=_read_profile(file["profile"]) if "profile" in file else None,
-        update=_read_update(file),
-        mac=file["mac"][()] if "mac" in file else None,
-        nonlinear=_read_nonlinear(file),
-        pad_modulus=float(file["stiffness"].attrs["pad_youngs_modulus_pa"]) if "stiffness" in file else float("nan"),
-        summary=schema.decode_summary(dict(file["summary"].attrs)),
-        warnings=tuple(json.loads(attributes["warnings"])),
-        processor_time_s=float(attributes["processor_time_s"]),
-        wall_time_s=float(attributes["wall_time_s"]),
-        created=str(attributes["created"]),
-        provenance=json.loads(attributes["provenance"]),
-    )
-
-
-def _texts(dataset: h5py.Dataset) -> list[str]:
-    return [str(text) for text in dataset.asstr()[()]]
-
-
-def _numbers(group: h5py.Group, *names: str) -> dict[str, Any]:
-    """Attributes as Python values."""
-    return {name: value.item() if isinstance(value := group.attrs[name], np.generic) else value for name in names}
+    return {
+        **root_fields(file),
+        "estimate": _read_stiffness(file),
+        "with_snubber": _read_table(file["modes"]) if "modes" in file else None,
+        "without_snubber": _read_table(file["modes_without"]),
+        "sensitivities": sensitivities,
+        "curves": tuple(curves),
+        "profile": _read_profile(file["profile"]) if "profile" in file else None,
+        "update": _read_update(file),
+        "mac": file["mac"][()] if "mac" in file else None,
+        "nonlinear": _read_nonlinear(file),
+        "pad_modulus": float(file["stiffness"].attrs["pad_youngs_modulus_pa"]) if "stiffness" in file else np.nan,
+        "processor_time_s": float(file.attrs["processor_time_s"]),
+    }
 
 
 def _pair(values: Any) -> tuple[float, float]:
@@ -306,7 +261,7 @@ def _read_stiffness(file: h5py.File) -> StiffnessEstimate | None:
     if "stiffness" not in file:
         return None
     dataset = file["stiffness"]
-    numbers = _numbers(
+    numbers = native(
         dataset, "snubber", "method", "status", "residual", "standard_deviation", "total_standard_deviation",
         "coverage", "monte_carlo_standard_deviation", "monte_carlo_samples", "monte_carlo_unreachable",
         "uncertainty_from", "eigenvalue_solutions",
@@ -343,7 +298,7 @@ def _read_parameters(group: h5py.Group) -> tuple[ParameterEstimate, ...]:
             name, float(before), float(value), float(deviation), _pair(interval), _pair(bounds), float(prior), bool(at)
         )
         for name, before, value, deviation, interval, bounds, prior, at in zip(
-            _texts(group["parameter"]),
+            texts(group["parameter"]),
             *(
                 group[key][()]
                 for key in ("before", "value", "standard_deviation", "interval", "bounds", "prior", "at_bound")
@@ -369,7 +324,7 @@ def _read_update(file: h5py.File) -> ModelUpdate | None:
         profiles=_read_profiles(group),
         warnings=(),
         scenario=load_scenario(str(group.attrs["scenario"])),
-        **_numbers(group, "misfit_before", "misfit_after", "evaluations"),
+        **native(group, "misfit_before", "misfit_after", "evaluations"),
     )
 
 
@@ -384,7 +339,7 @@ def _read_nonlinear(file: h5py.File) -> NonlinearEstimate | None:
         tests=tuple(_read_test(item) for item in tests),
         profiles=_read_profiles(group),
         warnings=tuple(json.loads(group.attrs["warnings"])),
-        **_numbers(
+        **native(
             group, "misfit_before", "misfit", "degrees_of_freedom", "starts", "starts_agreeing", "responses",
             "processor_time_s", "coverage", "status",
         ),
@@ -399,5 +354,5 @@ def _read_test(group: h5py.Group) -> TestFit:
         order=group["order"][()],
         noise=group["noise"][()],
         **values,
-        **_numbers(group, "name", "probe", "quantity", "unit", "frequency_hz", "delay_s"),
+        **native(group, "name", "probe", "quantity", "unit", "frequency_hz", "delay_s"),
     )

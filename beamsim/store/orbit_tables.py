@@ -1,47 +1,23 @@
-"""What the result files of periodic motions share: the root's attributes, stability, special points."""
+"""What the result files of periodic motions share: stability, special points."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from beamsim.store import schema
-from beamsim.store.identification import put
+from beamsim.store.datasets import put, texts
 from beamsim.store.schema import Field
 
 if TYPE_CHECKING:
-    from beamsim.analyses.nnm_results import NormalModeResult
     from beamsim.analyses.orbit_events import OrbitEvent
-    from beamsim.analyses.response_results import FrequencyResponse
 
-__all__ = ["NUMBER", "write_root", "write_special", "write_stability"]
+__all__ = ["NUMBER", "read_special", "read_stability", "write_special", "write_stability"]
 
 NUMBER = Field("point", "1", "number of the point along the branch")
 _EVENT = Field("event", "1", "number of the special point")
-
-
-def write_root(file: h5py.File, result: NormalModeResult | FrequencyResponse, command: str) -> None:
-    """Write what every result file carries."""
-    from beamsim import __version__
-
-    file.attrs.update(
-        {
-            "schema_version": schema.SCHEMA_VERSION,
-            "beamsim_version": result.provenance.get("beamsim", __version__),
-            "command": command,
-            "scenario": result.scenario.to_yaml(),
-            "title": result.title,
-            "status": result.status,
-            "created": result.created,
-            "wall_time_s": result.wall_time_s,
-            "warnings": json.dumps(list(result.warnings), ensure_ascii=False),
-            "provenance": json.dumps(dict(result.provenance), ensure_ascii=False),
-        }
-    )
 
 
 def write_stability(group: h5py.Group, stable: Any, multipliers: Any, number: h5py.Dataset) -> None:
@@ -49,8 +25,11 @@ def write_stability(group: h5py.Group, stable: Any, multipliers: Any, number: h5
     flags = put(group, Field("stable", "1", "whether the motion is stable"), stable.astype(np.uint8), number)
     flags.attrs["flag_values"] = np.array([0, 1], dtype=np.uint8)
     flags.attrs["flag_meanings"] = "unstable stable"
-    put(group, Field("floquet_multipliers_real", "1", "Floquet multipliers, real part"), multipliers.real, number)
-    put(group, Field("floquet_multipliers_imag", "1", "Floquet multipliers, imaginary part"), multipliers.imag, number)
+    count = np.arange(1, multipliers.shape[1] + 1)
+    which = put(group, Field("multiplier", "1", "number of the Floquet multiplier"), count, scale=True)
+    for part, values in (("real", multipliers.real), ("imag", multipliers.imag)):
+        text = f"Floquet multipliers, {'real' if part == 'real' else 'imaginary'} part"
+        put(group, Field(f"floquet_multipliers_{part}", "1", text), values, number, which)
 
 
 def write_special(group: h5py.Group, special: Sequence[OrbitEvent], unit: str) -> None:
@@ -65,3 +44,22 @@ def write_special(group: h5py.Group, special: Sequence[OrbitEvent], unit: str) -
         Field("time_s", "s", "time in the period of a grazing"),
     ):  # fmt: skip
         put(own, field, np.array([getattr(e, field.name) for e in special], dtype=float), number)
+
+
+def read_stability(group: h5py.Group) -> dict[str, Any]:
+    """Inverse of `write_stability`, as fields of a branch."""
+    real, imag = (group[f"floquet_multipliers_{part}"][()] for part in ("real", "imag"))
+    return {"stable": group["stable"][()].astype(bool), "floquet_multipliers": real + 1j * imag}
+
+
+def read_special(group: h5py.Group) -> tuple[OrbitEvent, ...]:
+    """Inverse of `write_special`."""
+    from beamsim.analyses.orbit_events import OrbitEvent
+
+    own = group["special_points"]
+    columns = (own["kind"], own["snubber"])
+    numbers = (own[name][()].tolist() for name in ("parameter", "frequency_hz", "time_s"))
+    return tuple(
+        OrbitEvent(kind, parameter, frequency, snubber, time)
+        for kind, snubber, parameter, frequency, time in zip(*map(texts, columns), *numbers, strict=True)
+    )

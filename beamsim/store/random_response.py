@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.random_response import RandomResponse, SignalStatistics
 from beamsim.store import schema
-from beamsim.store.identification import put
+from beamsim.store.datasets import put
 from beamsim.store.schema import Field
 
 __all__ = ["read_random", "write_random"]

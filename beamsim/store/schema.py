@@ -39,6 +39,7 @@ __all__ = [
     "ROOT_ATTRIBUTES",
     "SCHEMA_VERSION",
     "SNUBBER",
+    "SPRING",
     "TIME",
     "Field",
     "decode_summary",
@@ -93,6 +94,11 @@ SNUBBER = (
     Field("closed", "1", "whether the contact is closed", ("open", "closed")),
     Field("displacement", "m", "displacement of the structure at the snubber, relative to the base"),
     Field("velocity", "m/s", "velocity of the structure at the snubber, relative to the base"),
+)
+
+SPRING = (
+    Field("stretch", "m", "stretch of the spring; to the ground the absolute displacement of the mass"),
+    Field("force", "N", "force of the spring, positive where it pulls back a positive stretch"),
 )
 
 BASE = (

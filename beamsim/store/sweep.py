@@ -8,7 +8,6 @@ and, where it was asked for, the time history of a level. Complex numbers are tw
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,16 +27,15 @@ from beamsim.analyses.sweep_results import (
     SweepWork,
 )
 from beamsim.errors import ResultFileError
-from beamsim.files import replacing
-from beamsim.model.structure import ModeTable
 from beamsim.store import schema
-from beamsim.store.identification import put
+from beamsim.store.datasets import named_group, native, ordered, put, read_modes, texts, words, write_modes
 from beamsim.store.schema import Field
+from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-__all__ = ["COMMAND", "StoredSweep", "earlier_sweep", "holds_sweep", "open_sweep", "write_sweep"]
+__all__ = ["COMMAND", "StoredSweep", "earlier_sweep", "open_sweep", "read_curve", "write_curve", "write_sweep"]
 
 COMMAND = "sweep"
 
@@ -47,6 +45,7 @@ _TIME = Field("time", "s", "time at the start of the cycle")
 _AMPLITUDE = Field("excitation_amplitude", "", "amplitude of the excitation, zero to peak")
 _GAP = Field("peak_gap", "m", "largest opening of the contact in the cycle")
 _STRESS = Field("peak_bending_stress", "Pa", "largest bending stress along the beam in the cycle")
+_PROBE = Field("probe", "1", "name of the probe")
 _SHARE = Field("contact_share", "1", "share of the time in contact")
 _CONTACTS = Field("contacts", "1", "number of closings")
 _PROBES = {"displacement": "m", "absolute_acceleration": "m/s^2"}
@@ -62,7 +61,6 @@ _CONTACT = (
     Field("loss", "1", "level of the excitation, SI, at which the linear motion first loses contact"),
     Field("preload_needed", "1", "N per unit of level: contact force at equilibrium that just keeps contact"),
 )
-_MODE_NUMBERS = ("kept_modes", "static_vectors", "highest_frequency_hz", "reduction_error")
 _PEAK_TEXTS = ("curve", "probe", "direction", "kind")
 _STEADY = (
     Field("period_cycles", "1", "cycles after which the motion repeats, 0 where it does not"),
@@ -75,7 +73,7 @@ _STEADY = (
 def _envelope_fields(quantity: str, unit: str) -> tuple[Field, ...]:
     named = quantity.replace("_", " ")
     return (
-        Field(f"peak_{quantity}", unit, f"largest absolute {named} of a cycle"),
+        Field(f"peak_{quantity}", unit, f"largest magnitude of the {named} in a cycle"),
         Field(f"max_{quantity}", unit, f"largest {named} of a cycle"),
         Field(f"min_{quantity}", unit, f"smallest {named} of a cycle"),
         Field(f"rms_{quantity}", unit, f"root mean square of the {named} over a cycle"),
@@ -93,27 +91,10 @@ def write_sweep(result: SweepResult, path: Path | str) -> Path:
     ResultFileError
         When the file cannot be written.
     """
-    from beamsim import __version__
-
-    with replacing(path) as temporary, h5py.File(temporary, "x") as file:
-        file.attrs.update(
-            {
-                "schema_version": schema.SCHEMA_VERSION,
-                "beamsim_version": result.provenance.get("beamsim", __version__),
-                "command": COMMAND,
-                "scenario": result.scenario.to_yaml(),
-                "title": result.title,
-                "kind": result.kind,
-                "status": result.status,
-                "created": result.created,
-                "wall_time_s": result.wall_time_s,
-                "truncation": result.truncation,
-                "warnings": json.dumps(list(result.warnings), ensure_ascii=False),
-                "provenance": json.dumps(dict(result.provenance), ensure_ascii=False),
-            }
-        )
+    with creating(path) as file:
+        write_root(file, result, COMMAND, kind=result.kind, truncation=result.truncation)
         for curve in result.curves.values():
-            _write_curve(file.create_group(curve.name), curve)
+            write_curve(file.create_group(curve.name), curve)
         _write_linear(file.create_group("linear"), result.linear)
         _write_peaks(file.create_group("peaks"), result)
         for index, level in result.levels.items():
@@ -122,13 +103,13 @@ def write_sweep(result: SweepResult, path: Path | str) -> Path:
             group.attrs.update(vars(level.work))
             if index in result.histories:
                 _write_history(group, result.histories[index])
-        _write_modes(file.create_group("modes"), result.modes, result.scenario.beam is None)
+        write_modes(file, result.modes, of_chain=result.scenario.beam is None)
         file.create_group("work").attrs.update(vars(result.work))
-        file.create_group("summary").attrs.update(schema.encode_summary(result.summary))
     return Path(path)
 
 
-def _write_curve(group: h5py.Group, curve: SweepCurve) -> None:
+def write_curve(group: h5py.Group, curve: SweepCurve) -> None:
+    """Write one curve of a sweep."""
     group.attrs.update(
         {
             "direction": curve.direction,
@@ -143,12 +124,12 @@ def _write_curve(group: h5py.Group, curve: SweepCurve) -> None:
     unit = "N" if curve.quantity == "force" else "m/s^2"
     put(group, _AMPLITUDE._replace(units=unit), curve.excitation_amplitude, frequency)
     for index, name in enumerate(curve.displacement):
-        probe = _named(group, "probes", name, index)
+        probe = named_group(group, "probes", name, index)
         _write_envelope(probe, curve.displacement[name], frequency, order)
         if name in curve.acceleration:
             _write_envelope(probe, curve.acceleration[name], frequency, order)
     for index, name in enumerate(curve.force):
-        snubber = _named(group, "snubbers", name, index)
+        snubber = named_group(group, "snubbers", name, index)
         _write_envelope(snubber, curve.force[name], frequency, order)
         put(snubber, _SHARE, curve.contact_share[name], frequency)
         put(snubber, _CONTACTS, curve.contacts[name], frequency)
@@ -157,7 +138,7 @@ def _write_curve(group: h5py.Group, curve: SweepCurve) -> None:
     if "bending_stress" in curve.limited:
         put(group, _STRESS, curve.limited["bending_stress"], frequency)
     if curve.steady is not None:
-        _write_steady(group.create_group("steady"), curve.steady, frequency)
+        _write_steady(group.create_group("steady"), curve.steady, frequency, list(curve.displacement))
 
 
 def _write_envelope(group: h5py.Group, envelope: Envelope, frequency: h5py.Dataset, order: h5py.Dataset) -> None:
@@ -169,21 +150,21 @@ def _write_envelope(group: h5py.Group, envelope: Envelope, frequency: h5py.Datas
     put(group, fields[6], envelope.harmonics.imag, order, frequency)
 
 
-def _write_steady(group: h5py.Group, steady: SteadyStates, frequency: h5py.Dataset) -> None:
-    kinds = np.array(steady.kind, dtype=h5py.string_dtype("utf-8"))
-    put(group, Field("kind", "1", "periodic, quasi-periodic, chaotic or not settled"), kinds, frequency)
+def _write_steady(group: h5py.Group, steady: SteadyStates, frequency: h5py.Dataset, names: list[str]) -> None:
+    put(group, Field("kind", "1", "periodic, quasi-periodic, chaotic or not settled"), words(steady.kind), frequency)
     for field in _STEADY:
         put(group, field, getattr(steady, field.name), frequency)
     at = Field("poincare_frequency_hz", "Hz", "excitation frequency of each point of the Poincare sections")
-    put(group, at, steady.poincare_frequency_hz)
-    put(group, Field("poincare_displacement", "m", "probes' displacement at phase 0"), steady.poincare_displacement)
-    put(group, Field("poincare_velocity", "m/s", "probes' velocity at phase 0"), steady.poincare_velocity)
+    axes = put(group, at, steady.poincare_frequency_hz, scale=True), put(group, _PROBE, words(names), scale=True)
+    for name, unit in (("displacement", "m"), ("velocity", "m/s")):
+        field = Field(f"poincare_{name}", unit, f"probes' {name} at phase 0")
+        put(group, field, getattr(steady, field.name), *axes)
 
 
 def _write_linear(group: h5py.Group, linear: LinearCurve) -> None:
     frequency = put(group, _FREQUENCY, linear.frequency_hz, scale=True)
     for index, name in enumerate(linear.displacement):
-        probe = _named(group, "probes", name, index)
+        probe = named_group(group, "probes", name, index)
         for part, value in (("real", linear.displacement[name].real), ("imag", linear.displacement[name].imag)):
             field = Field(f"displacement_{part}", "1", "displacement per unit of excitation, without snubbers")
             put(probe, field, value, frequency)
@@ -192,7 +173,7 @@ def _write_linear(group: h5py.Group, linear: LinearCurve) -> None:
             put(probe, field, value, frequency)
 
     for index, (name, levels) in enumerate(linear.contact.items()):
-        snubber = _named(group, "snubbers", name, index)
+        snubber = named_group(group, "snubbers", name, index)
         for field in _CONTACT:
             put(snubber, field, getattr(levels, field.name), frequency)
 
@@ -202,119 +183,59 @@ def _write_peaks(group: h5py.Group, result: SweepResult) -> None:
     for field in _PEAKS:
         put(group, field, np.array([getattr(p, field.name) for p in result.peaks], dtype=float), number)
     for name in _PEAK_TEXTS:
-        texts = np.array([getattr(p, name) for p in result.peaks], dtype=h5py.string_dtype("utf-8"))
-        put(group, Field(name, "1", f"{name} of the peak"), texts, number)
+        put(group, Field(name, "1", f"{name} of the peak"), words([getattr(p, name) for p in result.peaks]), number)
 
 
 def _write_history(group: h5py.Group, history: SweepHistory) -> None:
     time = put(group, schema.TIME, history.time, scale=True)
     for index, (name, values) in enumerate(history.displacement.items()):
-        probe = _named(group, "probes", name, index)
+        probe = named_group(group, "probes", name, index)
         put(probe, Field("displacement", "m", "displacement relative to the base"), values, time)
         if name in history.acceleration:
             put(probe, schema.PROBE[3], history.acceleration[name], time)
     for index, (name, values) in enumerate(history.force.items()):
-        put(_named(group, "snubbers", name, index), schema.SNUBBER[0], values, time)
+        put(named_group(group, "snubbers", name, index), schema.SNUBBER[0], values, time)
 
 
-def _write_modes(group: h5py.Group, modes: ModeTable, of_chain: bool) -> None:
-    group.attrs.update({name: getattr(modes, name) for name in _MODE_NUMBERS})
-    unit, where = ("1", "mass number") if of_chain else ("m", "position along the beam")
-    number = put(group, schema.MODE_NUMBER, np.arange(1, modes.open_frequencies_hz.size + 1), scale=True)
-    position = put(group, Field("position", unit, where), modes.position, scale=True)
-    for field in schema.MODES:
-        values = getattr(modes, field.name)
-        put(group, field, values, *((number, position) if values.ndim == 2 else (number,)))
-
-
-def _read_modes(group: h5py.Group) -> ModeTable:
-    numbers = {name: group.attrs[name].item() for name in _MODE_NUMBERS}
-    tables = {field.name: group[field.name][()] for field in schema.MODES}
-    return ModeTable(position=group["position"][()], **tables, **numbers)
-
-
-def _named(file: h5py.Group, parent: str, name: str, index: int) -> h5py.Group:
-    group = file.create_group(f"{parent}/{schema.group_name(name)}")
-    group.attrs.update({"name": name, "index": index})
-    return group
-
-
-class StoredSweep(SweepResult):
-    """A sweep read from a file; its scenario is parsed when it is first asked for."""
-
-    scenario_yaml: str
-    _title: str
-
-    @property
-    def scenario(self) -> Any:
-        """The resolved scenario."""
-        from beamsim.scenario import load_scenario
-
-        return load_scenario(self.scenario_yaml)
-
-    @property
-    def title(self) -> str:
-        """The scenario's title."""
-        return self._title
+class StoredSweep(LazyScenario, SweepResult):
+    """A sweep read from a file."""
 
 
 def open_sweep(path: Path | str) -> StoredSweep:
-    """Read a result file written by ``beamsim sweep``.
+    """Read a result file written by ``beamsim sweep`` of one design, swept or stepped.
 
     Raises
     ------
     ResultFileError
         When the file is missing, damaged, or holds something else.
     """
-    if not Path(path).is_file():
-        raise ResultFileError(f"{path}: no such result file; `beamsim sweep case.yaml` writes one")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("command") != COMMAND or "designs" in file:
-                raise ResultFileError(f"{path}: holds no sweep of one design; give the .h5 file of `beamsim sweep`")
-            stored = StoredSweep.__new__(StoredSweep)
-            stored.__dict__.update(_fields(file))
-            return stored
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise ResultFileError(f"{path}: no result file of beamsim, or damaged ({error}); sweep again") from error
+    with reading(path, "sweep") as file:
+        return StoredSweep.of(_fields(file))
 
 
 def _fields(file: h5py.File) -> dict[str, Any]:
-    attributes = file.attrs
-    curves = {name: _read_curve(name, group) for name, group in file.items() if "direction" in group.attrs}
+    curves = {name: read_curve(name, group) for name, group in file.items() if "direction" in group.attrs}
     levels, histories = {}, {}
     for name, group in file.items():
         if name.startswith("level_"):
             index = int(name.removeprefix("level_"))
-            a = {key: value.item() if isinstance(value, np.generic) else value for key, value in group.attrs.items()}
+            a = native(group)
             work = SweepWork(**{key: a[key] for key in SweepWork.__dataclass_fields__})
             levels[index] = LevelWork(a["level"], a["status"], a["truncation"], work)
             if "time" in group:
                 histories[index] = _read_history(group)
-    counters = {key: value.item() for key, value in file["work"].attrs.items()}
     return {
-        "scenario_yaml": attributes["scenario"],
-        "_title": attributes["title"],
-        "kind": attributes["kind"],
-        "status": attributes["status"],
-        "created": attributes["created"],
-        "wall_time_s": float(attributes["wall_time_s"]),
-        "truncation": float(attributes["truncation"]),
-        "warnings": tuple(json.loads(attributes["warnings"])),
-        "provenance": json.loads(attributes["provenance"]),
+        **root_fields(file),
+        "kind": file.attrs["kind"],
+        "truncation": float(file.attrs["truncation"]),
         "curves": dict(sorted(curves.items(), key=lambda item: (item[1].level_index, item[1].direction == "down"))),
         "linear": _read_linear(file["linear"]),
         "peaks": _read_peaks(file["peaks"]),
-        "modes": _read_modes(file["modes"]),
-        "work": SweepWork(**counters),
-        "summary": schema.decode_summary(dict(file["summary"].attrs)),
+        "modes": read_modes(file),
+        "work": SweepWork(**native(file["work"])),
         "levels": dict(sorted(levels.items())),
         "histories": dict(sorted(histories.items())),
     }
-
-
-def _ordered(file: h5py.Group, parent: str) -> list[h5py.Group]:
-    return sorted(file[parent].values(), key=lambda group: int(group.attrs["index"])) if parent in file else []
 
 
 def _read_envelope(group: h5py.Group, quantity: str, unit: str) -> Envelope:
@@ -323,8 +244,9 @@ def _read_envelope(group: h5py.Group, quantity: str, unit: str) -> Envelope:
     return Envelope(quantity, unit, values["max"], values["min"], values["rms"], values["mean"], harmonics)
 
 
-def _read_curve(name: str, group: h5py.Group) -> SweepCurve:
-    probes, snubbers = _ordered(group, "probes"), _ordered(group, "snubbers")
+def read_curve(name: str, group: h5py.Group) -> SweepCurve:
+    """Inverse of `write_curve`."""
+    probes, snubbers = ordered(group, "probes"), ordered(group, "snubbers")
     steady = None
     if "steady" in group:
         s = group["steady"]
@@ -361,7 +283,7 @@ def _read_curve(name: str, group: h5py.Group) -> SweepCurve:
 
 
 def _read_linear(group: h5py.Group) -> LinearCurve:
-    probes = _ordered(group, "probes")
+    probes = ordered(group, "probes")
 
     def pair(g: h5py.Group, name: str) -> Any:
         return g[f"{name}_real"][()] + 1j * g[f"{name}_imag"][()]
@@ -372,34 +294,25 @@ def _read_linear(group: h5py.Group) -> LinearCurve:
         {g.attrs["name"]: pair(g, "absolute_acceleration") for g in probes},
         {
             g.attrs["name"]: ContactLevels(**{field.name: g[field.name][()] for field in _CONTACT})
-            for g in _ordered(group, "snubbers")
+            for g in ordered(group, "snubbers")
         },
     )
 
 
 def _read_peaks(group: h5py.Group) -> tuple[ResponsePeak, ...]:
     columns: dict[str, list[Any]] = {field.name: group[field.name][()].tolist() for field in _PEAKS}
-    columns.update({name: group[name].asstr()[()].tolist() for name in _PEAK_TEXTS})
+    columns.update({name: texts(group[name]) for name in _PEAK_TEXTS})
     return tuple(ResponsePeak(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
 
 def _read_history(group: h5py.Group) -> SweepHistory:
-    probes, snubbers = _ordered(group, "probes"), _ordered(group, "snubbers")
+    probes, snubbers = ordered(group, "probes"), ordered(group, "snubbers")
     return SweepHistory(
         group["time"][()],
         {g.attrs["name"]: g["displacement"][()] for g in probes},
         {g.attrs["name"]: g["absolute_acceleration"][()] for g in probes if "absolute_acceleration" in g},
         {g.attrs["name"]: g["force"][()] for g in snubbers},
     )
-
-
-def holds_sweep(path: Path | str) -> bool:
-    """Whether a swept or stepped sweep of one design wrote the file."""
-    try:
-        with h5py.File(path, "r") as file:
-            return file.attrs.get("command") == COMMAND and file.attrs.get("kind") in ("swept_sine", "stepped")
-    except OSError:
-        return False
 
 
 def earlier_sweep(path: Path | str, scenario: Scenario) -> StoredSweep | None:

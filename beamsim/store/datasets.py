@@ -1,0 +1,93 @@
+"""Datasets, groups and tables as every result file holds them: one writer and one reader of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.model.structure import ModeTable
+from beamsim.store import schema
+from beamsim.store.schema import Field
+
+__all__ = ["named_group", "native", "ordered", "put", "read_modes", "texts", "words", "write_modes"]
+
+_MODE_NUMBERS = ("kept_modes", "static_vectors", "highest_frequency_hz", "reduction_error")
+
+
+def put(group: h5py.Group, field: Field, values: Any, *scales: h5py.Dataset, scale: bool = False) -> h5py.Dataset:
+    """A dataset with units and long name, along dimension scales, or as one; truth values with their meanings."""
+    values = np.asarray(values)
+    if field.flags is not None:
+        values = values.astype(np.uint8)
+    dataset = group.create_dataset(field.name, data=values)
+    dataset.attrs.update({"units": field.units, "long_name": field.long_name})
+    if field.flags is not None:
+        dataset.attrs["flag_values"] = np.array([0, 1], dtype=np.uint8)
+        dataset.attrs["flag_meanings"] = " ".join(field.flags)
+    if scale:
+        dataset.make_scale(field.name)
+    for axis, dimension in enumerate(scales):
+        dataset.dims[axis].attach_scale(dimension)
+    return dataset
+
+
+def named_group(parent: h5py.Group, folder: str, name: str, index: int) -> h5py.Group:
+    """The group of one probe or snubber, ``<folder>/<name>``; `ordered` reads such groups in the order of `index`."""
+    group = parent.create_group(f"{folder}/{schema.group_name(name)}")
+    group.attrs.update({"name": name, "index": index})
+    return group
+
+
+def ordered(parent: h5py.Group, folder: str, *, required: bool = False) -> list[h5py.Group]:
+    """The groups in `folder` in the order of the scenario; none where there is no such folder, unless it is required.
+
+    Raises
+    ------
+    KeyError
+        Where a required folder is missing or has no group.
+    """
+    groups = sorted(parent[folder].values(), key=lambda group: int(group.attrs["index"])) if folder in parent else []
+    if required and not groups:
+        raise KeyError(f"{parent.name}{folder} is missing")
+    return groups
+
+
+def native(owner: h5py.Group | h5py.Dataset, *names: str) -> dict[str, Any]:
+    """Attributes as Python values, all of them where none is named."""
+    return {
+        name: value.item() if isinstance(value := owner.attrs[name], np.generic) else value
+        for name in names or owner.attrs
+    }
+
+
+def texts(dataset: h5py.Dataset) -> list[str]:
+    """The words of a dataset."""
+    return [str(text) for text in dataset.asstr()[()]]
+
+
+def words(values: Iterable[str]) -> NDArray[np.object_]:
+    """Texts as `put` takes them."""
+    return np.array(list(values), dtype=h5py.string_dtype("utf-8"))
+
+
+def write_modes(parent: h5py.Group, modes: ModeTable, *, of_chain: bool) -> None:
+    """Write the group ``modes``: natural frequencies, damping, shapes, what the reduction kept."""
+    group = parent.create_group("modes")
+    group.attrs.update({name: getattr(modes, name) for name in _MODE_NUMBERS})
+    unit, where = ("1", "mass number") if of_chain else ("m", "position along the beam")
+    number = put(group, schema.MODE_NUMBER, np.arange(1, modes.open_frequencies_hz.size + 1), scale=True)
+    position = put(group, Field("position", unit, where), modes.position, scale=True)
+    for field in schema.MODES:
+        values = getattr(modes, field.name)
+        put(group, field, values, *((number, position) if values.ndim == 2 else (number,)))
+
+
+def read_modes(parent: h5py.Group) -> ModeTable:
+    """Inverse of `write_modes`."""
+    group = parent["modes"]
+    tables = {field.name: group[field.name][()] for field in schema.MODES}
+    return ModeTable(position=group["position"][()], **tables, **native(group, *_MODE_NUMBERS))

@@ -1,0 +1,149 @@
+"""The functions of time and frequency in any result file, as records of a universal file.
+
+Nodes are numbered through the scenario's probes, then its snubbers; x is the position along the beam (the number of
+the mass in a chain) and motion is along +z. The force of a snubber above the structure is along -z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.store.tables import datasets, values_of
+from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, ORDINATES, TIME_RESPONSE, UP, Source, record_58
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+__all__ = ["records_of"]
+
+_OF_SNUBBERS = ("force", "penetration")
+_STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
+
+
+class _Function(NamedTuple):
+    quantity: str
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[Any]
+    kind: int
+    over: str = ""
+
+
+def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
+    """Records 58 of everything at a probe or snubber that is a function of time or frequency, after the nodes.
+
+    Parameters
+    ----------
+    file : open result file of any kind.
+    result : the same file read; its scenario tells the places.
+    """
+    import pyuff
+
+    nodes, upside_down = _nodes(result.scenario)
+    version = getattr(result, "beamsim_version", "")
+    source = Source(result.title, result.created, f"beamsim {version} {file.attrs['command']}")
+    records = []
+    for dataset in datasets(file):
+        name = _name(dataset)
+        for function in _functions(dataset):
+            place = ("snubber" if function.quantity in _OF_SNUBBERS else "probe", name)
+            if place in nodes and function.x.size > 1:
+                node = list(nodes).index(place) + 1
+                turned = function.quantity == "force" and name in upside_down
+                unit = str(dataset.attrs["units"])
+                records.append(
+                    record_58(
+                        source, name, function.quantity, unit, node, function.x, function.y, label=function.label,
+                        kind=function.kind, direction=-UP if turned else UP, over=function.over,
+                    )
+                )  # fmt: skip
+    if not records:
+        return []
+    x, zeros = np.array([*nodes.values()], dtype=float), np.zeros(len(nodes))
+    return [pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=zeros, z=zeros), *records]
+
+
+def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], float], set[str]]:
+    """Place of every probe and snubber, and the snubbers that push downwards."""
+    probes = {("probe", p.name): _coordinate(p) for p in scenario.effective_probes}
+    snubbers = {("snubber", s.name): _coordinate(s) for s in scenario.all_snubbers}
+    return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
+
+
+def _coordinate(place: Any) -> float:
+    """Position along the beam, number of the mass; the first mass of a snubber between two."""
+    for name in ("position", "mass"):
+        if getattr(place, name, None) is not None:
+            return float(getattr(place, name))
+    return float(place.between[0])
+
+
+def _name(dataset: h5py.Dataset) -> str:
+    """Name of the probe or snubber a dataset is of, from the attributes of the groups it is in."""
+    group = dataset.parent
+    while group.name != "/":
+        for key in ("name", "place", "probe"):
+            if key in group.attrs:
+                return str(group.attrs[key])
+        group = group.parent
+    return ""
+
+
+def _functions(dataset: h5py.Dataset) -> Iterator[_Function]:
+    """What a dataset gives: one function, one for each order of harmonics, or nothing."""
+    last = dataset.name.rpartition("/")[2]
+    name, imaginary = last.removesuffix("_real"), dataset.parent.get(last.replace("_real", "_imag"))
+    if last.endswith("_imag"):
+        return
+    y = values_of(dataset)
+    if last.endswith("_real"):
+        y = y + 1j * values_of(imaginary)
+    if name == "amplitude" and "quantity" in dataset.parent.attrs:
+        quantity = str(dataset.parent.attrs["quantity"])
+    else:
+        quantity = next((name.removeprefix(s) for s in _STATISTICS if name.startswith(s)), name)
+    if quantity not in ORDINATES or dataset.dtype.kind != "f":
+        return
+    text = dataset.name.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real")
+    axes = [dataset.dims[k][0] if len(dataset.dims[k]) else None for k in range(dataset.ndim)]
+    names = ["" if axis is None else axis.name.rpartition("/")[2] for axis in axes]
+    if names == ["time"]:
+        yield _Function(quantity, text, values_of(axes[0]), y, TIME_RESPONSE)
+        return
+    along = [k for k, axis in enumerate(axes) if axis is not None and _frequency(axis) is not None]
+    if len(along) != 1:
+        return
+    x = _frequency(axes[along[0]])
+    assert x is not None
+    if dataset.ndim == 1:
+        over = _input(dataset) if dataset.name.startswith("/linear/") else ""
+        yield _Function(quantity, text, x, y, FREQUENCY_RESPONSE if over else GENERAL, over)
+    elif dataset.ndim == 2 and "order" in names:
+        for order, values in zip(values_of(axes[1 - along[0]]), np.moveaxis(y, along[0], 1), strict=True):
+            yield _Function(quantity, f"{text} order {order:g}", x, values, GENERAL)
+
+
+def _frequency(axis: h5py.Dataset) -> NDArray[np.float64] | None:
+    """Frequencies along an axis: its own values, or those of ``frequency_hz`` beside it, along a branch."""
+    if axis.name.endswith("/frequency_hz"):
+        return values_of(axis)
+    beside = axis.parent.get("frequency_hz")
+    if (
+        isinstance(beside, h5py.Dataset)
+        and beside.ndim == 1
+        and not beside.is_scale
+        and axis in beside.dims[0].values()
+    ):
+        return values_of(beside)
+    return None
+
+
+def _input(dataset: h5py.Dataset) -> str:
+    """What a sweep's linear response is a unit of: ``force``, or ``acceleration`` of the base."""
+    curves = (group.attrs["quantity"] for group in dataset.file.values() if "direction" in group.attrs)
+    return "force" if next(curves, "") == "force" else "acceleration"

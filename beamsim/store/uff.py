@@ -1,0 +1,133 @@
+"""Universal files: records of type 58 (a function at a degree of freedom), written whole."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.files import replacing
+
+__all__ = ["FREQUENCY_RESPONSE", "GENERAL", "ORDINATES", "TIME_RESPONSE", "UP", "Source", "record_58", "write_uff"]
+
+# Codes of the universal file format: (specific data type, length exponent, force exponent).
+ORDINATES = {
+    "displacement": (8, 1, 0),
+    "absolute_displacement": (8, 1, 0),
+    "penetration": (8, 1, 0),
+    "velocity": (11, 1, 0),
+    "absolute_acceleration": (12, 1, 0),
+    "acceleration": (12, 1, 0),
+    "force": (9, 0, 1),
+}
+GENERAL, TIME_RESPONSE, FREQUENCY_RESPONSE = 0, 1, 4
+_TIME, _FREQUENCY = 17, 18
+_EXCITATION_FORCE = 13
+UP = 3  # +z: deflections are positive upwards
+
+
+class Source(NamedTuple):
+    """What the records of one file say of their origin."""
+
+    title: str
+    created: str  # ISO 8601
+    maker: str
+
+
+def record_58(
+    source: Source,
+    name: str,
+    quantity: str,
+    unit: str,
+    node: int,
+    x: NDArray[np.float64],
+    y: NDArray[Any],
+    *,
+    label: str = "",
+    kind: int = TIME_RESPONSE,
+    direction: int = UP,
+    over: str = "",
+) -> dict[str, Any]:
+    """One function at one place, for :mod:`pyuff`.
+
+    Parameters
+    ----------
+    name : of the probe or snubber.
+    quantity : one of `ORDINATES`.
+    x, y : time (s) for a time response, otherwise frequency (Hz); the ordinate may be complex. An equally spaced
+        abscissa is stored as start and increment with 6 digits; where that would not be exact the record is
+        stored in binary (58b) with every abscissa.
+    label : first line of the record; by default name and quantity.
+    over : quantity the ordinate is divided by ("acceleration" of the base or "force"), of a frequency response.
+    """
+    specific, length_exponent, force_exponent = ORDINATES[quantity]
+    of_frequency = kind != TIME_RESPONSE
+    exact = False
+    if x.size > 1:
+        increment = (x[-1] - x[0]) / (x.size - 1)
+        even = np.allclose(np.diff(x), increment, rtol=1e-9, atol=0.0) and increment > 0
+        exact = bool(even) and all(abs(float(f"{v:.5e}") - v) <= 1e-12 * increment for v in (x[0], increment))
+    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), "force": (_EXCITATION_FORCE, 0, 1)}[over]
+    return {
+        "type": 58,
+        "binary": 0 if exact else 1,
+        "func_type": kind,
+        "rsp_ent_name": _ascii(name, 10),
+        "rsp_node": node,
+        "rsp_dir": direction,
+        "ref_ent_name": "NONE",
+        "ref_node": 0,
+        "ref_dir": 0,
+        "id1": _ascii(label or f"{name} {quantity.replace('_', ' ')}", 80),
+        "id2": _ascii(source.title, 80),
+        "id3": _date(source.created),
+        "id4": _ascii(source.maker, 80),
+        "abscissa_spacing": int(exact),
+        "abscissa_spec_data_type": _FREQUENCY if of_frequency else _TIME,
+        "abscissa_axis_lab": "Frequency" if of_frequency else "Time",
+        "abscissa_axis_units_lab": "Hz" if of_frequency else "s",
+        "ordinate_spec_data_type": specific,
+        "ordinate_len_unit_exp": length_exponent,
+        "ordinate_force_unit_exp": force_exponent,
+        "ordinate_axis_lab": _ascii(quantity.replace("_", " ").capitalize(), 20),
+        "ordinate_axis_units_lab": unit,
+        "orddenom_spec_data_type": below[0],
+        "orddenom_len_unit_exp": below[1],
+        "orddenom_force_unit_exp": below[2],
+        "x": np.array(x, dtype=float),
+        "data": np.array(y, dtype=complex if np.iscomplexobj(y) else float),
+    }
+
+
+def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
+    """Write data sets to a universal file, after the one that says that units are SI.
+
+    Raises
+    ------
+    ResultFileError
+        When the file cannot be written.
+    """
+    import pyuff
+
+    units = pyuff.prepare_164(
+        units_code=1, units_description="SI", temp_mode=1, length=1.0, force=1.0, temp=1.0, temp_offset=0.0
+    )
+    with replacing(path) as temporary, warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves the closing of binary sets to Python
+        pyuff.UFF(str(temporary)).write_sets([units, *sets], mode="overwrite")
+
+
+def _ascii(text: str, width: int) -> str:
+    return " ".join(text.encode("ascii", "replace").decode().split())[:width] or "NONE"
+
+
+def _date(created: str) -> str:
+    try:
+        return datetime.fromisoformat(created).strftime("%d-%b-%y %H:%M:%S").upper()
+    except ValueError:
+        return "NONE"

@@ -1,0 +1,331 @@
+"""``info``, ``plot`` and ``export`` of the result file of every command, and what they do with files that are none."""
+
+import csv
+import json
+import math
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.cli.app import app
+from beamsim.store.stored import KINDS
+
+CHAIN = """
+title: Two masses
+chain:
+  masses: [1, 1]
+  springs: [1, 1]
+  dashpots: [0.05, 0.05]
+  snubbers: [{name: stop, mass: 1, side: above, stiffness: 5, gap: 0.2}]
+probes: [{name: one, mass: 1}, {name: the other, mass: 2}]
+"""
+FORCED = "excitation: {kind: harmonic, applied_to: {mass: 1}, level: 0.4 N, frequency: 0.1 Hz}\n"
+SWEPT = "sweep: {kind: swept_sine, from: 0.05 Hz, to: 0.15 Hz, rate: 2 oct/min}\n"
+BEAM = """
+title: A beam
+beam:
+  {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3,
+   damping: {kind: modal, ratio: 1 %}}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151 kN/m}]
+"""
+CASES = {
+    "run": ("run", CHAIN + FORCED + "run: {duration: 60 s, sample_rate: 5}\n"),
+    "sweep": ("sweep", CHAIN + FORCED + SWEPT),
+    "stepped": ("sweep", CHAIN + FORCED + "sweep: {kind: stepped, from: 0.09 Hz, to: 0.1 Hz, points: 3}\n"),
+    "continuation": ("sweep", CHAIN + FORCED + "sweep: {kind: continuation, from: 0.08 Hz, to: 0.1 Hz}\n"),
+    "designs": (
+        "sweep",
+        CHAIN
+        + FORCED
+        + "run: {duration: 20 s, sample_rate: 5}\n"
+        + "vary: {kind: grid, parameters: [{path: chain.snubbers.stop.stiffness, from: 2, to: 6, points: 2}]}\n",
+    ),
+    "identify-stiffness": (
+        "identify-stiffness",
+        BEAM + "identify_stiffness: {snubber: tip, measured_with: [196.5 Hz], measured_without: [51.9 Hz]}\n",
+    ),
+    "nnm": ("nnm", CHAIN.replace(", gap: 0.2", "").replace("  dashpots: [0.05, 0.05]\n", "") + "nnm: {mode: 1}\n"),
+    "compare": ("compare", ""),
+}
+WITHOUT_RECORDS = {"designs", "identify-stiffness"}
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Path of a result file by name of the case; each is made when it is first asked for."""
+    folder = tmp_path_factory.mktemp("results")
+    made = {}
+
+    def make(name):
+        if name not in made:
+            command, text = CASES[name]
+            if name == "compare":
+                run = make("run")
+                measured = call("export", run, "--format", "uff", "-o", folder / "measured.uff")
+                assert measured.exit_code == 0, measured.output
+                done = call("compare", run, folder / "measured.uff", "-o", folder / "compare.h5", "--no-plots")
+            else:
+                (folder / f"{name}.yaml").write_text(text)
+                done = call(command, folder / f"{name}.yaml", "-o", folder, "--no-plots", "--json")
+                json.loads(done.stdout)
+            assert done.exit_code == 0, done.output
+            made[name] = folder / f"{name}.h5"
+        return made[name]
+
+    return make
+
+
+def stored_datasets(path):
+    """Path -> values of every dataset that is no scale, read without beamsim."""
+    found = {}
+
+    def note(name, item):
+        if isinstance(item, h5py.Dataset) and not item.is_scale:
+            words = h5py.check_string_dtype(item.dtype) is not None
+            found[name] = np.asarray(item.asstr()[()] if words else item[()])
+
+    with h5py.File(path) as file:
+        file.visititems(note)
+    return found
+
+
+def same(texts, values):
+    """Whether the cells of a column are the values, to the bit."""
+    values = np.asarray(values).ravel().tolist()
+    if len(values) != len(texts):
+        return False
+    if values and isinstance(values[0], str):
+        return values == list(texts)
+    return np.array_equal(np.array(texts, dtype=float), np.array(values, dtype=float), equal_nan=True)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_info_and_plot(name, files, tmp_path):
+    path = files(name)
+    said = call("info", path)
+    assert said.exit_code == 0, said.output
+    assert said.stdout.startswith(f"{path}: ")
+    assert f"by beamsim {beamsim.__version__} {CASES[name][0]}" in said.stdout
+    told = call("info", path, "--json")
+    assert told.exit_code == 0, told.output
+    values = json.loads(told.stdout)
+    assert values["kind"] == ("sweep" if name == "stepped" else name)
+    assert {"title", "status", "created", "wall_time_s", "warnings"} <= set(values)
+    drawn = call("plot", path, "--format", "svg", "-o", tmp_path, "--json")
+    assert drawn.exit_code == 0, drawn.output
+    pictures = json.loads(drawn.stdout)["files"]
+    assert pictures
+    assert all(Path(picture).read_text(encoding="utf-8").startswith("<?xml") for picture in pictures)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_result_opens_whatever_it_is(name, files):
+    result = beamsim.open_result(files(name))
+    assert result.complete
+    assert result.scenario.to_yaml() == result.scenario_yaml
+    assert result.title == result.scenario.title
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("run", "designs")])
+def test_csv_holds_every_number(name, files, tmp_path):
+    path = files(name)
+    done = call("export", path, "--format", "csv", "-o", tmp_path, "--json")
+    assert done.exit_code == 0, done.output
+    written = [Path(file) for file in json.loads(done.stdout)["files"]]
+    assert {file.parent for file in written} == {tmp_path / f"{name}_csv"}
+    columns, described = {}, {}
+    for file in written:
+        if file.suffix == ".csv" and file.name not in ("columns.csv", "attributes.csv", "summary.csv"):
+            with open(file, newline="", encoding="utf-8") as stream:
+                header, *rows = csv.reader(stream)
+            assert len(set(header)) == len(header)
+            columns.update({(file.name, title): [row[k] for row in rows] for k, title in enumerate(header)})
+    with open(tmp_path / f"{name}_csv" / "columns.csv", newline="", encoding="utf-8") as stream:
+        described = {(row["file"], row["column"]): row for row in csv.DictReader(stream)}
+    assert set(described) == set(columns)
+    expected = stored_datasets(path)
+    assert len(expected) > 5
+    for place, values in expected.items():
+        last = place.rpartition("/")[2]
+        own = [cells for (_, title), cells in columns.items() if last in title]
+        assert any(same(cells, values) for cells in own), place
+        if values.dtype.kind == "f" and np.isfinite(values).any():  # the comparison can fail
+            wrong = np.where(np.isfinite(values), values * (1 + 4e-16) + 1e-300, values)
+            assert not any(same(cells, wrong) for cells in own), place
+    scenario = beamsim.load_scenario(tmp_path / f"{name}_csv" / "scenario.yaml")
+    assert scenario.title == beamsim.open_result(path).title
+
+
+def lookup(struct, path):
+    for part in path.split("/"):
+        name = "".join(c if (c.isalnum() and c.isascii()) or c == "_" else "_" for c in part)
+        struct = struct[name if name[0].isalpha() else f"x{name}"]
+    return np.asarray(struct)
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name != "run"])
+def test_mat_holds_every_number(name, files, tmp_path):
+    from scipy.io import loadmat
+
+    path = files(name)
+    done = call("export", path, "--format", "mat", "-o", tmp_path)
+    assert done.exit_code == 0, done.output
+    mat = loadmat(tmp_path / f"{name}.mat", simplify_cells=True)
+    assert mat["info"]["title"] == beamsim.open_result(path).title
+    for place, values in stored_datasets(path).items():
+        stem, part = place, np.asarray
+        for suffix, taken in (("_real", np.real), ("_imag", np.imag)):
+            if place.endswith(suffix):
+                stem, part = place.removesuffix(suffix), taken
+        found = part(lookup(mat, stem))
+        if values.dtype == object:
+            assert found.ravel().tolist() == values.ravel().tolist(), place
+        else:
+            assert np.array_equal(found.ravel(), values.ravel(), equal_nan=True), place
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("run", *WITHOUT_RECORDS)])
+def test_uff_holds_what_depends_on_time_or_frequency(name, files, tmp_path):
+    import pyuff
+
+    path = files(name)
+    done = call("export", path, "--format", "uff", "-o", tmp_path)
+    assert done.exit_code == 0, done.output
+    units, nodes, *functions = pyuff.UFF(str(tmp_path / f"{name}.uff")).read_sets()
+    assert units["length"] == 1.0
+    assert list(nodes["x"])[:2] == [1.0, 2.0]
+    assert {function["type"] for function in functions} == {58}
+    stored = stored_datasets(path)
+    labels = {
+        "".join(p if p.isascii() else "?" for p in place).replace("/", " ").replace("_", " "): place for place in stored
+    }
+    compared = 0
+    for function in functions:
+        place = labels.get(function["id1"].strip())
+        if place is not None:
+            np.testing.assert_allclose(function["data"], stored[place], rtol=1e-11, atol=1e-30, equal_nan=True)
+            assert function["x"].size == stored[place].size
+            compared += 1
+    assert compared > 3
+
+
+def test_a_curve_in_a_universal_file(files, tmp_path):
+    """Frequencies, harmonics and the linear response of a sweep, number for number."""
+    import pyuff
+
+    path = files("sweep")
+    assert call("export", path, "--format", "uff", "-o", tmp_path).exit_code == 0
+    by_label = {f["id1"].strip(): f for f in pyuff.UFF(str(tmp_path / "sweep.uff")).read_sets()[2:]}
+    with h5py.File(path) as file:
+        curve = file["up_0"]
+        peak = by_label["up 0 probes one peak displacement"]
+        np.testing.assert_allclose(peak["x"], curve["frequency_hz"][()], rtol=1e-11)
+        assert (peak["func_type"], peak["abscissa_spec_data_type"], peak["rsp_node"]) == (0, 18, 1)
+        first = list(curve["order"][()]).index(1.0)
+        real, imag = (curve[f"probes/one/harmonic_displacement_{part}"][first] for part in ("real", "imag"))
+        found = by_label["up 0 probes one harmonic displacement order 1"]["data"]
+        np.testing.assert_allclose(found, real + 1j * imag, equal_nan=True)
+        linear = by_label["linear probes one displacement"]
+        assert (linear["func_type"], linear["orddenom_spec_data_type"]) == (4, 13)  # over the exciting force
+        real, imag = (file[f"linear/probes/one/displacement_{part}"][()] for part in ("real", "imag"))
+        np.testing.assert_allclose(linear["data"], real + 1j * imag, rtol=1e-11)
+    force = by_label["up 0 snubbers stop peak force"]
+    assert (force["rsp_node"], force["rsp_dir"]) == (3, -3)  # after the probes; a stop above pushes down
+
+
+@pytest.mark.parametrize("name", sorted(WITHOUT_RECORDS))
+def test_uff_refuses_what_has_no_functions(name, files, tmp_path):
+    done = call("export", files(name), "--format", "uff", "-o", tmp_path)
+    assert done.exit_code == 2
+    assert "use --format csv or --format mat" in done.stderr
+    assert os.listdir(tmp_path) == []
+
+
+COMMANDS = [("info",), ("plot",), ("export", "--format", "csv"), ("export", "--format", "mat")]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_files_that_cannot_be_read(command, files, tmp_path):
+    whole = files("run")
+    (tmp_path / "text.h5").write_text("title: x\n")
+    (tmp_path / "empty.h5").write_bytes(b"")
+    (tmp_path / "junk.h5").write_bytes(bytes(range(256)) * 40)
+    (tmp_path / "folder.h5").mkdir()
+    with h5py.File(tmp_path / "alien.h5", "w") as file:
+        file["x"] = 1
+    data = whole.read_bytes()
+    (tmp_path / "cut.h5").write_bytes(data[: len(data) // 2])
+    for name, attribute, value in (("newer", "schema_version", 99), ("unknown", "command", "dance")):
+        (tmp_path / f"{name}.h5").write_bytes(data)
+        with h5py.File(tmp_path / f"{name}.h5", "a") as file:
+            file.attrs[attribute] = value
+    messages = {
+        "gone": "no such result file",
+        "text": "not an HDF5 file, or damaged",
+        "empty": "not an HDF5 file, or damaged",
+        "junk": "not an HDF5 file, or damaged",
+        "folder": "is a folder",
+        "alien": "not one of beamsim's",
+        "cut": "damaged",
+        "newer": "schema_version 99",
+        "unknown": "does not know",
+    }
+    for name, message in messages.items():
+        done = call(*command, tmp_path / f"{name}.h5", "-o" if command[0] != "info" else "--json", *(
+            [tmp_path / "out"] if command[0] != "info" else []
+        ))  # fmt: skip
+        assert done.exit_code == 2, (name, done.output)
+        assert message in done.stderr, (name, done.stderr)
+        assert f"{name}.h5" in done.stderr
+        assert not done.stdout
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("command", [("info",), ("plot",)])
+def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path):
+    """The first group or dataset that is taken away makes the file unreadable, never a traceback."""
+    data = files(name).read_bytes()
+    with h5py.File(files(name)) as file:
+        parts = [part for part in file if part not in ("summary",)]
+    outcomes = set()
+    for part in ["summary", *parts[:4]]:
+        path = tmp_path / f"{part}.h5"
+        path.write_bytes(data)
+        with h5py.File(path, "a") as file:
+            del file[part]
+        done = call(*command, path, *(("-o", tmp_path / "p") if command[0] == "plot" else ()))
+        outcomes.add(done.exit_code)
+        assert done.exit_code in (0, 2), done.output
+        if done.exit_code == 2:
+            assert f"{part}.h5" in done.stderr
+    assert 2 in outcomes
+
+
+def test_every_kind_is_tried():
+    assert set(KINDS) == set(CASES) - {"stepped"}
+    from beamsim.cli.stored import TABLE
+
+    assert set(TABLE) == set(KINDS)
+
+
+def test_not_finite_numbers_are_null(files):
+    def numbers(value):
+        if isinstance(value, dict):
+            yield from (n for item in value.values() for n in numbers(item))
+        elif isinstance(value, list):
+            yield from (n for item in value for n in numbers(item))
+        else:
+            yield value
+
+    for name in CASES:
+        told = json.loads(call("info", files(name), "--json").stdout)
+        assert all(math.isfinite(n) for n in numbers(told) if isinstance(n, float))

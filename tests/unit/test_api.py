@@ -1,0 +1,63 @@
+"""The package's names: all there, and none imported before it is asked for."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import beamsim
+from beamsim.store.stored import KINDS
+
+VERBS = ("run", "sweep", "frequency_response", "design_study", "identify_stiffness", "nnm", "compare")
+
+
+@pytest.mark.parametrize("name", beamsim.__all__)
+def test_every_name_resolves_and_is_documented(name):
+    value = getattr(beamsim, name)
+    assert name == "__version__" or value.__doc__
+    assert name in dir(beamsim)
+
+
+def test_every_verb_and_every_reader_is_there():
+    assert set(VERBS) <= set(beamsim.__all__)
+    assert {kind.reader for kind in KINDS.values()} <= set(beamsim.__all__)
+
+
+def test_other_names_are_refused():
+    with pytest.raises(AttributeError, match="no attribute 'fly'"):
+        beamsim.fly  # noqa: B018
+
+
+@pytest.mark.parametrize("what", ["import beamsim", "import beamsim; beamsim.ScenarioError"])
+def test_importing_costs_nothing(what):
+    heavy = ("numpy", "scipy", "numba", "pydantic", "h5py", "matplotlib", "typer", "yaml", "pint")
+    code = f"{what}; import sys; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+def test_help_needs_no_mathematics():
+    code = (
+        "import sys; from typer.testing import CliRunner; from beamsim.cli.app import app;"
+        "assert CliRunner().invoke(app, ['--help']).exit_code == 0;"
+        "print([name for name in ('numpy', 'scipy', 'numba', 'h5py', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_run_from_python_is_written_read_and_exported(tmp_path):
+    text = """
+chain: {masses: [1], springs: [1], dashpots: [0.1]}
+excitation: {kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 0.1 Hz}
+run: {duration: 20 s, sample_rate: 5}
+"""
+    result = beamsim.run(beamsim.load_scenario(text))
+    path = beamsim.write_run(result, tmp_path / "x.h5")
+    again = beamsim.open_result(path)
+    assert type(again) is type(beamsim.open_run(path))
+    assert isinstance(again, beamsim.RunResult)
+    assert again.summary["peak_displacement_m"] == result.summary["peak_displacement_m"]
+    (table,) = [file for file in beamsim.export_result(path, tmp_path / "out", "csv") if file.stem == "time_histories"]
+    assert len(Path(table).read_text().splitlines()) == result.time.size + 1
