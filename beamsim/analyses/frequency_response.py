@@ -1,281 +1,368 @@
-"""``beamsim sweep`` of kind continuation: the curve of periodic motions against frequency, stable and unstable."""
+"""``beamsim sweep`` of kind continuation: curves of periodic motions against a parameter, stable and unstable."""
 
 from __future__ import annotations
 
+import re
 import time as clock
-from collections.abc import Callable
-from datetime import UTC, datetime
-from itertools import pairwise
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.limits import margin_of
 from beamsim.analyses.orbit_events import OrbitEvent
-from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
-from beamsim.analyses.run import versions
-from beamsim.dynamics.continuation import BranchPoint, Settings
-from beamsim.dynamics.shooting import (
-    ForcedOrbits,
-    find_orbit,
-    follow_orbits,
-    special_points,
-    switch_at_period_doubling,
+from beamsim.analyses.response_branches import (
+    Budget,
+    ShootingTracer,
+    Traced,
+    doubled,
+    missing,
+    progress_that_grows,
+    reach_of,
+    trace_range,
 )
-from beamsim.dynamics.smooth_flow import SmoothFlow
-from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
+from beamsim.analyses.response_motion import Measured, measure, sampled_motion, sampled_orbit
+from beamsim.analyses.response_paths import ResponseModel, level_unit, periodic_forcing, response_model
+from beamsim.analyses.response_results import FoldCurveResult, FrequencyResponse, ResponseBranch
+from beamsim.dynamics.continuation import INTERRUPTED
 from beamsim.errors import Problem, ScenarioError
-from beamsim.model.build import build_system
-from beamsim.model.structure import StructuralSystem
-from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.sweep import Continuation
+from beamsim.scenario.continuation import Continuation, HarmonicBalance
 
 if TYPE_CHECKING:
-    from beamsim.dynamics.grazing import SpecialPoint
-    from beamsim.model.signal import Signal
+    from beamsim.analyses.response_paths import Followed
     from beamsim.scenario import Scenario
 
 __all__ = ["frequency_response", "periodic_forcing"]
 
 Floats = NDArray[np.float64]
 
-SAMPLES = 512  # of a period, for peaks and harmonics
-ORDERS = 6
-MOST_POINTS = 4000
-MOST_POINTS_ASIDE = 300  # of a branch of doubled period
-EXCURSION = 1.5  # how far beyond the first frequency, as a ratio, a branch may go
-SAME = 1e-4  # relative distance within which a period doubling belongs to a branch that is known
+STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
+SHARE_OF_OVERLAY = 0.2  # of the progress bar
+_NUMBER = re.compile(r"(reached|parameter|at) (-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?=[\s:;,]|$)")
 
 
-def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicForcing:
-    """The loads of a scenario with harmonic excitation, as functions of frequency, for a level of one.
+def frequency_response(
+    scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
+) -> FrequencyResponse:
+    """Follow the periodic motions of a scenario through its parameter, at all its levels.
 
-    The excitation's own quantity is what stays the same: a base acceleration held moves the base by ``A / omega^2``.
-    """
-    excitation = scenario.excitation
-    assert isinstance(excitation, Harmonic)
-    omega, level = 2 * np.pi * excitation.frequency, excitation.level
-    n = system.dynamics.size
-    held = {"acceleration": 0.0, "velocity": 1.0, "displacement": 2.0}.get(str(excitation.quantity), 0.0)
-    force, power, base, base_power = [], [], [], []
-
-    def phasor(signal: Signal) -> complex:
-        """A of ``Re(A e^{i omega t})``."""
-        return complex(sum(c for nu, c in zip(signal.exponent, signal.coefficient[0, :, 0], strict=True) if nu != 0))
-
-    for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True):
-        # a displacement (springs to ground) changes by omega^-2 against an acceleration
-        is_displacement = system.base_displacement is not None and signal is system.base_displacement
-        force.append(load.astype(complex) * phasor(signal) / level)
-        power.append(held - 2.0 if is_displacement else held)
-        base.append(0j)
-        base_power.append(0.0)
-    if system.forcing.base_displacement is not None:
-        force.append(np.zeros(n, dtype=complex))
-        power.append(0.0)
-        base.append(phasor(system.forcing.base_displacement) / level)
-        base_power.append(held - 2.0)
-    return PeriodicForcing(
-        np.ones(len(force), dtype=np.int64), np.array(force).reshape(len(force), n), np.array(power), np.array(base),
-        np.array(base_power), omega,
-    )  # fmt: skip
-
-
-def frequency_response(scenario: Scenario, progress: Callable[[float], None] | None = None) -> FrequencyResponse:
-    """Follow the periodic motions of a scenario through its frequencies, at all its levels.
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind continuation and a harmonic excitation.
+    progress : called with the fraction that is done, which never falls.
+    stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
 
     Raises
     ------
     ScenarioError
-        Where the scenario asks for none, or no periodic motion is found at the first frequency.
+        Where the scenario asks for none, or no periodic motion is found at all.
+    KeyboardInterrupt
+        Where it was time to stop before any was found.
     """
     begin, processor = clock.perf_counter(), clock.process_time()
-    settings, excitation = scenario.sweep, scenario.excitation
-    if not isinstance(settings, Continuation):
-        raise ScenarioError(
-            Problem("sweep.kind", "is not continuation", "write `sweep: {kind: continuation, from: …, to: …}`")
-        )
-    if not isinstance(excitation, Harmonic):
-        raise ScenarioError(Problem("excitation.kind", "has no frequency to follow", "use a harmonic excitation"))
-    highest = max(settings.from_, settings.to)
-    at_top = excitation.model_copy(update={"frequency": highest})
-    forced = scenario.model_copy(update={"run": None, "excitation": at_top})
-    system = build_system(forced)
-    loads = periodic_forcing(forced, system)
-    levels = settings.levels or (excitation.level,)
+    model = response_model(scenario)
+    settings = scenario.sweep
+    assert isinstance(settings, Continuation)
+    limited = () if scenario.limits is None else tuple(scenario.limits.given)
+    levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
+    grown = progress_that_grows(progress)
+    curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
     branches: list[ResponseBranch] = []
-    status = "complete"
+    folds: list[FoldCurveResult] = []
+    statuses: list[str] = []
+    halted = False
     for index, level in enumerate(levels):
-        report = None if progress is None else _part(progress, index, len(levels))
-        branches += _level(system, loads, settings, float(level), report)
-        if not branches[-1].status.startswith("complete") and branches[-1].period_multiple == 1:
-            status = branches[-1].status
-    main = [b for b in branches if b.period_multiple == 1]
-    for branch in main:
-        if not branch.status.startswith("complete"):
-            status = branch.status
+        part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
+        if branches and stop():
+            break
+        budget = Budget(settings.most_points, settings.longest_time, stop)
+        traced = _trace(model, settings, level, budget, part)
+        if not traced:
+            break
+        statuses.append(_status(model, traced, level if len(levels) > 1 else None))
+        if model.second is not None:
+            from beamsim.analyses.response_folds import follow_folds
+
+            folds += follow_folds(model, traced, level, budget)
+        halted = stop()
+        branches += [_response(model, t, level, limited) for t in traced]
+    if not branches:
+        raise KeyboardInterrupt
+    status = next((s for s in statuses if s != "complete"), "complete")
+    if isinstance(settings.method, HarmonicBalance):
+        status = _trusted(status, branches, settings.method.largest_error, model.followed)
+    overlay = {}
+    left = [f"level {level:.4g}" for level in levels[len(statuses) :]]
+    if settings.overlay is not None and stop():
+        left.append("sweep.overlay")
+    elif settings.overlay is not None:
+        from beamsim.analyses.response_overlay import swept_overlay
+
+        overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY))
+    if halted or left:
+        status = _interrupted(status, left)
+    f, second = model.followed, model.second
+    return FrequencyResponse(
+        scenario=scenario,
+        status=status,
+        branches=tuple(branches),
+        modes=model.system.modes,
+        summary=_summary(model, settings, status, branches, folds, clock.process_time() - processor),
+        warnings=(*scenario.warnings, *model.system.warnings),
+        wall_time_s=clock.perf_counter() - begin,
+        parameter=f.kind,
+        unit=f.unit,
+        snubber=f.snubber,
+        level_unit=level_unit(scenario),
+        method=settings.method.kind,  # type: ignore[union-attr]
+        fold_curves=tuple(folds),
+        second_parameter="" if second is None else second.kind,
+        second_unit="" if second is None else second.unit,
+        second_snubber="" if second is None else second.snubber,
+        overlay=overlay,
+    )
+
+
+def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
+    return lambda fraction: progress(first + share * fraction)
+
+
+def _trace(
+    model: ResponseModel, settings: Continuation, level: float, budget: Budget, report: Callable[[float], None]
+) -> list[Traced]:
+    """The branches of one level, those of the excitation's own period first; none where it was time to end."""
+    f = model.followed
+    first, last = f.inward(f.first), f.inward(f.last)
+    reach = reach_of(first, last, beyond=f.moved is None)
+    if isinstance(settings.method, HarmonicBalance):
+        from beamsim.analyses.response_balance import balance_tracer
+
+        found = trace_range(balance_tracer(model, settings.method.harmonics, level, reach), first, last, budget, report)
+    else:
+        tracer = ShootingTracer(model.orbits(level), lambda x: model.orbits_at(float(f.outward(x)), level), reach)
+        found = trace_range(tracer, first, last, budget, report)
+    if not found and budget.spent() != INTERRUPTED:
+        at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
+        raise model.scenario.located(
+            ScenarioError(
+                Problem(
+                    at,
+                    f"= {f.first:g} {f.unit} has no periodic motion that a transient comes to, nor has any other value "
+                    "that was tried",
+                    "begin elsewhere, or sweep with kind: stepped to see what the motions are",
+                )
+            )
+        )
+    if isinstance(settings.method, HarmonicBalance):
+        return found
+    aside: list[Traced] = []
+    for branch in found:
+        aside += doubled(branch, reach, settings.longest_period, budget)
+    return [*found, *aside]
+
+
+def _status(model: ResponseModel, traced: list[Traced], level: float | None) -> str:
+    """Complete, or what was not reached and why."""
+    f = model.followed
+    gaps = missing([t for t in traced if t.problem.multiple == 1], f.inward(f.first), f.inward(f.last))
+    if not gaps:
+        return "complete"
+    texts = [f"{f.outward(a):.6g} to {f.outward(b):.6g} {f.unit}" for a, b in gaps]
+    why = next((t.status for t in reversed(traced) if not t.status.startswith("complete")), traced[0].status)
+    of = "" if level is None else f" at level {level:.4g}"
+    return f"not reached{of}: {', '.join(texts)}; {_told(why, f)}"
+
+
+def _interrupted(status: str, left: list[str]) -> str:
+    """The status of what was ended early, with what was not begun."""
+    texts = [INTERRUPTED] if status == "complete" else [INTERRUPTED, status]
+    if left:
+        texts.append(f"not begun: {', '.join(left)}")
+    return "; ".join(texts)
+
+
+def _told(status: str, f: Followed) -> str:
+    """A branch's status with its parameter in the user's unit."""
+    return _NUMBER.sub(lambda m: f"{m[1]} {float(f.outward(float(m[2]))):.6g} {f.unit}".rstrip(), status)
+
+
+def _trusted(status: str, branches: list[ResponseBranch], largest: float, f: Followed) -> str:
+    """The status, with a word on neglected harmonics where they are worth more than allowed."""
+    worst = max(
+        ((float(b.neglected_harmonics[k]), float(b.parameter[k])) for b in branches
+         if b.neglected_harmonics is not None and b.neglected_harmonics.size
+         for k in [int(np.argmax(b.neglected_harmonics))]), default=(0.0, 0.0),
+    )  # fmt: skip
+    if worst[0] <= largest:
+        return status
+    doubt = (
+        f"not to be trusted: at {worst[1]:.6g} {f.unit} the neglected harmonics are worth {100 * worst[0]:.3g} % of "
+        f"the motion (sweep.method.largest_error = {100 * largest:g} %); use more harmonics, or shooting"
+    )
+    return doubt if status == "complete" else f"{status}; {doubt}"
+
+
+def _response(model: ResponseModel, traced: Traced, level: float, limited: Collection[str]) -> ResponseBranch:
+    """Peaks, harmonics, forces and stability along a branch."""
+    f, system, problem = model.followed, model.system, traced.problem
+    by_balance = not hasattr(problem, "flow")
+    measured: list[Measured] = []
+    spectra = []
+    for point in traced.points:
+        if by_balance:
+            omega, own = problem.at(point.parameter)
+            motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, own)
+        else:
+            motion = sampled_orbit(problem, point)
+        measured.append(measure(system, model.loads, model.base, motion, limited))
+        spectra.append(problem.multipliers(point))
+    count = min((mu.size for mu in spectra), default=0)
+    multipliers = np.array([mu[:count] for mu in spectra])
+    unknown = traced.values
+    parameter = np.asarray(f.outward(unknown), dtype=float)
+    probes, names = [p.name for p in system.probes], [s.name for s in system.snubbers]
+    high, low = np.array([m.high for m in measured]), np.array([m.low for m in measured])
+
+    def by_name(values: list[Any], of: list[str]) -> dict[str, Any]:
+        table = np.array(values)
+        return {name: table[:, k] for k, name in enumerate(of)}
+
+    from_balance = None
+    if by_balance:
+        from beamsim.analyses.response_balance import neglected
+
+        from_balance = neglected(traced)
+    return ResponseBranch(
+        level=float("nan") if f.kind == "level" else level,
+        period_multiple=problem.multiple,
+        status=_told(traced.status, f),
+        frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
+        peak_displacement=by_name(list(np.maximum(np.abs(high), np.abs(low))), probes),
+        max_displacement=by_name(list(high), probes),
+        min_displacement=by_name(list(low), probes),
+        harmonics=by_name([m.harmonics for m in measured], probes),
+        peak_force=by_name([m.force for m in measured], names),
+        stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
+        floquet_multipliers=multipliers,
+        residual=np.array([p.residual for p in traced.points]),
+        special=tuple(_event(model, s) for s in traced.special),
+        parameter=parameter,
+        peak_acceleration=by_name([m.acceleration for m in measured], probes),
+        contact_share=by_name([m.contact_share for m in measured], names),
+        limited={name: np.array([m.limited[name] for m in measured]) for name in measured[0].limited},
+        neglected_harmonics=from_balance,
+    )
+
+
+def _event(model: ResponseModel, special: Any) -> OrbitEvent:
+    f = model.followed
+    value = float(f.outward(special.parameter))
+    names = model.system.contact_names
+    return OrbitEvent(
+        special.kind, value, value if f.kind == "frequency" else model.frequency_hz,
+        names[special.contact] if special.contact >= 0 else "", special.time,
+    )  # fmt: skip
+
+
+def _summary(
+    model: ResponseModel,
+    settings: Continuation,
+    status: str,
+    branches: list[ResponseBranch],
+    folds: list[FoldCurveResult],
+    processor_time_s: float,
+) -> dict[str, Any]:
     summary: dict[str, Any] = {
-        "points": int(sum(b.frequency_hz.size for b in branches)),
+        "parameter": model.followed.kind,
+        "method": settings.method.kind,  # type: ignore[union-attr]
+        "points": int(sum(b.parameter.size for b in branches)),
+        "branches": len(branches),
         "peaks": [
             {
                 "frequency_hz": float(b.frequency_hz[k]),
+                "parameter": float(b.parameter[k]),
                 "value_m": float(values[k]),
                 "kind": "stable" if b.stable[k] else "unstable",
                 "direction": "continuation",
                 "level": b.level,
                 "probe": name,
             }
-            for b in main
-            for name, values in b.peak_displacement.items()
-            for k in [int(np.argmax(values))]
+            for b, name, values, k in _highest(model, branches)
         ],
         "special_points": [
-            {"kind": e.kind, "frequency_hz": e.frequency_hz, "snubber": e.snubber, "level": b.level,
-             "period_multiple": b.period_multiple}
+            {"kind": e.kind, "frequency_hz": e.frequency_hz, "parameter": e.parameter, "snubber": e.snubber,
+             "level": b.level, "period_multiple": b.period_multiple}
             for b in branches
             for e in b.special
         ],
-        "processor_time_s": clock.process_time() - processor,
+        "margins": _margins(model, branches),
+        "processor_time_s": processor_time_s,
         "status": status,
     }  # fmt: skip
-    return FrequencyResponse(
-        scenario=scenario,
-        status=status,
-        branches=tuple(branches),
-        modes=system.modes,
-        summary=summary,
-        warnings=(*scenario.warnings, *system.warnings),
-        wall_time_s=clock.perf_counter() - begin,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        provenance=versions(),
-    )
+    if model.second is not None:
+        summary["second_parameter"] = model.second.kind
+        summary["fold_curves"] = [
+            {
+                "start_hz": c.start_hz,
+                "touching": c.touching,
+                "points": int(c.frequency_hz.size),
+                "smallest_parameter": float(c.parameter.min(initial=np.inf)),
+                "largest_parameter": float(c.parameter.max(initial=-np.inf)),
+                "smallest_hz": float(c.frequency_hz.min(initial=np.inf)),
+                "largest_hz": float(c.frequency_hz.max(initial=-np.inf)),
+                "status": c.status,
+            }
+            for c in folds
+        ]
+    worth = [float(b.neglected_harmonics.max()) for b in branches if b.neglected_harmonics is not None]
+    if worth:
+        summary["neglected_harmonics"] = max(worth)
+    return summary
 
 
-def _part(progress: Callable[[float], None], index: int, count: int) -> Callable[[float], None]:
-    return lambda fraction: progress((index + fraction) / count)
-
-
-def _level(
-    system: StructuralSystem,
-    loads: PeriodicForcing,
-    settings: Continuation,
-    level: float,
-    progress: Callable[[float], None] | None,
-) -> list[ResponseBranch]:
-    first, last = 2 * np.pi * settings.from_, 2 * np.pi * settings.to
-    low, high = sorted((first, last))
-    flow: Any
-    if system.cubic.count:
-        flow = SmoothFlow(system.dynamics, system.cubic.shape, system.cubic.stiffness, loads, first, level)
-    else:
-        flow = VariationalFlow(system.dynamics, loads, first, level)
-    problem = ForcedOrbits(flow)
-    start = find_orbit(problem, forward=last - first)
-    if start is None:
-        raise ScenarioError(
-            Problem(
-                "sweep.from",
-                f"= {settings.from_:g} Hz has no periodic motion that a transient comes to",
-                "begin at another frequency",
-            )
-        )
-    # a loop of the curve may reach back beyond the first frequency before it goes on
-    low, high = (low / EXCURSION, high) if last > first else (low, high * EXCURSION)
-    branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
-    points: list[BranchPoint] = []
-    for point in branch:
-        points.append(point)
-        if progress is not None:
-            progress((point.parameter - first) / (last - first))
-    status = branch.status
-    if status.startswith("complete: reached") and abs(points[-1].parameter - last) > 1e-9 * last:
-        status = (
-            f"left the range at its beginning ({points[-1].parameter / (2 * np.pi):.6g} Hz) without reaching "
-            f"{settings.to:g} Hz: the motion at {settings.from_:g} Hz belongs to another branch; begin elsewhere"
-        )
-    elif status.startswith("complete: reached"):
-        status = f"complete: reached {settings.to:g} Hz"
-    special = [s for a, b in pairwise(points) for s in special_points(problem, a, b, branch.settings)]
-    found = [_response(system, problem, points, status, special)]
-    for doubling in (s for s in special if s.kind == "period_doubling"):
-        if any(_passes(b, doubling.parameter / (2 * np.pi)) for b in found[1:]):
-            continue
-        switched = switch_at_period_doubling(problem, doubling)
-        if switched is None:
-            continue
-        doubled, begin = switched
-        aside = follow_orbits(doubled, begin, low, high, Settings(most_points=MOST_POINTS_ASIDE))
-        own = list(aside)
-        events = [s for a, b in pairwise(own) for s in special_points(doubled, a, b, aside.settings)]
-        found.append(_response(system, doubled, own, aside.status, events))
+def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:
+    """Of every level and probe the highest point of the motions of the excitation's own period."""
+    found = []
+    for level in dict.fromkeys(repr(b.level) for b in branches):
+        own = [b for b in branches if repr(b.level) == level and b.period_multiple == 1]
+        for probe in model.system.probes:
+            best = max(own, key=lambda b: float(b.peak_displacement[probe.name].max()))
+            values = best.peak_displacement[probe.name]
+            found.append((best, probe.name, values, int(np.argmax(values))))
     return found
 
 
-def _passes(branch: ResponseBranch, frequency_hz: float) -> bool:
-    return bool(np.min(np.abs(branch.frequency_hz - frequency_hz)) < SAME * frequency_hz)
-
-
-def _response(
-    system: StructuralSystem,
-    problem: ForcedOrbits,
-    points: list[BranchPoint],
-    status: str,
-    special: list[SpecialPoint],
-) -> ResponseBranch:
-    """Peaks, harmonics, forces and stability along a branch."""
-    n, c = system.dynamics.size, system.dynamics.contacts
-    count = len(points)
-    probes = {p.name: p.shape for p in system.probes}
-    high = {name: np.empty(count) for name in probes}
-    low = {name: np.empty(count) for name in probes}
-    harmonics = {name: np.empty((count, ORDERS), dtype=complex) for name in probes}
-    force = {s.name: np.empty(count) for s in system.snubbers}
-    multipliers, stable = [], np.empty(count, dtype=bool)
-    for i, point in enumerate(points):
-        flow, _ = problem.flow_at(point.parameter)
-        orbit = problem.orbit(point)
-        time = np.linspace(0.0, orbit.period, SAMPLES, endpoint=False, dtype=np.float64)
-        q = flow.states_at(point.data, time)[:, :n]
-        for name, shape in probes.items():
-            x = q @ shape
-            high[name][i], low[name][i] = _refined(x), -_refined(-x)
-            coefficients = 2.0 * np.fft.rfft(x)[:ORDERS] / SAMPLES
-            coefficients[0] *= 0.5
-            harmonics[name][i] = coefficients
-        if c.count:
-            delta, rate = flow.penetration(point.data, time)
-            push = (c.stiffness * delta + c.dashpot * rate) * (delta > 0)
-            for j, name in enumerate(force):
-                force[name][i] = float(push[:, j].max())
-        multipliers.append(orbit.multipliers)
-        stable[i] = orbit.stable
-    names = [s.name for s in system.snubbers]
-    return ResponseBranch(
-        level=problem.level,
-        period_multiple=problem.multiple,
-        status=status,
-        frequency_hz=np.array([p.parameter for p in points]) / (2 * np.pi),
-        peak_displacement={name: np.maximum(high[name], -low[name]) for name in probes},
-        max_displacement=high,
-        min_displacement=low,
-        harmonics=harmonics,
-        peak_force=force,
-        stable=stable,
-        floquet_multipliers=np.array(multipliers),
-        residual=np.array([p.residual for p in points]),
-        special=tuple(
-            OrbitEvent(
-                s.kind, s.parameter / (2 * np.pi), s.parameter / (2 * np.pi), names[s.contact] if s.contact >= 0 else
-                "", s.time,
-            )
-            for s in special
-        ),
-    )  # fmt: skip
-
-
-def _refined(x: Floats) -> float:
-    """The largest value of periodic samples, by the parabola through the three about it."""
-    k = int(np.argmax(x))
-    a, b, c = x[k - 1], x[k], x[(k + 1) % x.size]
-    bend = a - 2 * b + c
-    return float(b) if bend >= 0 else float(b - (c - a) ** 2 / (8 * bend))
+def _margins(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
+    """Margins against the allowables: the worst of all stable motions."""
+    limits = model.scenario.limits
+    if limits is None:
+        return {}
+    f = model.followed
+    found: dict[str, tuple[float, str]] = {}
+    for branch in branches:
+        stable = np.flatnonzero(branch.stable)
+        if stable.size == 0:
+            continue
+        sources: list[tuple[str, str, Floats]] = [
+            *(("peak_force", name, x) for name, x in branch.peak_force.items()),
+            *(("peak_displacement", name, x) for name, x in branch.peak_displacement.items()),
+            *(("peak_acceleration", name, x) for name, x in branch.peak_acceleration.items()),
+            *((name.partition(" ")[0], name.partition(" ")[2], x) for name, x in branch.limited.items()),
+        ]
+        for limit, name, values in sources:
+            k = stable[int(np.argmax(values[stable]))]
+            at = f"{name}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
+            found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
+    return {
+        name: {
+            "limit": allowed,
+            "value": found[name][0],
+            "margin": margin_of(allowed, found[name][0]),
+            "at": found[name][1],
+            "exceeded": found[name][0] > allowed,
+        }
+        for name, allowed in limits.given.items()
+        if name in found
+    }

@@ -2,62 +2,147 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from beamsim.cli.failures import say
 
 if TYPE_CHECKING:
-    from beamsim.analyses.response_results import FrequencyResponse
+    from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
     from beamsim.scenario import Scenario
 
-__all__ = ["continue_response"]
+__all__ = ["ContinuationOptions", "continue_response", "print_response", "response_rows"]
 
-SHOWN = 12  # special points in a table
+SHOWN = 12  # special points of a branch in a table
+MOST_BRANCHES = 12  # in a table
 
 
-def continue_response(scenario: Scenario, target: Path, *, json: bool, plots: bool, quiet: bool) -> None:
-    """What ``beamsim sweep`` does with ``kind: continuation``."""
+@dataclass(frozen=True)
+class ContinuationOptions:
+    """What the command line adds to a continuation."""
+
+    overlay: Sequence[Path] = ()
+    compare: bool = False
+    check: bool = False
+    resume: bool = False
+    plots: bool = True
+    json: bool = False
+    quiet: bool = False
+
+
+def continue_response(scenario: Scenario, target: Path, options: ContinuationOptions) -> None:
+    """Follow the response, lay over it what was asked for, save, print.
+
+    Raises
+    ------
+    ScenarioError, ResultFileError
+        Before anything is computed, where the scenario or a file cannot be used.
+    StoppedEarlyError
+        When a signal asked for the end; what there is was saved.
+    NotTrustedError
+        When the range was not covered, or the result is not to be trusted; what there is was saved.
+    LimitExceededError
+        With ``check``.
+    """
+    from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
-    from beamsim.errors import NotTrustedError
+    from beamsim.errors import NotTrustedError, Problem, ScenarioError
+    from beamsim.store.continuation import write_frequency_response
+    from beamsim.store.sweep import open_sweep
 
-    with progress_bar("following the response", wanted=not (json or quiet)) as progress:
+    if options.resume:
+        raise ScenarioError(Problem("--resume", "goes on with a swept or stepped sine, not with a continuation",
+                                    "leave it out"))  # fmt: skip
+    laid = [(path, open_sweep(path)) for path in options.overlay]
+    showing = progress_bar("following the response", wanted=not (options.json or options.quiet))
+    with interruptible() as interrupted, showing as progress:
         from beamsim.analyses.frequency_response import frequency_response
 
-        result = frequency_response(scenario, progress)
-    from beamsim.store.continuation import write_frequency_response
+        result = frequency_response(scenario, progress, interrupted)
+    for path, stored in laid:
+        from beamsim.analyses.response_overlay import with_overlay
 
+        result = with_overlay(result, stored, path.name)
+    if options.compare and not interrupted():
+        from beamsim.cli.multiple_scales import compare_response
+
+        result = compare_response(result)
     files = [write_frequency_response(result, target)]
-    if plots:
-        from beamsim.plots.continuation import frequency_response_figures
-        from beamsim.plots.save import save_figures
+    if options.plots and not interrupted():
+        from beamsim.plots.continuation import save_response_plots
 
-        files += save_figures(frequency_response_figures(result), target.parent, target.stem)
+        files += save_response_plots(result, target.parent, target.stem)
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        summary = {**result.summary, "wall_time_s": result.wall_time_s}
-        from beamsim.cli.report import print_result
-
-        print_result(result.title, summary, response_rows(result), files, as_json=json)
+    if options.json or not options.quiet:
+        print_response(result, files, as_json=options.json)
+    interrupted.end(target)
     if not result.complete:
         raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+    if options.check:
+        from beamsim.cli.designs import check_limits
+
+        check_limits(result.summary["margins"])
+
+
+def print_response(result: FrequencyResponse, files: Sequence[Path], *, as_json: bool) -> None:
+    """Summary of a response and the files it left."""
+    from beamsim.cli.report import print_result
+
+    summary = {**result.summary, "wall_time_s": result.wall_time_s}
+    print_result(result.title, summary, response_rows(result), files, as_json=as_json)
 
 
 def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
     """Label and text of every row of the table of a response curve."""
+    from beamsim.cli.report import margin_rows
+
     if not result.complete:
         yield "status", result.status
-    for branch in result.branches:
+    for branch in result.branches[:MOST_BRANCHES]:
         stable = int(branch.stable.sum())
-        yield (
-            f"level {branch.level:.4g}, period {branch.period_multiple}",
-            f"{branch.frequency_hz.size} points, {stable} of them stable; {branch.status}",
-        )
+        yield _label(branch), f"{branch.parameter.size} points, {stable} of them stable; {branch.status}"
+        if branch.period_multiple > 1:
+            continue
         for event in branch.special[:SHOWN]:
             of = f" of {event.snubber}" if event.snubber else ""
-            yield "", f"{event.kind.replace('_', ' ')}{of} at {event.frequency_hz:.8g} Hz"
+            yield "", f"{event.kind.replace('_', ' ')}{of} at {event.parameter:.8g} {result.unit}"
+        if len(branch.special) > SHOWN:
+            yield "", f"and {len(branch.special) - SHOWN} more special points in the file"
+    if len(result.branches) > MOST_BRANCHES:
+        yield "", f"and {len(result.branches) - MOST_BRANCHES} more branches in the file"
     for peak in result.summary["peaks"]:
-        yield "largest", f"{peak['probe']}: {peak['value_m']:.5g} m at {peak['frequency_hz']:.6g} Hz ({peak['kind']})"
-    yield "solver", f"shooting, processor time {result.summary['processor_time_s']:.3g} s"
+        at = f"{peak['parameter']:.6g} {result.unit}"
+        yield "largest", f"{peak['probe']}: {peak['value_m']:.5g} m at {at} ({peak['kind']})"
+    for curve in result.summary.get("fold_curves", []):
+        if curve["points"]:
+            reach = f"{curve['smallest_parameter']:.5g} to {curve['largest_parameter']:.5g} {result.second_unit}"
+            yield (
+                f"fold at {curve['start_hz']:.6g} Hz",
+                f"{result.second_parameter} {reach}, {curve['smallest_hz']:.5g} to {curve['largest_hz']:.5g} Hz, "
+                f"{curve['points']} points" + (f", {curve['touching']} just touched" if curve["touching"] else ""),
+            )
+        else:
+            yield f"fold at {curve['start_hz']:.6g} Hz", curve["status"]
+    for laid in result.overlay.values():
+        how = "swept" if laid.curve.steady is None else "stepped"
+        yield "overlay", f"{how} {laid.curve.direction}, level {laid.curve.level:.4g} {laid.source}".rstrip()
+    yield from margin_rows(result.summary.get("margins", {}))
+    if result.expansion:
+        from beamsim.cli.multiple_scales import forced_expansion_rows
+
+        yield from forced_expansion_rows(result.expansion)
+    if "neglected_harmonics" in result.summary:
+        share = f"{100 * result.summary['neglected_harmonics']:.2g} %"
+        yield "neglected harmonics", f"worth {share} of the motion where they are worth most"
+    method = result.method.replace("_", " ")
+    yield "solver", f"{method}, processor time {result.summary['processor_time_s']:.3g} s"
+
+
+def _label(branch: ResponseBranch) -> str:
+    level = "" if np.isnan(branch.level) else f"level {branch.level:.4g}, "
+    return f"{level}period {branch.period_multiple}"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from beamsim.cli.failures import guarded, say
+from beamsim.cli.multiple_scales import Comparison, refuse_comparison
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
 
 __all__ = ["register", "sweep"]
@@ -32,6 +34,12 @@ def sweep(
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")
     ] = None,
+    compare_with: Annotated[
+        Comparison | None, typer.Option("--compare", help="Lay the expansion for weak springs over a continuation.")
+    ] = None,
+    overlay: Annotated[
+        list[Path] | None, typer.Option("--overlay", help="Lay a stored sweep over a continuation; may be repeated.")
+    ] = None,
     check: Annotated[bool, typer.Option("--check", help="End with exit code 4 where a limit is exceeded.")] = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
@@ -46,6 +54,10 @@ def sweep(
 
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, case.stem, ".h5", ".hdf5")
+    if compare_with is not None:
+        refuse_comparison(scenario)
+    if overlay and scenario.vary is not None:
+        refuse_overlay()
     if scenario.vary is not None:
         from beamsim.cli.designs import StudyOptions, sweep_designs
 
@@ -59,15 +71,16 @@ def sweep(
 
         need_limits(scenario)
     if scenario.sweep is not None and scenario.sweep.kind == "continuation":
-        from beamsim.cli.continuation import continue_response
-        from beamsim.errors import Problem, ScenarioError
+        from beamsim.cli.continuation import ContinuationOptions, continue_response
 
-        if check:
-            remedy = "check a swept or stepped sine"
-            raise scenario.located(ScenarioError(Problem("limits", "are not compared with a continuation", remedy)))
-
-        continue_response(scenario, target, json=json, plots=not no_plots, quiet=quiet)
+        continue_response(
+            scenario,
+            target,
+            ContinuationOptions(overlay or (), compare_with is not None, check, resume, not no_plots, json, quiet),
+        )
         return
+    if overlay:
+        refuse_overlay()
     with progress_bar(f"sweeping {case.name}", wanted=not (json or quiet)) as progress:
         from beamsim.analyses.sweep import sweep as compute
         from beamsim.store.sweep import earlier_sweep, write_sweep
@@ -85,3 +98,14 @@ def sweep(
         from beamsim.cli.designs import check_limits
 
         check_limits(result.summary["margins"])
+
+
+def refuse_overlay() -> None:
+    """Refuse to lay a sweep over anything but a continuation, instead of ignoring it."""
+    from beamsim.errors import Problem, ScenarioError
+
+    raise ScenarioError(
+        Problem(
+            "--overlay", "lays a sweep over a curve by continuation", "leave it out, or use sweep.kind: continuation"
+        )
+    )

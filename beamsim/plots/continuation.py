@@ -1,67 +1,271 @@
-"""Pictures of response curves by continuation."""
+"""Pictures of response curves by continuation: amplitude, force, harmonics, folds in two parameters."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.response_results import FrequencyResponse
+from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
 from beamsim.plots.branches import MARKS, figure_of, stretches
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
+from beamsim.plots.save import save_figures
+from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["frequency_response_figures", "plot_response_curve"]
+__all__ = [
+    "frequency_response_figures",
+    "plot_fold_curves",
+    "plot_force_curve",
+    "plot_harmonics",
+    "plot_response_curve",
+    "save_response_plots",
+]
 
 Floats = NDArray[np.float64]
 
+LEGEND_WIDTH = 84  # characters
+MANY = 80  # special points, from which their marks are small
+DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
+STRETCHES = 400  # of frequency, over which a sweep's cycles are drawn as one point
+_DASHED = (0, (3, 1.5))
+_LAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves they lie under
+_NAMES = {"neimark_sacker": "Neimark–Sacker"}
+_WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": "Position"}
+
 
 def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
-    """Peak displacement against frequency: stable full, unstable dashed, special points marked."""
-    scale = scale_for("m", *(b.peak_displacement[probe] for b in result.branches))
-    colours = {level: k for k, level in enumerate(dict.fromkeys(b.level for b in result.branches))}
-    for branch in result.branches:
-        style = curve_style(colours[branch.level] if branch.period_multiple == 1 else colours[branch.level] + 1)
-        y = branch.peak_displacement[probe] * scale.factor
-        label = f"level {branch.level:.4g}" + (
-            f", period {branch.period_multiple}" if branch.period_multiple > 1 else ""
+    """Peak displacement: stable full, unstable dashed, special points marked, sweeps laid under the curve."""
+    laid = [o for o in result.overlay.values() if probe in o.curve.displacement]
+    scale = scale_for(
+        "m", *(b.peak_displacement[probe] for b in result.branches), *(o.curve.displacement[probe].peak for o in laid)
+    )
+    for k, o in enumerate(laid):
+        f, peak = _envelope(o.curve.frequency_hz, o.curve.displacement[probe].peak)
+        named = f"{'swept' if o.curve.steady is None else 'stepped'} {o.curve.direction}"
+        label = f"{named}, {_level(result, o.curve.level)}" if _levels(result) or len(laid) > 2 else named
+        line: dict[str, Any] = (
+            {"linestyle": "none", "marker": ".", "markersize": 4} if o.curve.steady is not None else {}
         )
-        ax.plot(
-            *stretches(branch.frequency_hz, y, branch.stable, True), color=style["color"], linewidth=1.2, label=label
-        )
-        unstable = stretches(branch.frequency_hz, y, branch.stable, False)
-        ax.plot(*unstable, color=style["color"], linewidth=0.9, linestyle=(0, (3, 1.5)))
-    for kind, mark in MARKS.items():
-        own = [(e, b) for b in result.branches if b.period_multiple == 1 for e in b.special if e.kind == kind]
-        if own:
-            at = [e.frequency_hz for e, _ in own]
-            height = [
-                _height(b.frequency_hz, b.peak_displacement[probe], e.frequency_hz) * scale.factor for e, b in own
-            ]
-            ax.plot(
-                at, height, linestyle="none", marker=mark, markersize=5, color="0.2", markerfacecolor="white",
-                label=kind.replace("_", " "),
-            )  # fmt: skip
-    ax.set_yscale("log")
-    finish(ax, "Excitation frequency (Hz)", f"Peak displacement of {probe} ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+        ax.plot(f, peak * scale.factor, color=_LAID[k % len(_LAID)], linewidth=2.2, label=label, zorder=1, **line)
+    _curves(result, ax, lambda b: b.peak_displacement[probe], scale)
+    finish(ax, _axis(result), f"Peak displacement of {probe} ({scale.unit})")
+    _legend(ax)
     return ax
 
 
-def _height(x: Floats, y: Floats, at: float) -> float:
-    return float(y[int(np.argmin(np.abs(x - at)))])
+def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
+    """Peak contact force, as :func:`plot_response_curve`."""
+    laid = [o for o in result.overlay.values() if snubber in o.curve.force]
+    scale = scale_for("N", *(b.peak_force[snubber] for b in result.branches))
+    for k, o in enumerate(laid):
+        f, peak = _envelope(o.curve.frequency_hz, o.curve.force[snubber].peak)
+        named = f"{'swept' if o.curve.steady is None else 'stepped'} {o.curve.direction}"
+        ax.plot(f, peak * scale.factor, color=_LAID[k % len(_LAID)], linewidth=2.2, label=named, zorder=1)
+    _curves(result, ax, lambda b: b.peak_force[snubber], scale, logarithmic=False)
+    finish(ax, _axis(result), f"Peak contact force of {snubber} ({scale.unit})")
+    _legend(ax)
+    return ax
+
+
+def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
+    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; the mean is order 0."""
+    first = result.branches[0]
+    own = [b for b in result.branches if b.period_multiple == 1 and _same(b.level, first.level)]
+    values = [np.abs(b.harmonics[probe]) for b in own]
+    scale = scale_for("m", *values)
+    x = _parameter_scale(result)
+    top = max(float(v.max(initial=0.0)) for v in values)
+    for order in range(min(first.harmonics[probe].shape[1], MOST_CURVES)):
+        style = curve_style(order)
+        for k, (branch, amplitude) in enumerate(zip(own, values, strict=True)):
+            y = amplitude[:, order] * scale.factor
+            at = branch.parameter * x.factor
+            label = f"order {order}" if k == 0 else None
+            ax.plot(*stretches(at, y, branch.stable, True), color=style["color"], linewidth=1.3, label=label)
+            ax.plot(*stretches(at, y, branch.stable, False), color=style["color"], linewidth=1.0, linestyle=_DASHED)
+    if top > 0:
+        ax.set_yscale("log")
+        ax.set_ylim(1e-4 * top * scale.factor, 2.0 * top * scale.factor)
+    finish(ax, _axis(result), f"Amplitude of {probe} ({scale.unit})")
+    _legend(ax)
+    return ax
+
+
+def plot_fold_curves(result: FrequencyResponse, ax: Axes) -> Axes:
+    """Folds in the plane of frequency and second parameter: between two of them there are several motions."""
+    curves = [c for c in result.fold_curves if c.parameter.size]
+    y = _unit_scale(result.second_unit, *(c.parameter for c in curves))
+    for k, curve in enumerate(curves):
+        style = {**curve_style(k), "linewidth": 1.4}
+        ax.plot(curve.frequency_hz, curve.parameter * y.factor, label=f"fold at {curve.start_hz:.5g} Hz", **style)
+        own = int(np.argmin(np.abs(curve.frequency_hz - curve.start_hz)))
+        ax.plot(curve.frequency_hz[own], curve.parameter[own] * y.factor, "s", markersize=5, color="0.2",
+                markerfacecolor="white")  # fmt: skip
+    what = f"{_WORDS[result.second_parameter]} {f'of {result.second_snubber} ' if result.second_snubber else ''}"
+    finish(ax, "Excitation frequency (Hz)", f"{what}({y.unit})" if y.unit else what.strip())
+    _legend(ax)
+    return ax
 
 
 def frequency_response_figures(result: FrequencyResponse) -> dict[str, Figure]:
-    """The response curve of every probe, by name."""
-    return {
-        f"response_{name}".replace("/", "_").replace(" ", "_"): figure_of(
-            result.title, partial(plot_response_curve, result, probe=name)
-        )
-        for name in list(result.branches[0].peak_displacement)[:MOST_CURVES]
+    """The response of every probe, the forces, the harmonics of the first probe, and the folds, by name."""
+    first = result.branches[0]
+    drawn: dict[str, Any] = {
+        f"response_{name}": partial(plot_response_curve, result, probe=name)
+        for name in list(first.peak_displacement)[:MOST_CURVES]
     }
+    drawn |= {
+        f"force_{name}": partial(plot_force_curve, result, snubber=name)
+        for name in list(first.peak_force)[:MOST_CURVES]
+    }
+    probe = next(iter(first.harmonics), None)
+    if probe is not None:
+        drawn[f"harmonics_{probe}"] = partial(plot_harmonics, result, probe=probe)
+    if any(c.parameter.size for c in result.fold_curves):
+        drawn["folds"] = partial(plot_fold_curves, result)
+    return {name.replace("/", "_").replace(" ", "_"): figure_of(result.title, draw) for name, draw in drawn.items()}
+
+
+def save_response_plots(
+    result: FrequencyResponse, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    figures = frequency_response_figures(result)
+    if result.expansion:
+        from beamsim.plots.multiple_scales import forced_expansion_figures
+
+        figures |= forced_expansion_figures(result)
+    return save_figures(figures, folder, stem, form, dots_per_inch)
+
+
+def _curves(result: FrequencyResponse, ax: Axes, values: Any, scale: Scale, *, logarithmic: bool = True) -> None:
+    """All branches, a colour a level; branches of longer periods in the next colour, thinner."""
+    x = _parameter_scale(result)
+    levels = list(dict.fromkeys(repr(b.level) for b in result.branches))
+    many, named = _levels(result), set()
+    doubled = any(b.period_multiple > 1 for b in result.branches)
+    for branch in result.branches:
+        k = levels.index(repr(branch.level))
+        aside = branch.period_multiple > 1
+        style = curve_style(k if not aside else len(levels) + k)
+        y, at = values(branch) * scale.factor, branch.parameter * x.factor
+        words = [_level(result, branch.level)] if many else []
+        if aside or (doubled and not many):
+            words.append(f"period {branch.period_multiple}")
+        label = ", ".join(words) or ("continuation" if result.overlay else None)
+        width = 1.0 if aside else 1.4
+        shown = None if label in named else label
+        named.add(label)
+        ax.plot(*stretches(at, y, branch.stable, True), color=style["color"], linewidth=width, label=shown, zorder=3)
+        dashed = stretches(at, y, branch.stable, False)
+        ax.plot(*dashed, color=style["color"], linewidth=0.8 * width, linestyle=_DASHED, zorder=3)
+    count = sum(len(b.special) for b in result.branches if b.period_multiple == 1)
+    size = 4.5 if count <= MANY else 2.0
+    for kind, mark in MARKS.items():
+        own = list(_marked(result, kind, values))
+        if own:
+            at_value, height = np.array(own).T
+            label = _NAMES.get(kind, kind.replace("_", " "))
+            ax.plot(
+                at_value * x.factor, height * scale.factor, linestyle="none", marker=mark, markersize=size, color="0.2",
+                markerfacecolor="white", markeredgewidth=0.18 * size, label=label, zorder=4,
+            )  # fmt: skip
+    at = np.concatenate([b.parameter for b in result.branches])
+    if result.parameter == "frequency" and at.max() > 8.0 * at.min():
+        ax.set_xscale("log")
+        _plain_numbers(ax.xaxis)
+    top = max(float(np.max(values(b), initial=0.0)) for b in result.branches)
+    low = min(float(np.min(values(b), initial=np.inf)) for b in result.branches)
+    if logarithmic and low > 0 and np.log10(top / low) > DECADES:
+        ax.set_yscale("log")
+        _plain_numbers(ax.yaxis)
+    else:
+        ax.set_ylim(bottom=0.0)
+
+
+def _marked(result: FrequencyResponse, kind: str, values: Any) -> Iterator[tuple[float, float]]:
+    """Where the special points of a kind are on the curves."""
+    for branch in result.branches:
+        for event in branch.special:
+            if event.kind == kind and branch.period_multiple == 1:
+                yield event.parameter, _height(branch, values(branch), event.parameter)
+
+
+def _height(branch: ResponseBranch, y: Floats, at: float) -> float:
+    """On the curve at a special point, which is one of its points."""
+    return float(y[int(np.argmin(np.abs(branch.parameter - at)))])
+
+
+def _level(result: FrequencyResponse, level: float) -> str:
+    scale = _unit_scale(result.level_unit, np.array([level]))
+    return f"level {level * scale.factor:.4g} {scale.unit}"
+
+
+def _levels(result: FrequencyResponse) -> bool:
+    return len({repr(b.level) for b in result.branches}) > 1
+
+
+def _same(a: float, b: float) -> bool:
+    return a == b or (np.isnan(a) and np.isnan(b))
+
+
+def _unit_scale(unit: str, *values: Floats) -> Scale:
+    """A prefix for lengths, forces and stiffnesses; accelerations and frequencies stay as they are."""
+    if unit == "m":  # positions and gaps in mm, as the field does
+        return Scale(1e3, "mm")
+    return scale_for(unit, *values) if unit in ("N", "N/m") else Scale(1.0, unit.replace("^2", "²"))
+
+
+def _parameter_scale(result: FrequencyResponse) -> Scale:
+    return _unit_scale(result.unit, *(b.parameter for b in result.branches))
+
+
+def _axis(result: FrequencyResponse) -> str:
+    if result.parameter == "frequency":
+        return "Excitation frequency (Hz)"
+    unit = _parameter_scale(result).unit
+    of = f" of {result.snubber}" if result.snubber else ""
+    return f"{_WORDS[result.parameter]}{of} ({unit})"
+
+
+def _envelope(f: Floats, peak: Floats) -> tuple[Floats, Floats]:
+    """By increasing frequency; where there are many cycles the largest value of each stretch."""
+    order = np.argsort(f, kind="stable")
+    f, peak = f[order], peak[order]
+    if f.size <= 2 * STRETCHES:
+        return f, peak
+    first = np.unique(np.searchsorted(f, np.linspace(f[0], f[-1], STRETCHES + 1)[:-1]))
+    count = np.diff(np.append(first, f.size))
+    return np.add.reduceat(f, first) / count, np.maximum.reduceat(peak, first)
+
+
+def _plain_numbers(axis: Any) -> None:
+    """1, 2, 5 a decade on a logarithmic axis, written out."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _legend(ax: Axes) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    if labels:
+        columns = max(1, min(len(labels), 4, LEGEND_WIDTH // (max(map(len, labels)) + 6)))
+        ax.legend(
+            handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
+            fontsize="small", borderaxespad=0.1, handlelength=2.2, columnspacing=1.2,
+        )  # fmt: skip

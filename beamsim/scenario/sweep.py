@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.continuation import Continuation, refuse_empty_levels
 from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
 from beamsim.scenario.quantities import Count, Frequency, Level, LevelValue, PositiveNumber, SteppedCount, SweepRate
 
@@ -16,19 +17,24 @@ HIGHEST_ORDER = 64
 
 
 class _FrequencyRange(Schema):
-    """What all sweeps share."""
+    """What sweeps through frequencies share."""
 
     from_: Frequency = Field(alias="from")
     """First frequency."""
     to: Frequency
     """Last frequency."""
-    levels: tuple[Level, ...] = ()
+    levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
     """Levels, each swept by itself; the level of the excitation by default."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Refuse an empty range, and an empty list of levels."""
+        refuse_empty_levels(self)
         if self.from_ == self.to:
             raise fail(f"= {self.to:g} Hz is where the sweep begins", "give a range, from 20 Hz to 400 Hz", ("to",))
+
+    def plain_levels(self) -> Self:
+        """The same without what the units of the levels said."""
+        return self.model_copy(update={"levels": tuple(float(level) for level in self.levels)})
 
 
 class _UpAndDown(_FrequencyRange):
@@ -112,13 +118,6 @@ class SteppedSine(_UpAndDown):
     """Longest period looked for, in cycles of the excitation."""
     measured_cycles: Count = 8
     """Cycles that are measured at least once the motion is steady."""
-
-
-class Continuation(_FrequencyRange):
-    """The curve of periodic motions, stable and unstable, followed in frequency."""
-
-    kind: Literal["continuation"] = "continuation"
-    """Periodic motions followed in frequency."""
 
 
 Sweep = Annotated[

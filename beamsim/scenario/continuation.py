@@ -1,0 +1,411 @@
+"""Curves of periodic motions: what is followed, by which method, what is laid over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, Tag
+
+from beamsim.errors import Problem
+from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
+from beamsim.scenario.quantities import (
+    Count,
+    Duration,
+    Frequency,
+    Gap,
+    Level,
+    LevelValue,
+    Name,
+    Position,
+    Ratio,
+    Stiffness,
+    SweepRate,
+)
+
+if TYPE_CHECKING:
+    from beamsim.scenario.scenario import Scenario
+
+__all__ = [
+    "Continuation",
+    "FrequencyPath",
+    "GapPath",
+    "HarmonicBalance",
+    "LevelPath",
+    "PositionPath",
+    "ResponseParameter",
+    "SecondParameter",
+    "Shooting",
+    "SnubberPath",
+    "StiffnessPath",
+    "SweptOverlay",
+    "continuation_problems",
+]
+
+MOST_HARMONICS = 500
+LONGEST_PERIOD = 64
+
+
+class FrequencyPath(Schema):
+    """The excitation's frequency changes."""
+
+    kind: Literal["frequency"] = "frequency"
+    """The excitation's frequency."""
+    from_: Frequency = Field(alias="from")
+    """First frequency."""
+    to: Frequency
+    """Last frequency."""
+
+    def settle(self) -> None:
+        """Refuse an empty range."""
+        _refuse_empty(self.from_, self.to, "Hz")
+
+
+class LevelPath(Schema):
+    """The excitation's level changes, at its own frequency."""
+
+    kind: Literal["level"] = "level"
+    """The excitation's level."""
+    from_: Level = Field(alias="from")
+    """First level."""
+    to: Level
+    """Last level."""
+
+    def settle(self) -> None:
+        """Refuse an empty range, and levels that excite nothing."""
+        for name, value in (("from", self.from_), ("to", self.to)):
+            if not value > 0:
+                raise fail(
+                    f"= {value:g} excites nothing" if value == 0 else f"= {value:g} is a level with another phase",
+                    "give a positive level",
+                    (name,),
+                )
+        _refuse_empty(self.from_, self.to, "")
+
+
+class SnubberPath(Schema):
+    """One number of one snubber changes."""
+
+    snubber: Name | None = None
+    """Name of the snubber; may be left out where there is only one."""
+
+
+class GapPath(SnubberPath):
+    """A snubber's gap changes."""
+
+    kind: Literal["gap"] = "gap"
+    """A snubber's gap."""
+    from_: Gap = Field(alias="from")
+    """First gap."""
+    to: Gap
+    """Last gap."""
+
+    def settle(self) -> None:
+        """Refuse an empty range."""
+        _refuse_empty(self.from_, self.to, "m")
+
+
+class StiffnessPath(SnubberPath):
+    """A snubber's stiffness changes; a dashpot given by a ratio changes with it."""
+
+    kind: Literal["stiffness"] = "stiffness"
+    """A snubber's stiffness."""
+    from_: Stiffness = Field(alias="from")
+    """First stiffness."""
+    to: Stiffness
+    """Last stiffness."""
+
+    def settle(self) -> None:
+        """Refuse an empty range."""
+        _refuse_empty(self.from_, self.to, "N/m")
+
+
+class PositionPath(SnubberPath):
+    """A snubber moves along the beam; a dashpot given by a ratio changes with its place."""
+
+    kind: Literal["position"] = "position"
+    """A snubber's position along the beam."""
+    from_: Position = Field(alias="from")
+    """First position."""
+    to: Position
+    """Last position."""
+
+    def settle(self) -> None:
+        """Refuse an empty range."""
+        _refuse_empty(self.from_, self.to, "m")
+
+
+def _refuse_empty(first: float, last: float, unit: str) -> None:
+    if first == last:
+        raise fail(f"= {last:g} {unit}".rstrip() + " is where the continuation begins", "give a range", ("to",))
+
+
+ResponseParameter = Annotated[
+    Annotated[FrequencyPath, Tag("<frequency>")]
+    | Annotated[LevelPath, Tag("<level>")]
+    | Annotated[GapPath, Tag("<gap>")]
+    | Annotated[StiffnessPath, Tag("<stiffness>")]
+    | Annotated[PositionPath, Tag("<position>")],
+    BY_KIND,
+]
+
+SecondParameter = Annotated[
+    Annotated[LevelPath, Tag("<level>")]
+    | Annotated[GapPath, Tag("<gap>")]
+    | Annotated[StiffnessPath, Tag("<stiffness>")]
+    | Annotated[PositionPath, Tag("<position>")],
+    BY_KIND,
+]
+
+
+class Shooting(Schema):
+    """Newton's method on the flow over a period, with its exact derivatives."""
+
+    kind: Literal["shooting"] = "shooting"
+    """Shooting."""
+
+
+class HarmonicBalance(Schema):
+    """Sums of harmonics, with forces exact for them; the cost does not depend on the size of the model."""
+
+    kind: Literal["harmonic_balance"] = "harmonic_balance"
+    """Harmonic balance."""
+    harmonics: Count = 21
+    """Highest harmonic of the motion's own frequency."""
+    largest_error: Ratio = 0.01
+    """What the neglected harmonics may be worth, against the motion, for a curve that is trusted."""
+
+    def settle(self) -> None:
+        """Refuse more harmonics than can be solved for."""
+        if self.harmonics > MOST_HARMONICS:
+            raise fail(f"= {self.harmonics} is too many", f"use {MOST_HARMONICS} or fewer, or shooting", ("harmonics",))
+
+
+_WORDS = ("shooting", "harmonic_balance")
+
+
+def _choose_method(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "<text>" if value in _WORDS else None
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return f"<{kind}>" if kind in _WORDS else None
+
+
+Method = Annotated[
+    Annotated[Literal["shooting", "harmonic_balance"], Tag("<text>")]
+    | Annotated[Shooting, Tag("<shooting>")]
+    | Annotated[HarmonicBalance, Tag("<harmonic_balance>")],
+    by_key(_choose_method, "is no method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"),
+]
+
+
+class SweptOverlay(Schema):
+    """A swept sine over the same frequencies and levels, drawn on the curve."""
+
+    rate: SweepRate
+    """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
+    direction: Literal["up", "down", "both"] = "both"
+    """Up, down, or up and then down."""
+
+
+class Continuation(Schema):
+    """The curve of periodic motions, stable and unstable, followed in frequency or another parameter."""
+
+    kind: Literal["continuation"] = "continuation"
+    """Periodic motions followed in a parameter."""
+    from_: Frequency | None = Field(default=None, alias="from")
+    """First frequency; short for continue_in: {kind: frequency, from: ..., to: ...}."""
+    to: Frequency | None = None
+    """Last frequency."""
+    continue_in: ResponseParameter | None = None
+    """The parameter that changes, instead of from and to: frequency, level, gap, stiffness or position."""
+    levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
+    """Levels, a curve each; the level of the excitation by default."""
+    method: Method = Shooting()
+    """Shooting (exact), or harmonic balance."""
+    follow_folds_in: SecondParameter | None = None
+    """Follow the folds of a curve in frequency in a second parameter: level, gap, stiffness or position."""
+    overlay: SweptOverlay | None = None
+    """A swept sine laid over a curve in frequency."""
+    longest_period: Count = 2
+    """Longest period followed behind period doublings, in periods of the excitation."""
+    most_points: Count = 4000
+    """Points after which the curve of a level is left."""
+    longest_time: Duration = 600.0
+    """Time after which the curve of a level is left."""
+
+    def settle(self) -> None:
+        """Demand one range, and refuse what does not go together."""
+        refuse_empty_levels(self)
+        self._demand_one_range()
+        if isinstance(self.method, str):
+            self.resolve("method", HarmonicBalance() if self.method == "harmonic_balance" else Shooting())
+        parameter = self.parameter
+        if parameter.kind == "level" and self.levels:
+            raise fail("cannot be given while the level changes", "leave levels out", ("levels",))
+        by_balance = isinstance(self.method, HarmonicBalance)
+        if by_balance and parameter.kind not in ("frequency", "level"):
+            raise fail(
+                f"= harmonic_balance follows the frequency or the level, not the {parameter.kind}",
+                "use method: shooting",
+                ("method",),
+            )
+        for name in ("follow_folds_in", "overlay"):
+            if getattr(self, name) is not None and parameter.kind != "frequency":
+                raise fail(
+                    f"belongs to a curve in frequency, and this one is in {parameter.kind}",
+                    "leave it out, or give from and to as frequencies",
+                    (name,),
+                )
+        if self.follow_folds_in is not None and by_balance:
+            raise fail("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
+        if isinstance(self.follow_folds_in, LevelPath) and len(self.levels) > 1:
+            raise fail("has several values, and the folds' level changes", "give one level", ("levels",))
+        if self.longest_period > LONGEST_PERIOD:
+            raise fail(f"= {self.longest_period} is too long", f"use {LONGEST_PERIOD} or less", ("longest_period",))
+
+    def _demand_one_range(self) -> None:
+        if self.continue_in is not None:
+            if self.from_ is not None or self.to is not None:
+                raise fail(
+                    "and from, to exclude each other",
+                    "give the range inside continue_in, or only from and to",
+                    ("continue_in",),
+                )
+            return
+        for name, value in (("from", self.from_), ("to", self.to)):
+            if value is None:
+                raise fail(
+                    "is missing",
+                    "give from and to as frequencies, or continue_in: {kind: level, from: 0.5 g, to: 5 g}",
+                    (name,),
+                )
+        assert self.from_ is not None
+        assert self.to is not None
+        if self.from_ == self.to:
+            raise fail(f"= {self.to:g} Hz is where the sweep begins", "give a range, from 20 Hz to 400 Hz", ("to",))
+
+    @property
+    def parameter(self) -> FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath:
+        """What is followed, from where to where."""
+        if self.continue_in is not None:
+            return self.continue_in
+        return FrequencyPath.model_construct(from_=self.from_, to=self.to)
+
+    def plain_levels(self) -> Continuation:
+        """The same without what the units of the levels said."""
+        changed: dict[str, object] = {"levels": tuple(float(level) for level in self.levels)}
+        for name in ("continue_in", "follow_folds_in"):
+            path = getattr(self, name)
+            if isinstance(path, LevelPath):
+                changed[name] = path.model_copy(update={"from_": float(path.from_), "to": float(path.to)})
+        return self.model_copy(update=changed)
+
+
+def refuse_empty_levels(sweep: Any) -> None:
+    """Refuse a list of levels that is given and has none."""
+    if "levels" in sweep.model_fields_set and not sweep.levels:
+        raise fail(
+            "is an empty list", "give at least one level, or leave it out (null drops an inherited list)", ("levels",)
+        )
+
+
+def continuation_problems(scenario: Scenario, sweep: Continuation) -> Iterator[Problem]:
+    """What does not fit between a continuation and its structure and excitation."""
+    excitation = scenario.excitation
+    structure = scenario.beam or scenario.chain
+    if structure is None:
+        return
+    given: list[tuple[str, Any]] = [("follow_folds_in", sweep.follow_folds_in), ("continue_in", sweep.continue_in)]
+    for key, path in given:
+        if isinstance(path, LevelPath):
+            for name, level in (("from", path.from_), ("to", path.to)):
+                meant = level.quantity if isinstance(level, LevelValue) else None
+                quantity = getattr(excitation, "quantity", None)
+                if meant not in (None, quantity):
+                    yield Problem(
+                        f"sweep.{key}.{name}",
+                        f"is given in a unit of {meant}, and the excitation's level is of {quantity}",
+                        "give it in the unit of excitation.level",
+                    )
+        if isinstance(path, SnubberPath):
+            yield from _snubber_problems(scenario, f"sweep.{key}", path)
+    second = sweep.follow_folds_in
+    if second is not None:
+        own = _own_value(scenario, sweep, second)
+        low, high = sorted((float(second.from_), float(second.to)))
+        if own is not None and not low <= own <= high:
+            yield Problem(
+                "sweep.follow_folds_in",
+                f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {own:g}, where "
+                "the folds are found",
+                "widen the range to hold it",
+            )
+    chain = scenario.chain
+    bends = chain is not None and chain.bends
+    if isinstance(sweep.method, HarmonicBalance) and not (scenario.all_snubbers or bends):
+        yield Problem(
+            "sweep.method", "= harmonic_balance needs a snubber or a nonlinear spring", "use shooting, or add a snubber"
+        )
+
+
+def _own_value(scenario: Scenario, sweep: Continuation, path: Any) -> float | None:
+    if isinstance(path, LevelPath):
+        return float(sweep.levels[0]) if sweep.levels else getattr(scenario.excitation, "level", None)
+    index = snubber_index(scenario, path)
+    return None if index is None else getattr(scenario.all_snubbers[index], path.kind)
+
+
+def snubber_index(scenario: Scenario, path: SnubberPath) -> int | None:
+    """Which snubber a path means; None where it means none."""
+    names = [snubber.name for snubber in scenario.all_snubbers]
+    if path.snubber is None:
+        return 0 if len(names) == 1 else None
+    return names.index(path.snubber) if path.snubber in names else None
+
+
+def _snubber_problems(scenario: Scenario, at: str, path: Any) -> Iterator[Problem]:
+    names = [snubber.name for snubber in scenario.all_snubbers]
+    if not names:
+        yield Problem(f"{at}.kind", f"= {path.kind} needs a snubber, and there is none", "add one to snubbers")
+        return
+    index = snubber_index(scenario, path)
+    if index is None:
+        if path.snubber is None:
+            yield Problem(f"{at}.snubber", "is missing", f"there are several: choose one of {', '.join(names)}")
+            return
+        close = get_close_matches(path.snubber, names, n=1)
+        known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
+        yield Problem(f"{at}.snubber", f"= {path.snubber} is no snubber's name", known)
+        return
+    preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
+    if preloaded:
+        yield Problem(
+            f"{at}.kind",
+            f"= {path.kind} would change the gap that the preload of {preloaded[0]} asks for at every step",
+            "give its gap instead of its preload",
+        )
+    if isinstance(path, PositionPath):
+        yield from _position_problems(scenario, at, path)
+
+
+def _position_problems(scenario: Scenario, at: str, path: PositionPath) -> Iterator[Problem]:
+    beam = scenario.beam
+    if beam is None:
+        yield Problem(f"{at}.kind", "= position belongs to a beam, and this is a chain", "follow gap or stiffness")
+        return
+    for name, value in (("from", path.from_), ("to", path.to)):
+        if value > beam.length * (1 + 1e-12):
+            yield Problem(
+                f"{at}.{name}",
+                f"= {value:g} m lies beyond beam.length = {beam.length:g} m",
+                f"positions run from 0 to {beam.length:g} m, from the left end",
+            )
+        for end, place in (("left", 0.0), ("right", beam.length)):
+            if value == place and getattr(beam.supports, end) in ("clamped", "pinned"):
+                yield Problem(
+                    f"{at}.{name}",
+                    f"= {value:g} m is the {getattr(beam.supports, end)} {end} end, which cannot deflect",
+                    "begin or end a little beside it",
+                )

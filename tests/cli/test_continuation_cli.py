@@ -1,0 +1,320 @@
+"""``beamsim sweep`` of kind continuation: configs, folds, overlay, harmonic balance, files, limits, exit codes."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.analyses.frequency_response import frequency_response
+from beamsim.analyses.response_balance import balance_tracer
+from beamsim.analyses.response_branches import reach_of
+from beamsim.analyses.response_overlay import with_overlay
+from beamsim.analyses.response_paths import response_model
+from beamsim.cli.app import app
+from beamsim.errors import ResultFileError, ScenarioError
+from beamsim.plots.continuation import frequency_response_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.continuation import holds_response, open_response, write_frequency_response
+from beamsim.store.sweep import open_sweep
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"
+OWN = sorted(set(CONFIGS.glob("continuation_*.yaml")) - {CONFIGS / "continuation_60_120hz.yaml"})  # test_nnm_cli.py
+
+
+GAP = "kind: continuation, continue_in: {kind: gap, from: 0, to: 1}"
+SHORT = "kind: continuation, from: 20, to: 30"
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def sweep(*arguments):
+    return invoke("sweep", *arguments)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return {path.stem: frequency_response(load_scenario(path)) for path in OWN}
+
+
+@pytest.mark.parametrize("name", [path.stem for path in OWN])
+def test_every_config_is_complete_and_drawn(results, name):
+    result = results[name]
+    assert result.complete, result.status
+    for branch in result.branches:
+        assert branch.residual.max() < 1e-9
+        assert branch.stable.any()
+    figures = frequency_response_figures(result)
+    assert {"response", "force", "harmonics"} <= {key.split("_")[0] for key in figures}
+    for figure in figures.values():
+        for ax in figure.axes:
+            assert "(" in ax.get_xlabel()
+            assert "(" in ax.get_ylabel()
+
+
+def test_level_with_backlash_is_linear_until_it_touches(results):
+    """Touching at level = gap over the linear response per unit of level; folds enclose three motions."""
+    (branch,) = results["continuation_level"].branches
+    grazing = next(e for e in branch.special if e.kind == "grazing")
+    before = branch.parameter < grazing.parameter * (1 - 1e-9)
+    linear = before & (branch.peak_force["tip"] == 0)
+    ratio = branch.peak_displacement["tip"][linear] / branch.parameter[linear]
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    assert grazing.parameter * ratio[0] == pytest.approx(0.4e-3, rel=1e-5)
+    folds = [e.parameter for e in branch.special if e.kind == "fold"]
+    assert len(folds) == 2
+    assert branch.stable.sum() < branch.stable.size
+
+
+def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(results):
+    result = results["continuation_folds"]
+    first, second = sorted(result.fold_curves, key=lambda c: c.start_hz)
+    assert (first.touching, second.touching) == ("stop", "")
+    for curve in (first, second):
+        np.testing.assert_allclose(np.sort(curve.parameter)[[0, -1]], [0.03, 0.3], rtol=1e-9)
+        assert curve.residual.max() < 1e-8
+    K = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    for hz, level in zip(first.frequency_hz, first.parameter, strict=True):
+        w = 2 * np.pi * hz
+        q = np.linalg.solve(K - w**2 * np.eye(2) + 0.03j * w * K, [0.0, 1.0])
+        assert abs(q[0]) * level == pytest.approx(1.0, rel=1e-8)
+    assert abs(np.abs(q[0]) * 1.01 * level - 1.0) > 1e-3  # the comparison can fail
+    # a curve at another level turns at the second
+    other = frequency_response(load_scenario(CHAIN, ["excitation.level=0.2 N", "sweep.longest_period=1"]))
+    folds = [e.frequency_hz for b in other.branches for e in b.special if e.kind == "fold"]
+    order = np.argsort(second.parameter)
+    from scipy.interpolate import CubicSpline
+
+    at = CubicSpline(second.parameter[order], second.frequency_hz[order])(0.2)
+    assert min(abs(f - at) for f in folds) < 1e-5 * at
+
+
+def test_folds_in_the_gap_are_those_in_the_level_scaled(results):
+    """Lengths scale: at (level, gap) as at level / gap of a unit gap."""
+    changes = ["sweep.follow_folds_in={kind: gap, from: 0.5 m, to: 2 m}"]
+    gap = frequency_response(load_scenario(CONFIGS / "continuation_folds.yaml", changes))
+    for a, b in zip(results["continuation_folds"].fold_curves, gap.fold_curves, strict=True):
+        o, p = np.argsort(a.parameter), np.argsort(b.parameter)[::-1]
+        inside = (0.1 / b.parameter[p] > 0.06) & (0.1 / b.parameter[p] < 0.19)
+        expected = np.interp(0.1 / b.parameter[p][inside], a.parameter[o], a.frequency_hz[o])
+        np.testing.assert_allclose(b.frequency_hz[p][inside], expected, rtol=2e-4)
+
+
+def test_the_sweep_rides_on_the_stable_motions(results):
+    result = results["continuation_overlay"]
+    assert list(result.overlay) == ["up_0", "down_0"]
+    (main,) = [b for b in result.branches if b.period_multiple == 1]
+    tops = {name: o.curve.displacement["tip"].peak.max() for name, o in result.overlay.items()}
+    for top in tops.values():
+        assert top == pytest.approx(main.peak_displacement["tip"].max(), rel=0.02)
+    up = result.overlay["up_0"].curve
+    assert up.level == main.level
+    assert up.frequency_hz.min() > 75.0
+    assert up.frequency_hz.max() < 95.0
+
+
+def test_harmonic_balance_agrees_with_shooting(results):
+    balance = results["continuation_harmonic_balance"]
+    assert balance.method == "harmonic_balance"
+    (branch,) = balance.branches
+    assert branch.neglected_harmonics.max() < 0.01
+    exact = next(b for b in results["continuation_overlay"].branches if b.period_multiple == 1)
+    low = exact.frequency_hz < 84.6
+    expected = np.interp(branch.frequency_hz, exact.frequency_hz[low], exact.peak_displacement["tip"][low])
+    np.testing.assert_allclose(branch.peak_displacement["tip"], expected, rtol=5e-3)
+    np.testing.assert_array_equal(branch.stable, True)
+
+
+def test_too_few_harmonics_are_not_trusted(tmp_path):
+    few = "sweep.method={kind: harmonic_balance, harmonics: 3}"
+    done = sweep(CHAIN, "-o", tmp_path, "--set", few, "--no-plots")
+    assert done.exit_code == 3
+    assert "use more harmonics, or shooting" in done.stderr
+    stored = open_response(tmp_path / "chain_two_dof.h5")
+    assert stored.summary["neglected_harmonics"] == stored.branches[0].neglected_harmonics.max() > 0.01
+    assert not stored.complete
+    many = frequency_response(load_scenario(CHAIN, ["sweep.method={kind: harmonic_balance, harmonics: 21}"]))
+    assert many.complete
+    kinds = [e.kind for e in many.branches[0].special]
+    assert kinds.count("fold") == 2
+    assert kinds.count("period_doubling") == 2
+
+
+@pytest.mark.parametrize("elements", [20, 100])
+def test_the_size_of_the_model_is_not_that_of_the_balance(elements):
+    """Unknowns, steps and what stability is computed with: the same for 40 coordinates and for 200."""
+    changes = {"beam.elements": elements, "reduction": {"modes": "all"}, "snubbers[0].gap": "0.05 mm",
+               "sweep": {"kind": "continuation", "from": 80.0, "to": 78.0, "method": "harmonic_balance"}}  # fmt: skip
+    model = response_model(load_scenario(BEAM, changes))
+    assert model.system.dynamics.size == 2 * elements
+    first, last = 2 * np.pi * 80.0, 2 * np.pi * 78.0
+    tracer = balance_tracer(model, 21, model.levels[0], reach_of(first, last, beyond=True))
+    start = tracer.begin(first, -1.0)
+    assert start.u.size == 44
+    from beamsim.dynamics.continuation import Settings
+
+    points = [p for p, _ in zip(tracer.branch(start, Settings()), range(6), strict=False)]
+    assert len(points) == 6
+    assert max(p.iterations for p in points[1:]) <= 4
+    assert tracer.problem.multipliers(points[-1]).size <= 16
+
+
+def test_the_file_is_read_back_whole(results, tmp_path):
+    for name in ("continuation_folds", "continuation_overlay", "continuation_harmonic_balance", "continuation_gap"):
+        result = results[name]
+        stored = open_response(write_frequency_response(result, tmp_path / f"{name}.h5"))
+        assert stored.scenario == result.scenario
+        assert json.dumps(stored.summary, sort_keys=True) == json.dumps(result.summary, sort_keys=True)
+        for field in ("status", "parameter", "unit", "snubber", "method", "second_parameter", "second_unit", "title"):
+            assert getattr(stored, field) == getattr(result, field)
+        np.testing.assert_equal(_plain(stored.branches), _plain(result.branches))
+        np.testing.assert_equal(_plain(stored.fold_curves), _plain(result.fold_curves))
+        np.testing.assert_equal(_plain(stored.modes), _plain(result.modes))
+        assert list(stored.overlay) == list(result.overlay)
+        for key, laid in result.overlay.items():
+            np.testing.assert_equal(_plain(stored.overlay[key].curve.displacement), _plain(laid.curve.displacement))
+        frequency_response_figures(stored)
+
+
+def _plain(value):
+    if isinstance(value, (tuple, list)):
+        return [_plain(v) for v in value]
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    return {k: _plain(v) for k, v in vars(value).items()} if hasattr(value, "__dict__") else value
+
+
+def test_what_is_no_continuation_is_refused(tmp_path):
+    done = sweep(CONFIGS / "continuation_gap.yaml", "-o", tmp_path, "--no-plots", "-q")
+    assert done.exit_code == 0
+    assert holds_response(tmp_path / "continuation_gap.h5")
+    assert not holds_response(BEAM)
+    assert not holds_response(tmp_path / "none.h5")
+    with pytest.raises(ResultFileError, match="not a sweep of one design"):
+        open_sweep(tmp_path / "continuation_gap.h5")
+    with h5py.File(tmp_path / "continuation_gap.h5") as file:
+        branch = file["branches/0"]
+        assert (file.attrs["parameter"], file.attrs["unit"], file.attrs["snubber"]) == ("gap", "m", "tip")
+        assert branch["parameter"].attrs["units"] == "m"
+        assert branch["parameter"].dims[0][0] == branch["point"]
+        for item in branch.values():
+            if isinstance(item, h5py.Dataset):
+                assert item.attrs["long_name"]
+
+
+def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
+    rate = "sweep={kind: swept_sine, from: 78 Hz, to: 84 Hz, rate: 20 oct/min, direction: both}"
+    stepped = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
+    for name, how in (("swept", rate), ("stepped", stepped)):
+        assert sweep(BEAM, "-o", tmp_path / f"{name}.h5", "--set", how, "--no-plots", "-q").exit_code == 0
+    curve = "sweep={kind: continuation, from: 78 Hz, to: 84 Hz}"
+    laid = ["--overlay", tmp_path / "swept.h5", "--overlay", tmp_path / "stepped.h5"]
+    done = sweep(BEAM, "-o", tmp_path / "curve.h5", "--set", curve, *laid)
+    assert done.exit_code == 0, done.output
+    assert "swept up, level 19.61 swept.h5" in done.stdout
+    stored = open_response(tmp_path / "curve.h5")
+    assert list(stored.overlay) == ["up_0", "down_0", "up_1"]
+    assert [o.source for o in stored.overlay.values()] == ["swept.h5", "swept.h5", "stepped.h5"]
+    steady = stored.overlay["up_1"].curve
+    main = stored.branches[0]
+    expected = np.interp(steady.frequency_hz, main.frequency_hz, main.peak_displacement["tip"])
+    np.testing.assert_allclose(steady.displacement["tip"].peak, expected, rtol=2e-3)
+    assert (tmp_path / "curve_response_tip.png").is_file()
+    # nothing in common
+    other = frequency_response(load_scenario(CHAIN, ["sweep.longest_period=1", "sweep.to=0.78 rad/s"]))
+    with pytest.raises(ScenarioError, match="a probe of the same name"):
+        with_overlay(other, open_sweep(tmp_path / "swept.h5"), "swept.h5")
+    assert sweep(BEAM, "--set", rate, *laid[:2]).exit_code == 2
+    assert sweep(CHAIN, "--overlay", tmp_path / "none.h5").exit_code == 2
+    assert sweep(CHAIN, "--resume").exit_code == 2
+
+
+def test_limits_are_checked(tmp_path):
+    case = [
+        BEAM,
+        "--set",
+        "sweep={kind: continuation, from: 80 Hz, to: 82 Hz}",
+    ]
+    run = [*case, "-o", tmp_path, "--no-plots", "-q", "--check", "--set"]
+    assert sweep(*run, "limits={peak_force: 10 kN, gap: 1 m, bending_stress: 10 GPa}").exit_code == 0
+    done = sweep(*run, "limits={peak_force: 10 kN, gap: 1 um, bending_stress: 1 MPa, peak_acceleration: 1 g}")
+    assert done.exit_code == 4
+    for name in ("gap", "bending stress", "peak acceleration"):
+        assert name in done.stderr
+    assert "peak force" not in done.stderr
+    assert sweep(*case, "--check").exit_code == 2
+
+
+def test_a_study_of_continuations(tmp_path):
+    case = tmp_path / "study.yaml"
+    case.write_text(
+        f"extends: {CHAIN}\nlimits: {{peak_force: 1 N}}\n"
+        "vary: {kind: grid, parameters: [{path: chain.snubbers.stop.gap, values: [1, 2]}]}\n"
+    )
+    done = sweep(case, "-o", tmp_path, "--workers", 1, "--no-plots", "--json")
+    assert done.exit_code == 0, done.output
+    from beamsim.store.designs import open_designs
+
+    stored = open_designs(tmp_path / "study.h5")
+    peak = stored.responses["stable_0/probes/first/peak_displacement"].values
+    single = frequency_response(load_scenario(CHAIN))
+    assert peak[0] == max(float(b.peak_displacement["first"][b.stable].max()) for b in single.branches)
+    assert peak[1] > peak[0]
+    assert set(stored.margins) == {"peak_force"}
+
+
+@pytest.mark.parametrize(
+    ("case", "change", "text"),
+    [
+        (BEAM, "sweep={kind: continuation, from: 20, to: 30, levels: []}", "sweep.levels is an empty list"),
+        (BEAM, "sweep={kind: swept_sine, from: 20, to: 30, rate: 2 oct/min, levels: []}", "levels is an empty list"),
+        (BEAM, "sweep={kind: stepped, from: 20, to: 30, levels: []}", "sweep.levels is an empty list"),
+        (BEAM, "sweep={kind: continuation}", "sweep.from is missing"),
+        (BEAM, "sweep={kind: continuation, from: 20}", "sweep.to is missing"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 20}", "is where the sweep begins"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 30, continue_in: {kind: level, from: 1, to: 2}}", "exclude"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, from: 1 mm, to: 1 mm}}", "give a range"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, snubber: tpi, from: 0, to: 1 mm}}", "mean tip?"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "beyond beam.length"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0, to: 0.2}}", "cannot deflect"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 0 g, to: 2 g}}", "excites nothing"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 1 N, to: 2 N}}", "a unit of force"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: stiffness, from: 0, to: 1}}", "must be positive"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: colour}}", "is not one of frequency, level, gap"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 30, levels: [0 g]}", "sweep.levels[0] = 0 excites nothing"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 30, method: guess}", "sweep.method = guess is no method"),
+        (BEAM, f"sweep={{{GAP}, method: harmonic_balance}}", "not the gap"),
+        (BEAM, f"sweep={{{GAP}, overlay: {{rate: 1 Hz/s}}}}", "in gap"),
+        (BEAM, f"sweep={{{SHORT}, follow_folds_in: {{kind: level, from: 3 g, to: 4 g}}}}", "widen"),
+        (CHAIN, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "belongs to a beam"),
+        (CHAIN, "chain.snubbers=[]", None),
+    ],
+)  # fmt: skip
+def test_nonsense_is_refused_with_a_remedy(case, change, text, tmp_path):
+    more = []
+    if text is None:
+        more = ["--set", "sweep={kind: continuation, continue_in: {kind: gap, from: 0, to: 1}}"]
+        text = "needs a snubber"
+    done = sweep(case, "-o", tmp_path, "--no-plots", "--set", change, *more)
+    assert done.exit_code == 2, done.output
+    assert text in done.stderr
+    assert "; " in done.stderr
+
+
+@pytest.mark.parametrize("excitation", ["{kind: none}", "{kind: random, applied_to: base, psd: 0.01 g^2/Hz}"])
+def test_other_excitations_are_refused(excitation, tmp_path):
+    done = sweep(CONFIGS / "continuation_gap.yaml", "-o", tmp_path, "--set", f"excitation={excitation}")
+    assert done.exit_code == 2
+    assert "excitation" in done.stderr
+
+
+def test_preloads_are_refused_where_they_would_change(tmp_path):
+    sets = ["--set", "snubbers[0].gap=null", "--set", "snubbers[0].preload=1 N"]
+    done = sweep(CONFIGS / "continuation_stiffness.yaml", "-o", tmp_path, *sets)
+    assert done.exit_code == 2
+    assert "give its gap instead of its preload" in done.stderr

@@ -1,0 +1,189 @@
+"""Continuation in level, gap, stiffness and position: against transients of independently built systems."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.frequency_response import frequency_response
+from beamsim.analyses.response_paths import response_model
+from beamsim.dynamics.shooting import find_orbit
+from beamsim.dynamics.variational import VariationalFlow
+from beamsim.model.build import build_system, build_with_moving_point
+from beamsim.model.contact_rates import MovedContact
+from beamsim.model.moving_point import ACCURATE, compliance_defect
+from beamsim.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BEAM = CONFIGS / "one_sided_65hz.yaml"
+
+PATHS = {
+    "level": ("{kind: level, from: 1 g, to: 2 g}", "excitation.level"),
+    "gap": ("{kind: gap, snubber: tip, from: 0 mm, to: 0.2 mm}", "snubbers[0].gap"),
+    "stiffness": ("{kind: stiffness, from: 100 kN/m, to: 200 kN/m}", "snubbers[0].stiffness"),
+    "position": ("{kind: position, from: 205 mm, to: 215 mm}", "snubbers[0].position"),
+}
+
+
+def followed(path, **changes):
+    sweep = f"{{kind: continuation, continue_in: {path}, longest_period: 1}}"
+    return frequency_response(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
+
+
+@pytest.fixture(scope="module", params=PATHS)
+def case(request):
+    path, key = PATHS[request.param]
+    return request.param, key, followed(path)
+
+
+def settled_peak(key, value):
+    """Largest tip displacement of the steady motion of a scenario with this value, from a transient."""
+    scenario = load_scenario(BEAM, {key: value, "run": None})
+    system = build_system(scenario)
+    from beamsim.analyses.frequency_response import periodic_forcing
+
+    flow = VariationalFlow(
+        system.dynamics, periodic_forcing(scenario, system), 2 * np.pi * 65.0, scenario.excitation.level
+    )
+    z = np.zeros(flow.size)
+    for _ in range(250):
+        passage = flow.carry(z, 1 / 65.0)
+        z = passage.end
+    x = flow.states_at(passage, np.linspace(0, 1 / 65.0, 2001)[:-1])[:, : system.dynamics.size] @ system.probes[0].shape
+    return float(np.abs(x).max())
+
+
+def test_both_ends_are_the_motions_that_transients_come_to(case):
+    _, key, result = case
+    assert result.complete
+    (branch,) = result.branches
+    assert branch.residual.max() < 1e-10
+    for end in (0, -1):
+        assert branch.stable[end]
+        expected = settled_peak(key, float(branch.parameter[end]))
+        assert branch.peak_displacement["tip"][end] == pytest.approx(expected, rel=1e-4)
+    other = branch.peak_displacement["tip"][0]
+    assert abs(other - expected) > 0.01 * expected  # the comparison can fail
+
+
+def test_a_curve_in_frequency_crosses_it(case):
+    """At a value halfway, the curve in frequency passes the same motion."""
+    kind, key, result = case
+    (branch,) = result.branches
+    k = branch.parameter.size // 2
+    sweep = "{kind: continuation, from: 65 Hz, to: 66 Hz, longest_period: 1}"
+    crossing = frequency_response(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
+    rel = 1e-4 if kind == "position" else 1e-7  # another basis
+    assert crossing.branches[0].peak_displacement["tip"][0] == pytest.approx(
+        branch.peak_displacement["tip"][k], rel=rel
+    )
+
+
+@pytest.fixture(scope="module")
+def moving():
+    scenario = load_scenario(BEAM, {"run": None})
+    return scenario, *build_with_moving_point(scenario, 0.15, 0.27)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "h"), [("gap", 1e-4, 1e-6), ("stiffness", 1e5, 1.0), ("position", 0.2, 1e-6)]
+)
+def test_contacts_have_exact_derivatives(moving, quantity, value, h):
+    """The dashpot of a damping ratio included."""
+    _, system, shape_at = moving
+    moved = MovedContact(system.dynamics, 0, quantity, 0.02, 0, shape_at)
+    above, below, rates = moved(value + h)[0], moved(value - h)[0], moved(value)[1]
+    changed = 0
+    for name in ("stiffness", "dashpot", "gap", "shape"):
+        difference = (getattr(above, name) - getattr(below, name)) / (2 * h)
+        exact = getattr(rates, name)
+        np.testing.assert_allclose(exact, difference, rtol=2e-5, atol=1e-8 * np.abs(difference).max(initial=1e-3))
+        changed += bool(np.any(exact))
+    assert changed == (1 if quantity == "gap" else 2)
+
+
+def test_one_basis_serves_the_whole_way(moving):
+    """Compliance everywhere; the basis made for the tip alone lacks it."""
+    from beamsim.model.build import _parts
+
+    scenario, system, shape_at = moving
+    at = np.linspace(0.15, 0.27, 25)
+    full = build_system(
+        scenario.model_copy(update={"reduction": load_scenario(BEAM, {"reduction.modes": "all"}).reduction})
+    )
+    assert system.dynamics.size < 0.6 * full.dynamics.size
+    parts = _parts(scenario)
+    assert compliance_defect(parts.model, parts.basis, at).max() > 2 * ACCURATE
+    moved = np.array([shape_at(x)[0] for x in at])
+    compliance = np.sum(moved**2 / system.dynamics.stiffness, axis=1)
+    deflection = [
+        load_scenario(BEAM, {"probes": [{"name": "p", "position": float(x)}], "reduction.modes": "all"})
+        for x in at[::6]
+    ]
+    for k, s in enumerate(deflection):
+        whole = build_system(s)
+        exact = np.sum(whole.probes[0].shape ** 2 / whole.dynamics.stiffness)
+        assert compliance[6 * k] == pytest.approx(exact, rel=2 * ACCURATE)
+
+
+def test_states_are_numbered_alike_along_a_path():
+    """Two snubbers, four states met in any order: a passage of one flow is read with another."""
+    sweep = "{kind: continuation, continue_in: {kind: gap, snubber: top, from: 0.1 mm, to: 0.3 mm}}"
+    top = {"name": "top", "position": 0.27, "side": "above", "stiffness": 1e5, "gap": 1e-4}
+    base = load_scenario(BEAM)
+    tip = base.snubbers[0].model_dump(by_alias=True, exclude_none=True)
+    model = response_model(load_scenario(BEAM, {"snubbers": [tip, top], "sweep": _plain(sweep)}))
+    path = model.orbits(2 * 9.81).parameter
+    orbit = find_orbit(model.orbits_at(1e-4, 2 * 9.81))
+    first, _ = path(1.0)
+    first.set(2 * np.pi * 65.0, 2 * 9.81)
+    z = np.zeros(first.size)
+    z[: orbit.u.size - 1] = orbit.u[:-1]
+    passage = first.carry(z, 1 / 65.0)
+    path(1.5)
+    again, _ = path(1.0)
+    again.set(2 * np.pi * 65.0, 2 * 9.81)
+    times = np.linspace(0, 1 / 65.0, 50, endpoint=False)
+    assert set(passage.state.tolist()) >= {0, 1, 2}
+    np.testing.assert_allclose(again.states_at(passage, times), first.states_at(passage, times), rtol=1e-12, atol=1e-15)
+    np.testing.assert_array_equal(again.closed_in(passage), first.closed_in(passage))
+
+
+def _plain(text):
+    import yaml
+
+    return yaml.safe_load(text)
+
+
+def test_extremes_are_those_of_a_stepped_sine():
+    """Force (which jumps: a dashpot), acceleration, stress and gap of one stable motion, by the exact machinery."""
+    limits = "limits={peak_force: 1 N, bending_stress: 1 MPa, peak_acceleration: 1 g, gap: 1 mm}"
+    from beamsim.analyses.sweep import sweep
+
+    stepped = sweep(
+        load_scenario(BEAM, ["sweep={kind: stepped, from: 78 Hz, to: 80 Hz, points: 2, steady_to: 1e-9}", limits])
+    ).curves["up_0"]
+    curve = frequency_response(load_scenario(BEAM, ["sweep={kind: continuation, from: 78 Hz, to: 80 Hz}", limits]))
+    branch = curve.branches[0]
+    assert branch.stable[0]
+    pairs = [
+        (branch.peak_displacement["tip"], stepped.displacement["tip"].peak),
+        (branch.peak_force["tip"], stepped.force["tip"].peak),
+        (branch.peak_acceleration["tip"], stepped.acceleration["tip"].peak),
+        (branch.limited["bending_stress"], stepped.limited["bending_stress"]),
+        (branch.limited["gap tip"], stepped.limited["gap tip"]),
+        (branch.contact_share["tip"], stepped.contact_share["tip"]),
+    ]
+    for ours, exact in pairs:
+        np.testing.assert_allclose(ours[[0, -1]], exact, rtol=2e-4)
+    assert curve.summary["margins"]["peak_force"]["value"] == branch.peak_force["tip"].max()
+
+
+def test_margins_count_stable_motions_only():
+    changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
+    result = frequency_response(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    margin = result.summary["margins"]["peak_displacement"]
+    top = max(float(b.peak_displacement["first"].max()) for b in result.branches)
+    stable = max(float(b.peak_displacement["first"][b.stable].max()) for b in result.branches)
+    assert margin["value"] == stable < 1.85 < top
+    assert not margin["exceeded"]

@@ -1,0 +1,130 @@
+"""A range covered by several branches: where they begin again, what they cost, what is told of the rest."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.response_branches import Budget, covered, missing, progress_that_grows, reach_of, trace_range
+from beamsim.dynamics.continuation import BranchPoint, Settings
+
+
+def point(value, x=0.0):
+    return BranchPoint(np.array([x, value]), np.array([0.0, 1.0]), np.ones(2), 0.0, 1.0, 0, None)
+
+
+class Walk:
+    """A branch of given points."""
+
+    settings = Settings()
+
+    def __init__(self, points, status):
+        self.points, self.status = points, status
+
+    def __iter__(self):
+        yield from self.points
+
+
+class Lines:
+    """Horizontal branches x = height over stretches of the parameter; nothing between them."""
+
+    def __init__(self, *stretches, step=0.05, dead=()):
+        self.stretches, self.step, self.dead, self.begun = stretches, step, dead, []
+        self.problem = SimpleNamespace(multiple=1)
+
+    def begin(self, value, forward):
+        self.begun.append(value)
+        for k, (a, b) in enumerate(self.stretches):
+            if a <= value <= b and value not in self.dead:
+                start = point(value, float(k))
+                return start if forward > 0 else BranchPoint(start.u, -start.tangent, start.scale, 0.0, 1.0, 0, None)
+        return None
+
+    def branch(self, start, settings):
+        k = int(start.u[0])
+        a, b = self.stretches[k]
+        end = b if start.tangent[-1] > 0 else a
+        count = max(2, int(abs(end - start.parameter) / self.step) + 1)
+        points = [point(v, float(k)) for v in np.linspace(start.parameter, end, count)]
+        inside = 0.0 < end < 1.0
+        status = f"stopped at parameter {end:.9g}: a corner" if inside else f"complete: reached {end:.9g}"
+        return Walk(points[: settings.most_points], status)
+
+    def special(self, a, b, settings):
+        return []
+
+
+def test_one_branch_that_covers_everything():
+    tracer = Lines((0.0, 1.0))
+    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
+    assert len(found) == 1
+    assert tracer.begun == [0.0]
+    assert missing(found, 0.0, 1.0) == []
+
+
+def test_a_branch_that_ends_is_met_from_the_other_end():
+    tracer = Lines((0.0, 0.4), (0.35, 1.0))
+    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
+    assert tracer.begun == [0.0, 1.0]
+    assert missing(found, 0.0, 1.0) == []
+    assert "a corner" in found[0].status
+
+
+def test_the_middle_of_what_is_left_is_begun_both_ways():
+    tracer = Lines((0.0, 0.2), (0.2, 0.7), (0.7, 1.0))
+    found = trace_range(tracer, 1.0, 0.0, Budget(1000, 60.0))
+    assert tracer.begun == [1.0, 0.0, pytest.approx(0.45)]
+    assert missing(found, 1.0, 0.0) == []
+    assert found[2].span == (0.2, 0.7)
+    assert "the other way" in found[2].status
+
+
+def test_a_hole_is_tried_a_bounded_number_of_times_and_told():
+    tracer = Lines((0.0, 0.3), (0.6, 1.0))
+    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
+    assert len(found) == 2
+    assert 5 < len(tracer.begun) <= 12
+    assert len(set(tracer.begun)) == len(tracer.begun)
+    assert missing(found, 0.0, 1.0) == [pytest.approx((0.3, 0.6))]
+
+
+def test_points_are_bounded():
+    tracer = Lines((0.0, 1.0), step=1e-3)
+    found = trace_range(tracer, 0.0, 1.0, Budget(40, 60.0))
+    assert sum(len(t.points) for t in found) == 40
+    assert missing(found, 0.0, 1.0)
+    assert len(tracer.begun) == 1
+
+
+def test_a_branch_that_runs_into_a_known_one_ends_there():
+    """The second begins at the far end, in the same stretch: it ends after two coincidences, not at the start."""
+    tracer = Lines((0.0, 1.0))
+    stopped = Walk([point(v) for v in np.linspace(0.0, 0.6, 13)], "stopped at parameter 0.6: a corner")
+    first = {"walks": [stopped]}
+    follow = tracer.branch
+    tracer.branch = lambda start, settings: first["walks"].pop() if first["walks"] else follow(start, settings)
+    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
+    assert found[1].status.startswith("complete: joined another branch")
+    assert 0.5 < found[1].span[0] < 0.6
+
+
+def test_progress_never_falls():
+    seen = []
+    trace_range(Lines((0.0, 0.2), (0.2, 0.7), (0.7, 1.0)), 0.0, 1.0, Budget(1000, 60.0), seen.append)
+    assert seen[-1] == 1.0
+    assert np.all(np.diff(seen) > 0)
+    assert len(seen) > 10
+    told = []
+    grown = progress_that_grows(told.append)
+    for fraction in (0.1, 0.05, 0.3, 2.0):
+        grown(fraction)
+    assert told == [0.1, 0.3, 1.0]
+
+
+def test_gaps_and_reach():
+    assert covered([(0.0, 0.5), (0.4, 0.8)], 0.0, 1.0) == [(0.8, 1.0)]
+    assert covered([(0.0, 0.5), (0.5004, 1.0)], 0.0, 1.0) == []
+    assert covered([], 2.0, 3.0) == [(2.0, 3.0)]
+    assert reach_of(2.0, 3.0, beyond=True) == (2.0 / 1.5, 3.0)
+    assert reach_of(3.0, 2.0, beyond=True) == (2.0, 4.5)
+    assert reach_of(3.0, 2.0, beyond=False) == (2.0, 3.0)
