@@ -2,7 +2,7 @@
 
 Every exception carries the exit code with which the command line ends, so that the
 mapping from failure to code exists once (0 success, 1 bug, 2 bad usage or scenario,
-3 not converged or not to be trusted, 4 an allowable exceeded under ``--check``).
+3 not converged or not to be trusted, 4 an allowable exceeded under ``--check``, 128 and a signal's number interrupted).
 """
 
 from __future__ import annotations
@@ -10,7 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["BeamsimError", "LimitExceededError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"]
+__all__ = [
+    "BeamsimError",
+    "LimitExceededError",
+    "NotTrustedError",
+    "Problem",
+    "ResultFileError",
+    "ScenarioError",
+    "StoppedEarlyError",
+]
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,14 @@ class NotTrustedError(BeamsimError):
     """A computation ended without a result that can be trusted; the partial result was kept."""
 
     exit_code = 3
+
+
+class StoppedEarlyError(BeamsimError):
+    """A signal asked for the end; what had been found by then was kept."""
+
+    def __init__(self, text: str, exit_code: int) -> None:
+        super().__init__(text)
+        self.exit_code = exit_code
 
 
 class LimitExceededError(BeamsimError):

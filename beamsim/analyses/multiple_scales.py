@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.multiple_scales import ModeExpansion, expand_mode_at_energy, observed_orders, potential_energy
+from beamsim.dynamics.continuation import BranchPoint, Settings, solve_at
+from beamsim.dynamics.multiple_scales import (
+    HARMONICS,
+    ModeExpansion,
+    expand_mode_at_energy,
+    observed_orders,
+    potential_energy,
+)
 from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness
 from beamsim.dynamics.smooth_flow import CubicStiffness
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
@@ -28,13 +34,20 @@ __all__ = [
     "compare_expansion",
     "default_factors",
     "exact_modes",
+    "exact_points",
     "expand_nnm",
     "expansion_path",
+    "modes_of",
+    "nothing_near",
 ]
 
 Floats = NDArray[np.float64]
 
 ORDERS = (0, 1, 2)
+BEYOND_THE_MODES = 1.5
+MOST_HARMONICS = 4000
+NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
+SAFELY = 3.0  # factors this much below the expansion's reach count as small
 LEAST_SHARE = 0.5  # of the energy in the mode asked for, for an exact motion to count as its continuation
 FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
 
@@ -56,6 +69,15 @@ class ExpansionPath:
     partner: int  # mode (from 1) with the largest first-order component
     harmonic: int  # and its harmonic
     reach: float  # factors should be well below this one
+    uniform_coordinates: Floats  # (E, 3, n) initial vector of the uniform expansion
+    pole: float  # factor above which the initial vector is not yet at its asymptotic order
+    pole_mode: int  # the mode (from 1; 0 for none) whose coordinate it is
+    pole_harmonic: int  # and the harmonic that is close to it
+
+    @property
+    def small(self) -> float:
+        """Factors up to this one count as small."""
+        return self.reach / SAFELY * (1.0 + 1e-9)
 
 
 @dataclass(frozen=True)
@@ -65,6 +87,7 @@ class ExactModes:
     factor: Floats  # (E,)
     frequency_hz: Floats  # (E,)
     coordinates: Floats  # (E, n)
+    initial_displacement: Floats  # (E, nx) m, at the stations
     residual: Floats  # (E,)
 
 
@@ -78,6 +101,9 @@ class ExpansionComparison:
     initial_difference: Floats  # (E, 3) relative, in the norm of the linear strain energy
     frequency_orders: Floats  # (E - 1, 3) observed, between neighbouring factors
     initial_orders: Floats  # (E - 1, 3)
+    expected_orders: Floats  # (E - 1, 3) of the initial vector, from the uniform expansion instead of the exact motion
+    uniform_difference: Floats  # (E, 3) of the uniform expansion's initial vector
+    uniform_orders: Floats  # (E - 1, 3)
 
 
 @dataclass(frozen=True)
@@ -92,6 +118,13 @@ class _Case:
     @property
     def dynamics(self) -> PiecewiseLinearSystem:
         return self.structure.dynamics
+
+    @property
+    def harmonics(self) -> int:
+        """Where series are cut: beyond the harmonics that are close to the highest modes."""
+        omega = np.sqrt(self.dynamics.stiffness)
+        highest = int(BEYOND_THE_MODES * float(omega.max() / max(float(omega[self.mode]), 1e-300)))
+        return min(max(HARMONICS, highest), MOST_HARMONICS)
 
     def equilibrium(self, system: PiecewiseLinearSystem) -> Floats:
         """The static shape."""
@@ -117,7 +150,7 @@ class _Case:
         weak = replace(self.dynamics, contacts=replace(c, stiffness=max(factor, 1e-300) * c.stiffness))
         return potential_energy(self.dynamics, self.equilibrium(weak), factor)
 
-    def expansion(self, factor: float, order: int) -> ModeExpansion:
+    def expansion(self, factor: float, order: int, uniform: bool = False) -> ModeExpansion:
         cubic = self.structure.cubic if self.structure.cubic.count else None
         return expand_mode_at_energy(
             self.dynamics,
@@ -126,8 +159,10 @@ class _Case:
             factor,
             order,
             self.sign,
+            harmonics=self.harmonics,
             cubic=cubic,
             rest_energy=self.rest_energy(factor),
+            uniform=uniform,
         )
 
     def family(self) -> ContactStiffness | CubicStiffness:
@@ -168,13 +203,32 @@ def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case
     return _Case(structure, mode - 1, 1.0 if energy is None else energy, -1.0 if away < 0 else 1.0)
 
 
+def _field(structure: StructuralSystem) -> Floats:
+    """(nx, n) deflection at the stations for a unit of each coordinate."""
+    return structure.beam.deflection if structure.beam is not None else np.asarray(structure.modes.shapes.T)
+
+
 def default_factors(reach: float, most: float = 1.0, count: int = 7) -> Floats:
     """(count,) falling by halves from a third of the expansion's reach."""
-    return np.asarray(min(most, reach / 3.0) * 0.5 ** np.arange(count))
+    return np.asarray(min(most, reach / SAFELY) * 0.5 ** np.arange(count))
+
+
+def factors_from(largest: float, reach: float) -> Floats:
+    """From the factor asked for by halves into the expansion's reach, and on from there."""
+    small = largest
+    above = []
+    while small > reach / SAFELY:
+        above.append(small)
+        small *= 0.5
+    return np.concatenate([above, default_factors(reach, small)])
 
 
 def expansion_path(
-    structure: StructuralSystem, mode: int, energy: float | None = None, factors: Floats | None = None
+    structure: StructuralSystem,
+    mode: int,
+    energy: float | None = None,
+    factors: Floats | None = None,
+    largest: float | None = None,
 ) -> ExpansionPath:
     """Expand mode ``mode`` (from 1) at one energy for several stiffness factors.
 
@@ -183,6 +237,7 @@ def expansion_path(
     structure : without damping (see :func:`beamsim.analyses.nnm.conservative_system`).
     energy : J; may be left out where the motion doesn't depend on it (no gaps, loads or cubic springs).
     factors : of all nonlinear springs' stiffness (default: :func:`default_factors`).
+    largest : the factor to begin with instead, by halves down into the expansion's reach and on from there.
 
     Raises
     ------
@@ -190,17 +245,20 @@ def expansion_path(
     """
     case = _case(structure, mode, energy)
     linear = case.expansion(0.0, 0)
-    chosen = default_factors(linear.reach) if factors is None else np.atleast_1d(np.asarray(factors, dtype=float))
-    field = structure.beam.deflection if structure.beam is not None else structure.modes.shapes.T
+    if factors is None:
+        chosen = default_factors(linear.reach) if largest is None else factors_from(largest, linear.reach)
+    else:
+        chosen = np.atleast_1d(np.asarray(factors, dtype=float))
     position = structure.beam.position if structure.beam is not None else structure.modes.position
     n = case.dynamics.size
     frequency = np.empty((chosen.size, 3))
-    shape = np.empty((chosen.size, 3, n))
+    shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
     for i, factor in enumerate(chosen):
         for order in ORDERS:
             expansion = case.expansion(float(factor), order)
             frequency[i, order] = expansion.frequency(float(factor), order) / (2 * np.pi)
             shape[i, order] = expansion.initial(float(factor), order)
+            uniform[i, order] = case.expansion(float(factor), order, uniform=True).initial(float(factor), order)
     return ExpansionPath(
         mode=mode,
         energy=case.energy,
@@ -210,24 +268,26 @@ def expansion_path(
         factor=chosen,
         frequency_hz=frequency,
         coordinates=shape,
-        initial_displacement=shape @ np.asarray(field).T,
+        initial_displacement=shape @ _field(structure).T,
         position=np.asarray(position),
         partner=linear.partner + 1,
         harmonic=linear.harmonic,
         reach=linear.reach,
+        uniform_coordinates=uniform,
+        pole=linear.pole,
+        pole_mode=linear.pole_mode + 1,
+        pole_harmonic=linear.pole_harmonic,
     )
 
 
-def exact_modes(structure: StructuralSystem, path: ExpansionPath) -> ExactModes:
+def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[BrakeOrbits, list[BranchPoint | None]]:
     """The exact motion at each factor of an expansion, by half-period shooting from the expansion itself.
 
-    A factor at which Newton's method ends on another motion (in the tongue of an internal resonance) gives nan.
+    None where Newton's method ends on another motion (in the tongue of an internal resonance).
     """
     case = _case(structure, path.mode, path.energy)
     orbits = BrakeOrbits(case.family(), energy=path.energy)
-    count, n = path.factor.size, case.dynamics.size
-    frequency, residual = np.full(count, np.nan), np.full(count, np.nan)
-    shape = np.full((count, n), np.nan)
+    found: list[BranchPoint | None] = [None] * path.factor.size
     weight = np.sqrt(case.dynamics.stiffness)
     for i in np.argsort(path.factor):
         factor = float(path.factor[i])
@@ -238,15 +298,44 @@ def exact_modes(structure: StructuralSystem, path: ExpansionPath) -> ExactModes:
             continue
         mode = orbits.mode(point)
         far = np.linalg.norm(weight * (mode.shape - guess)) > FURTHEST * np.linalg.norm(weight * mode.shape)
-        if far or not mode.share[case.mode] > LEAST_SHARE:
-            continue
-        frequency[i], shape[i], residual[i] = mode.frequency, mode.shape, mode.residual
-    if not np.any(np.isfinite(frequency)):
-        raise NotTrustedError(
-            f"no exact motion was found near the expansion of mode {path.mode}; "
-            f"use smaller factors, well below {path.reach:.3g}"
-        )
-    return ExactModes(path.factor, frequency, shape, residual)
+        if not far and mode.share[case.mode] > LEAST_SHARE:
+            found[i] = point
+    return orbits, found
+
+
+def modes_of(
+    structure: StructuralSystem, path: ExpansionPath, orbits: BrakeOrbits, points: list[BranchPoint | None]
+) -> ExactModes:
+    """Exact motions beside an expansion, as a table."""
+    count = path.factor.size
+    frequency, residual = np.full(count, np.nan), np.full(count, np.nan)
+    shape = np.full((count, orbits.n), np.nan)
+    for i, point in enumerate(points):
+        if point is not None:
+            mode = orbits.mode(point)
+            frequency[i], shape[i], residual[i] = mode.frequency, mode.shape, mode.residual
+    return ExactModes(path.factor, frequency, shape, shape @ _field(structure).T, residual)
+
+
+def nothing_near(path: ExpansionPath) -> str:
+    """What to say where no exact motion was found beside an expansion."""
+    return (
+        f"no exact motion was found near the expansion of mode {path.mode}; "
+        f"use smaller factors, well below {path.reach:.3g}"
+    )
+
+
+def exact_modes(structure: StructuralSystem, path: ExpansionPath) -> ExactModes:
+    """The exact motions at the factors of an expansion (see :func:`exact_points`).
+
+    Raises
+    ------
+    NotTrustedError : where there is none.
+    """
+    found = modes_of(structure, path, *exact_points(structure, path))
+    if not np.any(np.isfinite(found.frequency_hz)):
+        raise NotTrustedError(nothing_near(path))
+    return found
 
 
 def compare_expansion(
@@ -262,15 +351,25 @@ def compare_expansion(
     weight = np.sqrt(structure.dynamics.stiffness)
     frequency = np.abs(path.frequency_hz / found.frequency_hz[:, None] - 1.0)
     size = np.linalg.norm(found.coordinates * weight, axis=1)
-    initial = np.linalg.norm((path.coordinates - found.coordinates[:, None, :]) * weight, axis=2) / size[:, None]
-    orders = np.array([observed_orders(path.factor, frequency[:, k]) for k in ORDERS]).T
-    shape_orders = np.array([observed_orders(path.factor, initial[:, k]) for k in ORDERS]).T
-    return ExpansionComparison(path, found, frequency, initial, orders, shape_orders)
+
+    def away(shapes: Floats, reference: Floats) -> Floats:
+        return np.asarray(np.linalg.norm((shapes - reference[:, None, :]) * weight, axis=2) / size[:, None])
+
+    def orders(difference: Floats) -> Floats:
+        known = np.where(difference > NOISE, difference, np.nan)
+        return np.array([observed_orders(path.factor, known[:, k]) for k in ORDERS]).T
+
+    initial = away(path.coordinates, found.coordinates)
+    uniform = away(path.uniform_coordinates, found.coordinates)
+    expected = away(path.coordinates, path.uniform_coordinates[:, 2])
+    return ExpansionComparison(
+        path, found, frequency, initial, orders(frequency), orders(initial), orders(expected), uniform, orders(uniform)
+    )
 
 
 def expand_nnm(scenario: Scenario, factors: Floats | None = None) -> ExpansionComparison:
     """What a scenario's ``nnm`` section asks for, by multiple scales, compared with the exact motion as the factor
-    vanishes.
+    vanishes from ``continue_in.to`` on.
 
     Raises
     ------
@@ -280,6 +379,6 @@ def expand_nnm(scenario: Scenario, factors: Floats | None = None) -> ExpansionCo
 
     if scenario.nnm is None:
         raise ScenarioError(Problem("nnm", "is missing", "add for example `nnm: {mode: 1, method: multiple_scales}`"))
-    structure = conservative_system(scenario)
-    path = expansion_path(structure, scenario.nnm.mode, scenario.nnm.energy, factors)
-    return compare_expansion(structure, path)
+    structure, settings = conservative_system(scenario), scenario.nnm
+    largest = float(getattr(settings.continue_in, "to", 1.0))
+    return compare_expansion(structure, expansion_path(structure, settings.mode, settings.energy, factors, largest))

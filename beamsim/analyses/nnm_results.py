@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.multiple_scales import ExpansionComparison
 from beamsim.analyses.orbit_events import OrbitEvent
+from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.phase_resonance_results import PhaseResonance
+from beamsim.analyses.thesis_method import RelaxedComparison
 from beamsim.model.structure import ModeTable
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 __all__ = ["BranchJump", "ModeBranch", "NormalModeResult", "OrbitMotion"]
 
@@ -33,27 +33,32 @@ class BranchJump:
 
 @dataclass(frozen=True)
 class ModeBranch:
-    """A branch of nonlinear normal modes: the backbone, or a tongue of internal resonance."""
+    """A branch of periodic motions: the backbone, a tongue of internal resonance, or motions that are never at rest.
 
-    kind: str  # "backbone" or "tongue"
+    Each motion is given at its slowest instant, which for all but the last kind is an instant of rest.
+    """
+
+    kind: str  # "backbone", "tongue" or "never_at_rest"
     status: str
     parameter: Floats  # (np,) stiffness factor, energy in J, or frequency in Hz
     frequency_hz: Floats  # (np,)
     energy: Floats  # (np,) J, from static equilibrium
-    share: Floats  # (np,) of the energy in the mode asked for, at rest
+    share: Floats  # (np,) of the energy in the mode asked for, at the slowest instant
     residual: Floats  # (np,) of the periodicity, against the motion's speed
-    coordinates: Floats  # (np, n) at rest
-    initial_displacement: Floats  # (np, nx) m, deflection at rest at the stations
+    coordinates: Floats  # (np, n) at the slowest instant
+    coordinate_velocities: Floats  # (np, n) the same; zero at rest
+    least_kinetic: Floats  # (np,) kinetic energy at the slowest instant, share of the energy; zero at rest
+    initial_displacement: Floats  # (np, nx) m, deflection at the slowest instant at the stations
     stable: Bools  # (np,)
     floquet_multipliers: Complexes  # (np, 2 n)
-    mode: int = 0  # of a tongue: the other mode, from 1
-    ratio: int = 0  # of a tongue: n of n:1
+    mode: int = 0  # of a tongue and of motions never at rest: the other mode, from 1
+    ratio: int = 0  # of the same: n of n:1
     special: tuple[OrbitEvent, ...] = ()
 
 
 @dataclass(frozen=True)
 class OrbitMotion:
-    """One period of one motion."""
+    """One period of one motion, from its slowest instant, and its spectrum."""
 
     time: Floats  # (nt,) s, both ends included
     displacement: dict[str, Floats]  # probe -> (nt,) m
@@ -61,35 +66,55 @@ class OrbitMotion:
     force: dict[str, Floats]  # snubber -> (nt,) N
     stations: Floats  # (nt, nx) m, deflection at the stations
     harmonics: dict[str, Complexes]  # probe -> (21,) amplitude of e^{i k omega t}, order 0 to 20, zero to peak
+    periods: int  # that the flow was carried on for the spectrum
+    spectrum_frequency_hz: Floats  # (nf,) a step of 1 / (periods x period)
+    spectrum: dict[str, Floats]  # probe -> (nf,) m, single-sided amplitude, zero to peak
+    drift: float  # relative distance of the state from the first one after these periods
+
+    @property
+    def at_rest(self) -> Floats:
+        """(2, nx) m, deflection at the slowest instant and half a period later: the extremes of a motion at rest."""
+        return self.stations[[0, (self.time.size - 1) // 2]]
+
+    @property
+    def underway(self) -> Floats:
+        """(2, nx) m, deflection an eighth and three eighths of a period later."""
+        return self.stations[[(self.time.size - 1) // 8, 3 * (self.time.size - 1) // 8]]
 
 
 @dataclass(frozen=True)
-class NormalModeResult:
+class NormalModeResult(Outcome):
     """Everything `beamsim nnm` computes."""
 
-    scenario: Scenario  # resolved
     mode: int  # from 1
     parameter: str  # stiffness_factor, energy or frequency
-    status: str  # "complete" or why the backbone ended early
+    method: str  # shooting, full_period, multiple_scales or thesis
     branches: tuple[ModeBranch, ...]  # the backbone first
     jumps: tuple[BranchJump, ...]
     position: Floats  # (nx,) m, or mass numbers
-    linear_shape: Floats  # (nx,) the linear mode at the same largest deflection as the last motion
-    extreme_shapes: Floats  # (2, nx) m, the last motion at both instants of rest
-    motion: OrbitMotion  # of the last point of the backbone
+    linear_shape: Floats  # (nx,) the linear mode at the same largest deflection as the motion
+    motion: OrbitMotion  # of one point of one branch:
+    motion_branch: int  # which branch: the backbone, or the first that is never at rest
+    motion_point: int  # which point: the backbone's last, or the furthest from rest
     modes: ModeTable
-    summary: dict[str, Any]
-    warnings: tuple[str, ...] = ()
-    wall_time_s: float = 0.0
-    created: str = ""
-    provenance: dict[str, str] = field(default_factory=dict)
+    phase_resonance: PhaseResonance | None = None  # the damped structure held on the mode, where asked for
+    half_period_difference: Floats | None = (
+        None  # (np,) full_period: relative, of the backbone from half-period shooting
+    )
+    expansion: ExpansionComparison | None = None  # by multiple scales, where asked for
+    relaxed: RelaxedComparison | None = None  # the thesis's method, where asked for
 
     @property
-    def complete(self) -> bool:
-        """Whether the backbone reached its end."""
-        return self.status == "complete"
+    def backbone(self) -> ModeBranch:
+        """The branch of the mode itself."""
+        return self.branches[0]
 
     @property
-    def title(self) -> str:
-        """The scenario's title."""
-        return self.scenario.title
+    def tongues(self) -> tuple[ModeBranch, ...]:
+        """The branches of internal resonance."""
+        return tuple(b for b in self.branches if b.kind == "tongue")
+
+    @property
+    def never_at_rest(self) -> tuple[ModeBranch, ...]:
+        """The branches of motions that are never at rest all at once."""
+        return tuple(b for b in self.branches if b.kind == "never_at_rest")

@@ -1,65 +1,135 @@
-"""What ``beamsim nnm --compare multiple_scales`` adds: rows, a summary and a picture."""
+"""What ``--compare multiple_scales`` adds to a nonlinear mode and to a response curve: rows, a summary and pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
-    from beamsim.analyses.multiple_scales import ExpansionComparison
+    from beamsim.analyses.forced_expansion_results import ForcedExpansionComparison
+    from beamsim.analyses.response_results import FrequencyResponse
     from beamsim.scenario import Scenario
 
-__all__ = ["compare", "expansion_rows", "expansion_summary"]
+__all__ = [
+    "Comparison",
+    "compare_response",
+    "expansion_rows",
+    "forced_expansion_rows",
+    "forced_expansion_summary",
+    "refuse_comparison",
+]
 
 
-def compare(scenario: Scenario, target: Path, *, plots: bool) -> tuple[ExpansionComparison, list[Path]]:
-    """Expand the scenario's mode, compare with exact motions, and draw both beside the result file."""
-    from beamsim.analyses.multiple_scales import expand_nnm
-
-    comparison = expand_nnm(scenario)
-    files: list[Path] = []
-    if plots:
-        from beamsim.plots.multiple_scales import comparison_figure
-        from beamsim.plots.save import save_figures
-
-        files = save_figures({"multiple_scales": comparison_figure(comparison)}, target.parent, target.stem)
-    return comparison, files
+NOT_YET = 3.0  # times the largest small factor: poles beyond it leave the orders alone
 
 
-def _order(orders: Any) -> float:
-    """Median of the observed orders that round-off has not spoilt."""
-    seen = orders[np.isfinite(orders)]
-    return float(np.median(seen)) if seen.size else float("nan")
+class Comparison(StrEnum):
+    """What ``--compare`` lays beside exact motions."""
+
+    multiple_scales = "multiple_scales"
 
 
-def expansion_summary(comparison: ExpansionComparison) -> dict[str, Any]:
-    """Numbers for ``--json``."""
-    path = comparison.path
+def refuse_comparison(scenario: Scenario) -> None:
+    """Refuse a sweep that gives no curve of periodic motions.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    from beamsim.errors import Problem, ScenarioError
+
+    kind = None if scenario.sweep is None else scenario.sweep.kind
+    if scenario.vary is not None or kind not in (None, "continuation"):
+        what = "varies designs" if scenario.vary is not None else f"= {kind} gives no curve of periodic motions"
+        where = "vary" if scenario.vary is not None else "sweep.kind"
+        remedy = "use --compare with sweep: {kind: continuation}"
+        raise scenario.located(ScenarioError(Problem(where, what, remedy)))
+
+
+def compare_response(result: FrequencyResponse) -> FrequencyResponse:
+    """The response curve with the expansion near its mode beside it."""
+    from beamsim.analyses.forced_expansion import compare_forced_expansion
+    from beamsim.errors import ScenarioError
+
+    try:
+        expansion = compare_forced_expansion(result.scenario)
+    except ScenarioError as error:
+        raise result.scenario.located(error) from None
+    summary = {**result.summary, "multiple_scales": [forced_expansion_summary(c) for c in expansion]}
+    return replace(result, expansion=expansion, summary=summary)
+
+
+def expansion_rows(s: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Label and text of every row about a mode, from the summary's ``multiple_scales``."""
+    frequency, initial = s["observed_order_frequency"], s["observed_order_initial"]
+    expected, uniform = s["expected_order_initial"], s["observed_order_uniform"]
+    series = f"{s['linear_frequency_hz']:.6g} Hz {s['first_order_hz']:+.4g} e {s['second_order_hz']:+.4g} e² Hz"
+    yield "multiple scales", f"{series}, for factors e well below {s['factors_well_below']:.2g}"
+    first, second = s["frequency_hz"][0]
+    exact = s["exact_frequency_hz"][0]
+    head = f"{first:.6g} Hz at first order, {second:.6g} Hz at second"
+    if math.isfinite(exact):
+        off = s["initial_difference"][0]
+        head += f", exact {exact:.6g} Hz; initial vector off by {off[0]:.2g} and {off[1]:.2g}"
+    else:
+        head += "; no exact motion is near"
+    yield f"at e = {s['factor'][0]:.4g}", head
+    yield "observed orders", f"frequency {frequency[0]:.2f} and {frequency[1]:.2f} (expected 2 and 3)"
+    at = f" at these factors, {s['orders_from']:.2g} to {s['orders_to']:.2g}"
+    yield (
+        "",
+        f"initial vector {initial[0]:.2f} and {initial[1]:.2f} (expected {expected[0]:.2f} and {expected[1]:.2f}{at})",
+    )
+    if s["asymptotic_well_below"] < NOT_YET * s["orders_from"]:
+        pole = s["nearest_pole"]
+        yield (
+            "",
+            f"initial vector 2 and 3 for e well below {s['asymptotic_well_below']:.2g}: harmonic {pole['harmonic']} is "
+            f"close to mode {pole['mode']}; with divisors at the motion's own frequency {uniform[0]:.2f} and "
+            f"{uniform[1]:.2f}",
+        )
+
+
+def forced_expansion_summary(comparison: ForcedExpansionComparison) -> dict[str, Any]:
+    """Numbers for ``--json``, of one level."""
+    found = comparison.difference[:, 0] < math.inf  # False where no exact motion is near
     return {
-        "mode": path.mode,
-        "linear_frequency_hz": path.linear_frequency_hz,
-        "first_order_hz": path.first_hz,
-        "second_order_hz": path.second_hz,
-        "factors_well_below": path.reach,
-        "factor": path.factor.tolist(),
-        "frequency_hz": path.frequency_hz[:, 1:].tolist(),
-        "exact_frequency_hz": comparison.exact.frequency_hz.tolist(),
-        "observed_order_frequency": [_order(comparison.frequency_orders[:, k]) for k in (1, 2)],
-        "observed_order_initial": [_order(comparison.initial_orders[:, k]) for k in (1, 2)],
+        "level": comparison.level,
+        "mode": comparison.mode,
+        "linear_frequency_hz": comparison.linear_frequency_hz,
+        "points": int(comparison.frequency_hz.size),
+        "stable_points": int(comparison.stable.sum()),
+        "largest_first_order_m": {name: float(x.max()) for name, x in comparison.first.items()},
+        "factor": comparison.factor[found].tolist(),
+        "difference": comparison.difference[found].tolist(),
+        "observed_orders": [_last_order(comparison.orders[:, k]) for k in (0, 1)],
+        "stability_agrees": bool(found.any() and comparison.stability_agrees[found].all()),
     }
 
 
-def expansion_rows(comparison: ExpansionComparison) -> Iterator[tuple[str, str]]:
-    """Label and text of every row of the table."""
-    s, path = expansion_summary(comparison), comparison.path
-    frequency, initial = s["observed_order_frequency"], s["observed_order_initial"]
-    series = f"{path.linear_frequency_hz:.6g} Hz {path.first_hz:+.4g} e {path.second_hz:+.4g} e² Hz"
-    yield "multiple scales", f"{series}, for factors e well below {path.reach:.2g}"
-    yield (
-        "observed orders",
-        f"frequency {frequency[0]:.2f} and {frequency[1]:.2f}, initial vector {initial[0]:.2f} and {initial[1]:.2f} "
-        "(expected 2 and 3)",
-    )
+def _last_order(orders: Any) -> float:
+    """The order between the two smallest factors."""
+    seen = [float(x) for x in orders if math.isfinite(x)]
+    return seen[-1] if seen else math.nan
+
+
+def forced_expansion_rows(comparisons: tuple[ForcedExpansionComparison, ...]) -> Iterator[tuple[str, str]]:
+    """Label and text of every row of the table, level by level."""
+    for c in comparisons:
+        s = forced_expansion_summary(c)
+        yield (
+            "multiple scales",
+            f"level {c.level:.4g}: mode {c.mode}, {s['points']} points, {s['stable_points']} of them stable",
+        )
+        if not s["factor"]:
+            yield "", "no exact motion lies near the expansion, however small springs, damping and force are made"
+            continue
+        whole = c.factor[0] == s["factor"][0]
+        at = "at the case itself" if whole else f"at a factor of {s['factor'][0]:.2g}, the largest that is small enough"
+        yield "", f"differs by {s['difference'][0][0]:.2g} (leading) and {s['difference'][0][1]:.2g} (first order) {at}"
+        orders = s["observed_orders"]
+        agrees = "agrees" if s["stability_agrees"] else "differs somewhere"
+        yield "", f"observed orders {orders[0]:.2f} and {orders[1]:.2f} (expected 1 and 2); stability {agrees}"

@@ -16,7 +16,8 @@ __all__ = ["MARKS", "figure_of", "stretches"]
 
 Floats = NDArray[np.float64]
 
-MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P", "grazing": "x"}
+MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P", "grazing": "x",
+         "symmetry_breaking": "*"}  # fmt: skip
 
 
 def stretches(x: Floats, y: Floats, stable: NDArray[np.bool_], wanted: bool) -> tuple[Floats, Floats]:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.nnm_results import ModeBranch, NormalModeResult
-from beamsim.analyses.orbit_events import OrbitEvent
-from beamsim.plots.branches import MARKS, figure_of, stretches
+from beamsim.plots.branches import figure_of
+from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
+from beamsim.plots.multiple_scales import comparison_figures
+from beamsim.plots.phase_resonance import phase_resonance_figures
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
+from beamsim.plots.thesis_method import thesis_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,99 +25,99 @@ __all__ = [
     "nnm_figures",
     "plot_backbone",
     "plot_configuration",
+    "plot_contact_forces",
+    "plot_deflected_shapes",
     "plot_frequency_energy",
     "plot_mode_shapes",
     "plot_node_motion",
     "plot_orbit_spectrum",
     "plot_phase_portrait",
+    "save_nnm_plots",
 ]
 
 Floats = NDArray[np.float64]
 
-_AXES = {
-    "stiffness_factor": "Stiffness factor ε",
-    "energy": "Energy (J)",
-    "frequency": "Frequency (Hz)",
-}
-
-
-def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
-    """Frequency against the parameter; unstable stretches dashed, tongues thin, jumps marked."""
-    for k, branch in enumerate(result.branches):
-        _curve(ax, branch, branch.parameter, branch.frequency_hz, k)
-    backbone = result.branches[0]
-    for jump in result.jumps:
-        f = np.interp([jump.start, jump.end], *_sorted(backbone.parameter, backbone.frequency_hz))
-        ax.plot([jump.start, jump.end], f, color="0.6", linewidth=0.8, linestyle=":", zorder=0)
-        if jump.ratio:
-            ax.annotate(
-                f"{jump.ratio}:1", (jump.start, f[0]), fontsize="x-small", xytext=(2, -8), textcoords="offset points"
-            )
-    _marks(ax, backbone.special, backbone.parameter, backbone.frequency_hz)
-    if result.parameter == "energy":
-        ax.set_xscale("log")
-    finish(ax, _AXES[result.parameter], "Frequency (Hz)")
-    return ax
-
-
-def plot_frequency_energy(result: NormalModeResult, ax: Axes) -> Axes:
-    """Frequency–energy plot."""
-    for k, branch in enumerate(result.branches):
-        _curve(ax, branch, branch.energy, branch.frequency_hz, k)
-    ax.set_xscale("log")
-    finish(ax, "Energy (J)", "Frequency (Hz)")
-    return ax
-
-
-def _curve(ax: Axes, branch: ModeBranch, x: Floats, y: Floats, index: int) -> None:
-    colour = curve_style(min(index, 1))["color"]
-    width = 1.3 if branch.kind == "backbone" else 0.8
-    ax.plot(*stretches(x, y, branch.stable, True), color=colour, linewidth=width)
-    ax.plot(*stretches(x, y, branch.stable, False), color=colour, linewidth=width, linestyle=(0, (3, 1.5)))
-
-
-def _sorted(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    order = np.argsort(x)
-    return x[order], y[order]
-
-
-def _marks(ax: Axes, special: tuple[OrbitEvent, ...], x: Floats, y: Floats) -> None:
-    for kind in dict.fromkeys(e.kind for e in special):
-        own = [e for e in special if e.kind == kind]
-        at = [e.parameter for e in own]
-        height = [y[int(np.argmin(np.abs(x - p)))] for p in at]
-        ax.plot(
-            at, height, linestyle="none", marker=MARKS[kind], markersize=5, color="0.2", markerfacecolor="white",
-            label=kind.replace("_", " "),
-        )  # fmt: skip
-    if special:
-        ax.legend(loc="best", frameon=False, fontsize="small")
+FLOOR = -120.0  # dB, of a spectrum
+DRIFTED = 1e-6  # over the spectrum's periods, that is worth a word
+MANY = 4 * 20  # lines: a motion that drifts spreads them, and they are drawn as a curve
 
 
 def plot_mode_shapes(result: NormalModeResult, ax: Axes) -> Axes:
-    """The motion at both instants of rest, over the linear mode."""
-    scale = scale_for("m", result.extreme_shapes, result.linear_shape)
-    curves = (
-        (result.extreme_shapes[0], "at rest, t = 0"),
-        (result.extreme_shapes[1], "at rest, t = T/2"),
-        (result.linear_shape, "linear mode"),
+    """The motion at its extremes, over the linear mode."""
+    at_rest = _shown(result).least_kinetic[result.motion_point] == 0.0
+    word = "at rest" if at_rest or _shown(result).kind == "backbone" else "slowest"
+    first, second = result.motion.at_rest
+    _shapes(
+        result,
+        ax,
+        ((first, f"{word}, t = 0"), (second, "t = T/2"), (result.linear_shape, f"linear mode {result.mode}")),
     )
-    marker = "" if result.scenario.beam is not None else "o"
-    for k, (shape, name) in enumerate(curves):
-        ax.plot(result.position, shape * scale.factor, label=name, marker=marker, markersize=4, **curve_style(k))
-    finish(ax, "Position (m)" if result.scenario.beam is not None else "Mass", f"Deflection ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 
 
+def plot_deflected_shapes(result: NormalModeResult, ax: Axes) -> Axes:
+    """The deflected shape at two instants underway."""
+    first, second = result.motion.underway
+    _shapes(result, ax, ((first, "t = T/8"), (second, "t = 3T/8")))
+    return ax
+
+
+def _shapes(result: NormalModeResult, ax: Axes, curves: tuple[tuple[Floats, str], ...]) -> None:
+    scale = scale_for("m", *(shape for shape, _ in curves))
+    of_beam = result.scenario.beam is not None
+    place = scale_for("m", result.position) if of_beam else None
+    x = result.position * (1.0 if place is None else place.factor)
+    ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
+    for k, (shape, name) in enumerate(curves):
+        ax.plot(x, shape * scale.factor, label=name, marker="" if of_beam else "o", markersize=4, **curve_style(k))
+    if place is None:
+        ax.set_xticks(x)
+    finish(ax, "Mass" if place is None else f"Position ({place.unit})", f"Deflection ({scale.unit})")
+    legend(ax, len(curves), len(curves), "shapes")
+
+
+def _shown(result: NormalModeResult) -> ModeBranch:
+    return result.branches[result.motion_branch]
+
+
+def _nodes(result: NormalModeResult) -> list[tuple[int, str]]:
+    """Stations to draw, evenly spread up to the last one that moves, with their names."""
+    moving = np.flatnonzero(np.abs(result.motion.stations).max(axis=0) > 0)
+    count = min(MOST_CURVES, moving.size)
+    chosen = moving[(moving.size * np.arange(1, count + 1) / max(count, 1)).round().astype(int) - 1]
+    if result.scenario.beam is None:
+        return [(int(k), f"mass {result.position[k]:g}") for k in chosen]
+    return [(int(k), f"{1e3 * result.position[k]:.3g} mm") for k in chosen]
+
+
 def plot_node_motion(result: NormalModeResult, ax: Axes) -> Axes:
-    """Displacements over one period."""
-    motion = result.motion
-    scale, time = scale_for("m", *motion.displacement.values()), scale_for("s", motion.time)
-    for k, (name, x) in enumerate(list(motion.displacement.items())[:MOST_CURVES]):
-        ax.plot(motion.time * time.factor, x * scale.factor, label=name, **curve_style(k))
+    """Displacement of the structure's nodes over one period."""
+    motion, nodes = result.motion, _nodes(result)
+    scale, time = scale_for("m", motion.stations), scale_for("s", motion.time)
+    for k, (at, name) in enumerate(nodes):
+        ax.plot(motion.time * time.factor, motion.stations[:, at] * scale.factor, label=name, **curve_style(k))
     finish(ax, f"Time ({time.unit})", f"Displacement ({scale.unit})")
-    legend(ax, min(len(motion.displacement), MOST_CURVES), len(motion.displacement), "probes")
+    _beside(ax, f"{len(nodes)} {'masses' if result.scenario.beam is None else 'nodes'}")
+    return ax
+
+
+def _beside(ax: Axes, title: str | None) -> None:
+    """A legend right of the axes: room for long names."""
+    ax.legend(
+        title=title, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small",
+        title_fontsize="small", handlelength=2.6,
+    )  # fmt: skip
+
+
+def plot_contact_forces(result: NormalModeResult, ax: Axes) -> Axes:
+    """Contact forces over the same period."""
+    motion = result.motion
+    scale, time = scale_for("N", *motion.force.values()), scale_for("s", motion.time)
+    for k, (name, force) in enumerate(list(motion.force.items())[:MOST_CURVES]):
+        ax.plot(motion.time * time.factor, force * scale.factor, label=name, **curve_style(k))
+    finish(ax, f"Time ({time.unit})", f"Contact force ({scale.unit})")
+    known = len(motion.force)
+    _beside(ax, f"{MOST_CURVES} of {known} snubbers" if known > MOST_CURVES else None)
     return ax
 
 
@@ -130,46 +135,114 @@ def plot_phase_portrait(result: NormalModeResult, ax: Axes) -> Axes:
 
 
 def plot_configuration(result: NormalModeResult, ax: Axes) -> Axes:
-    """Every probe's displacement over the first one's: a line for a linear mode, a curve for a nonlinear one."""
+    """Displacements over one another: a line for a linear mode, a curve for a nonlinear one, a loop where the motion is
+    never at rest. The probes over the first of them; with a single probe the nodes over the one that moves most."""
     motion = result.motion
-    names = list(motion.displacement)
-    scale = scale_for("m", *motion.displacement.values())
-    first = motion.displacement[names[0]] * scale.factor
-    others = names[1:] or names
+    if len(motion.displacement) > 1:
+        named = dict(motion.displacement)
+        across = next(iter(named))
+    else:
+        named = {name: motion.stations[:, at] for at, name in _nodes(result)}
+        across = max(named, key=lambda name: float(np.abs(named[name]).max()))
+    scale = scale_for("m", *named.values())
+    others = [name for name in named if name != across] or [across]
+    # a motion at rest twice a period goes back the way it came: drawn over itself its dashes would run into one line
+    brake = _shown(result).kind != "never_at_rest"
+    part = slice((motion.time.size + 1) // 2 if brake else None)
     for k, name in enumerate(others[:MOST_CURVES]):
-        ax.plot(first, motion.displacement[name] * scale.factor, label=name, **curve_style(k))
-    finish(ax, f"Displacement of {names[0]} ({scale.unit})", f"Displacement ({scale.unit})")
-    legend(ax, min(len(others), MOST_CURVES), len(others), "probes")
+        ax.plot(named[across][part] * scale.factor, named[name][part] * scale.factor, label=name, **curve_style(k))
+    up = others[0] if len(others) == 1 else ""
+    finish(ax, f"Displacement of {across} ({scale.unit})", f"Displacement {f'of {up} ' if up else ''}({scale.unit})")
+    legend(ax, min(len(others), MOST_CURVES), len(others), "curves")
     return ax
 
 
 def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
-    """Lines of the periodic motion, in dB of the strongest."""
-    frequency = result.branches[0].frequency_hz[-1]
-    for k, (name, c) in enumerate(list(result.motion.harmonics.items())[:MOST_CURVES]):
-        level = 20 * np.log10(np.maximum(np.abs(c), 1e-300) / np.abs(c).max())
-        shown = level > -120
-        style = curve_style(k)
-        ax.vlines(np.arange(c.size)[shown] * frequency, -120, level[shown], color=style["color"], linewidth=1.1)
+    """Spectrum over the motion's many periods, in dB of each probe's strongest line."""
+    motion = result.motion
+    f = motion.spectrum_frequency_hz
+    # as far as the harmonics that are stored: beyond them every line is small
+    last = int(np.searchsorted(f, 20.5 / float(motion.time[-1])))
+    scale = scale_for("Hz", f[:last])
+    for k, (name, amplitude) in enumerate(list(motion.spectrum.items())[:MOST_CURVES]):
+        level = 20 * np.log10(np.maximum(amplitude[:last], 1e-300) / amplitude[:last].max())
+        heard = level > FLOOR
+        colour = curve_style(k)["color"]
+        if np.count_nonzero(heard) > MANY:
+            ax.plot(f[:last] * scale.factor, np.maximum(level, FLOOR), label=name, **curve_style(k))
+            continue
+        ax.vlines(f[:last][heard] * scale.factor, FLOOR, level[heard], color=colour, linewidth=0.9, alpha=0.35)
         ax.plot(
-            np.arange(c.size)[shown] * frequency, level[shown], linestyle="none", marker="o", markersize=3,
-            color=style["color"], label=name,
+            f[:last][heard] * scale.factor, level[heard], linestyle="none", marker="os^Dvx"[k],
+            markersize=max(6.0 - 1.2 * k, 2.5), color=colour, label=name, markerfacecolor="none",
         )  # fmt: skip
-    finish(ax, "Frequency (Hz)", "Amplitude (dB re largest)")
-    legend(ax, min(len(result.motion.harmonics), MOST_CURVES), len(result.motion.harmonics), "probes")
+    ax.set_ylim(FLOOR, 5.0)
+    drift = f"; unstable: {100 * motion.drift:.3g} % away at their end" if motion.drift > DRIFTED else ""
+    ax.set_title(f"{motion.periods} periods{drift}", loc="left", fontsize="small", color="0.3")
+    finish(ax, f"Frequency ({scale.unit}), in steps of {_plain(f[1])} Hz", "Amplitude (dB re largest)")
+    legend(ax, min(len(motion.spectrum), MOST_CURVES), len(motion.spectrum), "probes")
     return ax
+
+
+def _plain(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _motion_figure(result: NormalModeResult) -> Figure:
+    """Nodes above, contact forces below."""
+    from matplotlib.figure import Figure
+
+    if not result.motion.force:
+        return figure_of(f"{result.title}\n{_told(result)}", lambda ax: plot_node_motion(result, ax))
+    figure = Figure(figsize=(7.2, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    plot_node_motion(result, above)
+    plot_contact_forces(result, below)
+    above.set_xlabel("")
+    figure.suptitle(f"{result.title}\n{_told(result)}", fontsize="medium")
+    return figure
 
 
 def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     """Every picture of a nonlinear mode, by name."""
+    motion, of_beam = f"{result.title}\n{_told(result)}", result.scenario.beam is not None
     figures = {
         "backbone": figure_of(result.title, lambda ax: plot_backbone(result, ax)),
-        "mode_shapes": figure_of(result.title, lambda ax: plot_mode_shapes(result, ax)),
-        "motion": figure_of(result.title, lambda ax: plot_node_motion(result, ax)),
-        "phase_portrait": figure_of(result.title, lambda ax: plot_phase_portrait(result, ax)),
-        "configuration": figure_of(result.title, lambda ax: plot_configuration(result, ax)),
-        "spectrum": figure_of(result.title, lambda ax: plot_orbit_spectrum(result, ax)),
+        "mode_shapes": figure_of(motion, lambda ax: plot_mode_shapes(result, ax)),
+        "deflected_shapes": figure_of(motion, lambda ax: plot_deflected_shapes(result, ax)),
+        "motion": _motion_figure(result),
+        "phase_portrait": figure_of(motion, lambda ax: plot_phase_portrait(result, ax)),
+        "configuration": figure_of(motion, lambda ax: plot_configuration(result, ax)),
+        "spectrum": figure_of(motion, lambda ax: plot_orbit_spectrum(result, ax)),
     }
-    if result.parameter == "energy":
+    if result.parameter != "stiffness_factor":
         figures["frequency_energy"] = figure_of(result.title, lambda ax: plot_frequency_energy(result, ax))
+    if result.expansion is not None:
+        figures |= comparison_figures(result.expansion, result.scenario.beam is not None)
+    if result.relaxed is not None:
+        figures["thesis"] = thesis_figure(result)
+    if result.phase_resonance is not None:
+        figures |= phase_resonance_figures(result.phase_resonance, result.title, result.position, of_beam)
     return figures
+
+
+def _told(result: NormalModeResult) -> str:
+    """Which motion is drawn."""
+    branch, k = _shown(result), result.motion_point
+    names = {"stiffness_factor": "ε = {:.4g}", "energy": "{:.4g} J", "frequency": "{:.6g} Hz"}
+    at = names[result.parameter].format(branch.parameter[k])
+    also = "" if result.parameter == "frequency" else f", {branch.frequency_hz[k]:.6g} Hz"
+    return f"{BRANCH_NAMES[branch.kind]}, {at}{also}"
+
+
+def save_nnm_plots(
+    result: NormalModeResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
+) -> list[Path]:
+    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
+
+    Raises
+    ------
+    ResultFileError
+        When a file cannot be written.
+    """
+    return save_figures(nnm_figures(result), folder, stem, form, dots_per_inch)

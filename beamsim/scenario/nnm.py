@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.base import BY_KIND, Schema, fail, known
+from beamsim.scenario.nnm_method import Method, Solver, solver_of
+from beamsim.scenario.phase_resonance import PhaseResonance
 from beamsim.scenario.quantities import Count, Energy, Factor, Frequency
 
 __all__ = [
@@ -76,6 +78,9 @@ ContinueIn = Annotated[
 ]
 
 
+_IN_FACTOR = {"multiple_scales": "expands in", "thesis": "takes its steps in"}
+
+
 class NonlinearMode(Schema):
     """Which nonlinear normal mode, and what to follow it in."""
 
@@ -85,16 +90,33 @@ class NonlinearMode(Schema):
     """Energy of the motion while the stiffness factor changes."""
     continue_in: ContinueIn = StiffnessFactorContinuation()
     """The parameter that changes: stiffness_factor, energy or frequency."""
-    method: Literal["shooting", "multiple_scales"] = "shooting"
-    """Exact periodic motions (shooting), or their expansion for weak springs (multiple_scales)."""
+    method: Method = "shooting"
+    """shooting (over half a period, exact), full_period (exact, also motions never at rest), multiple_scales (the
+    expansion for weak springs) or thesis (relaxed minimisation, for comparison)."""
+    phase_resonance: PhaseResonance | None = None
+    """Excite the damped structure on the mode."""
 
     def settle(self) -> None:
-        """Refuse an energy where it is what changes, and an expansion in anything but the stiffness factor."""
-        if self.method == "multiple_scales" and not isinstance(self.continue_in, StiffnessFactorContinuation):
+        """Resolve the method; refuse an energy where it is what changes, and methods that follow the factor only."""
+        if known(self.method):
+            self.resolve("method", solver_of(self.method))
+        going, kind = self.continue_in, self.solver.kind
+        if kind in _IN_FACTOR and not isinstance(going, StiffnessFactorContinuation):
             raise fail(
-                f"= multiple_scales expands in the stiffness factor, not in the {self.continue_in.kind}",
-                "use continue_in: stiffness_factor, or method: shooting",
+                f"= {kind} {_IN_FACTOR[kind]} the stiffness factor, not in the {going.kind}",
+                "use continue_in: {kind: stiffness_factor}, or method: shooting",
                 ("method",),
             )
-        if self.energy is not None and not isinstance(self.continue_in, StiffnessFactorContinuation):
-            raise fail(f"cannot be held while the {self.continue_in.kind} changes", "leave energy out", ("energy",))
+        if kind == "full_period" and isinstance(going, FrequencyContinuation):
+            raise fail(
+                "= full_period goes on in the stiffness factor or the energy, not in the frequency",
+                "use continue_in: {kind: energy, ...}, or method: shooting",
+                ("method",),
+            )
+        if self.energy is not None and not isinstance(going, StiffnessFactorContinuation):
+            raise fail(f"cannot be held while the {going.kind} changes", "leave energy out", ("energy",))
+
+    @property
+    def solver(self) -> Solver:
+        """The method with its numbers."""
+        return solver_of(self.method)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.flow import ExactFlow
+from beamsim.dynamics.transient import simulate
 
 
 @pytest.mark.parametrize("stiffness", [1e-6, 0.5, 3.0, 1e4])

@@ -175,7 +175,7 @@ def test_a_limit_that_is_exceeded_ends_with_4(here):
 
 def test_profile_and_notch(here):
     profile = "sweep.profile=[{frequency: 0.1, level: 0.2 N}, {frequency: 0.2, level: 0.4 N}]"
-    done = call("case.yaml", "--no-plots", "--set", profile, "--set", "sweep.levels=[]", "--set",
+    done = call("case.yaml", "--no-plots", "--set", profile, "--set", "sweep.levels=null", "--set",
                 "sweep.notches=[{from: 0.3, to: 0.35, level: 0.05 N}]")  # fmt: skip
     assert done.exit_code == 0, done.output
     with h5py.File("case.h5") as file:
@@ -234,5 +234,5 @@ def test_files_that_are_no_sweeps(here):
         open_sweep("y.h5")
     with h5py.File("z.h5", "w") as file:
         file.attrs["command"] = "run"
-    with pytest.raises(ResultFileError, match="no sweep"):
+    with pytest.raises(ResultFileError, match="not one of beamsim"):
         open_sweep("z.h5")

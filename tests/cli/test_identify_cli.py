@@ -69,7 +69,9 @@ def test_info_and_plot_read_the_file_again(call, tmp_path):
     first = call("identify-stiffness", CASE, "--no-plots")
     again = call("info", "identify_snubber.h5")
     assert again.exit_code == 0, again.output
-    assert again.output.splitlines()[:-1] == first.output.splitlines()[:-2]  # all but the files and the time
+    printed = again.output.splitlines()
+    assert [printed[0].partition(": ")[2], *printed[2:-1]] == first.output.splitlines()[:-2]  # all but files and time
+    assert printed[1].split()[0] == "written"
     values = json.loads(call("info", "identify_snubber.h5", "--json").stdout)
     assert values["stiffness_n_per_m"] == pytest.approx(153.59e3, rel=1e-3)
     drawn = call("plot", "identify_snubber.h5", "--format", "svg")

@@ -237,7 +237,6 @@ def test_values_that_make_no_scenario_together_are_named_before_computing():
     [
         (BASE, "vary is missing"),
         (BASE.replace("run: {duration: 0.05 s}\n", "") + GRID, "run is missing"),
-        (BASE + GRID + "sweep: {kind: continuation, from: 20 Hz, to: 90 Hz}\n", "cannot be combined with vary"),
     ],
 )
 def test_studies_without_sense(text, message):

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from beamsim.analyses.energy import energy_history
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.flow import ExactFlow
+from beamsim.dynamics.transient import simulate
 from beamsim.model.signal import Signal
 from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
 

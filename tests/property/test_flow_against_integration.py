@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.reference import integrate
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.transient import simulate
 from beamsim.model.signal import Signal
 from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
 

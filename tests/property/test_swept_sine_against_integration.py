@@ -5,8 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.outputs import accelerations, displacements, stack
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.swept_sine import SweptFlow, sweep
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.transient import simulate
 from beamsim.model.profiles import Profile
 from beamsim.model.swept import Leg, cut_into_windows, swept_signals
 from beamsim.model.system import Forcing

@@ -12,8 +12,9 @@ from beamsim.analyses.designs_results import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.plots.designs import design_figures, save_design_plots, shown_quantities
 from beamsim.scenario import load_scenario
-from beamsim.store.designs import export_designs, holds_designs, open_designs, write_designs
+from beamsim.store.designs import export_designs, open_designs, write_designs
 from beamsim.store.journal import Journal, journal_path
+from beamsim.store.stored import holds
 
 BASE = """\
 title: Fabricated study
@@ -64,7 +65,7 @@ def fabricated(name, failed=(), missing=()):
 def test_what_is_written_is_read(name, tmp_path):
     result = fabricated(name, failed=(1,))
     stored = open_designs(write_designs(result, tmp_path / "study.h5"))
-    assert holds_designs(tmp_path / "study.h5")
+    assert holds(tmp_path / "study.h5", "designs")
     for field in ("analysis", "kind", "status", "shape", "limits", "failures", "fingerprint", "warnings", "created"):
         assert getattr(stored, field) == getattr(result, field), field
     assert stored.title == result.title
@@ -140,7 +141,7 @@ def test_files_that_hold_no_study(how, tmp_path):
             file.attrs["command"] = "run"
     with pytest.raises(ResultFileError, match=r"x\.h5"):
         open_designs(path)
-    assert not holds_designs(path)
+    assert not holds(path, "designs")
 
 
 def test_damaged_and_foreign_versions(tmp_path):

@@ -8,7 +8,7 @@ from beamsim.analyses.linear_response import transfer
 from beamsim.model.build import build_system
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.read import open_result
+from beamsim.store.read import open_run
 from beamsim.store.write import write_run
 
 G = 9.80665
@@ -73,7 +73,7 @@ def test_contact_lowers_the_coherence(result):
 
 
 def test_the_statistics_are_stored_and_drawn(result, tmp_path):
-    stored = open_result(write_run(result, tmp_path / "x.h5")).random
+    stored = open_run(write_run(result, tmp_path / "x.h5")).random
     assert stored.start_s == result.random.start_s
     np.testing.assert_array_equal(stored.frequency_hz, result.random.frequency_hz)
     np.testing.assert_array_equal(stored.transmissibility["mass"], result.random.transmissibility["mass"])

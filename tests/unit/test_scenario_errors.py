@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario import Beam, ChainSnubber, Scenario, Snubber, load_scenario
+from beamsim.scenario import Beam, MassSnubber, Scenario, Snubber, load_scenario
 
 BASE = (Path(__file__).parents[1] / "data" / "examples" / "one_sided_65hz.yaml").read_text()
 CHAIN = """\
@@ -288,7 +288,10 @@ def test_on_a_beam(override, says):
             "must be a cubic stiffness, not a stiffness",
         ),
         ("chain.springs_to_ground=[{mass: 1, kind: quartic, stiffness: 1}]", "is not one of linear, cubic"),
-        ("chain.springs_to_ground=[{mass: 1, stiffness: 1}]", "has no kind; give kind: linear or cubic"),
+        (
+            "chain.springs_to_ground=[{mass: 1, stiffness: 1}]",
+            "has no kind; give kind: linear, cubic or piecewise_linear",
+        ),
         ("excitation.applied_to={mass: 9}", "excitation.applied_to.mass = 9, but the chain has 3 masses"),
         (
             "excitation.applied_to={position: 1}",
@@ -391,7 +394,7 @@ def test_what_python_builds_is_checked_too():
     with pytest.raises(ValidationError):
         beam.length = 2.0
     with pytest.raises(ValidationError):
-        ChainSnubber(mass=1, side="below", stiffness=1.0, nonsense=1)
+        MassSnubber(mass=1, side="below", stiffness=1.0, nonsense=1)
 
 
 def test_round_off_at_the_end_is_forgiven():

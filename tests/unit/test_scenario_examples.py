@@ -113,7 +113,7 @@ def test_chains():
     assert isinstance(two.sweep, Continuation)
     assert two.sweep.to < two.sweep.from_
     cubic = load_scenario(EXAMPLES / "chain_cubic.yaml")
-    assert cubic.chain.springs_to_ground == (CubicGroundSpring(mass=6, stiffness=0.5),)
+    assert cubic.chain.springs_to_ground == (CubicGroundSpring(name="ground_spring_1", mass=6, stiffness=0.5),)
     assert (cubic.nnm.mode, cubic.nnm.energy) == (4, 0.5)
     assert cubic.chain.dashpots == (0.0,) * 7
     assert cubic.run is None

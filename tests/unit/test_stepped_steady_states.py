@@ -6,10 +6,11 @@ import pytest
 from beamsim.analyses.linear_response import contact_levels, transfer
 from beamsim.analyses.stepped import frequencies_of
 from beamsim.analyses.sweep import sweep, sweep_system
+from beamsim.dynamics.flow import ExactFlow
 from beamsim.dynamics.lyapunov import largest_exponent
 from beamsim.dynamics.steady import CycleStepper, Motion, settle
 from beamsim.dynamics.swept_sine import SweptFlow
-from beamsim.dynamics.transient import ExactFlow, simulate
+from beamsim.dynamics.transient import simulate
 from beamsim.model.signal import Signal
 from beamsim.model.swept import constant_windows
 from beamsim.model.system import Forcing

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from beamsim.errors import ResultFileError
-from beamsim.store.export import export_run, export_target
+from beamsim.store.export import export_target
+from beamsim.store.export_run import export_run
 
 
 def read_csv(path):

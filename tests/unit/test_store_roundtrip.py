@@ -13,7 +13,7 @@ import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 from beamsim.store import schema
-from beamsim.store.read import open_result
+from beamsim.store.read import open_run
 from beamsim.store.write import write_run
 
 
@@ -72,7 +72,7 @@ def test_round_trip(case, fabricated_run, tmp_path):
 
 
 def test_stored_scenario_is_parsed_on_demand(fabricated_run, tmp_path):
-    read = open_result(write_run(fabricated_run(), tmp_path / "case.h5"))
+    read = open_run(write_run(fabricated_run(), tmp_path / "case.h5"))
     assert read.scenario.excitation.frequency == 65.0
     assert dataclasses.replace(read, status="other").status == "other"
 
@@ -144,7 +144,7 @@ def test_long_scenario_fits(fabricated_run, tmp_path):
             return "title: long\n" + "# padding\n" * 200_000
 
     path = write_run(dataclasses.replace(fabricated_run(), scenario=Long()), tmp_path / "long.h5")
-    assert len(open_result(path).scenario_yaml) > 2_000_000
+    assert len(open_run(path).scenario_yaml) > 2_000_000
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt, RuntimeError("no"), OSError(28, "No space left on device")])
@@ -154,10 +154,10 @@ def test_failed_write_leaves_everything_as_it_was(failure, existing, fabricated_
     if existing:
         path.write_bytes(b"old")
 
-    def fail(*_):
+    def fail(*_, **__):
         raise failure
 
-    monkeypatch.setattr("beamsim.store.write._write_modes", fail)
+    monkeypatch.setattr("beamsim.store.write.write_modes", fail)
     with pytest.raises((KeyboardInterrupt, RuntimeError, ResultFileError)) as caught:
         write_run(fabricated_run(), path)
     if isinstance(failure, OSError):
@@ -175,7 +175,7 @@ def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_
     write_run(fabricated_run(), link)
     assert link.is_symlink()
     assert real.stat().st_size > 0
-    assert open_result(link).complete
+    assert open_run(link).complete
 
 
 def test_places_that_cannot_be_written(tmp_path, monkeypatch):
@@ -210,26 +210,26 @@ def test_replacing_keeps_nothing_of_an_interrupted_block(tmp_path):
 
 def test_missing_alien_and_damaged_files(fabricated_run, tmp_path):
     with pytest.raises(ResultFileError, match=r"no such result file; .*beamsim run"):
-        open_result(tmp_path / "missing.h5")
+        open_run(tmp_path / "missing.h5")
     text = tmp_path / "case.yaml"
     text.write_text("title: x\n")
     with pytest.raises(ResultFileError, match="not an HDF5 file"):
-        open_result(text)
+        open_run(text)
     alien = tmp_path / "alien.h5"
     with h5py.File(alien, "w") as file:
         file["x"] = 1.0
     with pytest.raises(ResultFileError, match="not one of beamsim's"):
-        open_result(alien)
+        open_run(alien)
 
     path = write_run(fabricated_run(), tmp_path / "case.h5")
     truncated = tmp_path / "truncated.h5"
     truncated.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(ResultFileError, match="damaged"):
-        open_result(truncated)
+        open_run(truncated)
     with h5py.File(path, "a") as file:
         del file["energy/stored"]
     with pytest.raises(ResultFileError, match=r"damaged .*run the case again"):
-        open_result(path)
+        open_run(path)
 
 
 @pytest.mark.parametrize(
@@ -241,4 +241,4 @@ def test_results_of_another_version_or_command(attribute, value, message, fabric
     with h5py.File(path, "a") as file:
         file.attrs[attribute] = value
     with pytest.raises(ResultFileError, match=message):
-        open_result(path)
+        open_run(path)

@@ -1,0 +1,140 @@
+"""The table of ``beamsim nnm``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from beamsim.analyses.nnm_results import NormalModeResult
+
+__all__ = ["nnm_rows"]
+
+Row = tuple[str, str]
+
+SHOWN = 6  # jumps and the like in one row
+_PARAMETERS = {
+    "stiffness_factor": ("stiffness factor", ""),
+    "energy": ("energy", " J"),
+    "frequency": ("frequency", " Hz"),
+}
+STILL = 1e-6  # drift over the spectrum's periods that goes without saying
+
+
+def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
+    """Label and text of every row of the table of a nonlinear mode, taken from the summary alone."""
+    s = result.summary
+    if not result.complete:
+        yield "status", result.status
+    what, unit = _PARAMETERS[result.parameter]
+    yield "backbone", f"mode {s['mode']}, {s['points']} points in {what}, {s['stable_points']} of them stable"
+    for name in ("start", "end"):
+        yield name, _end(result.parameter, s[name])
+    yield "linear frequency", f"{s['linear_frequency_hz']:.6g} Hz"
+    for k, found in enumerate(s["internal_resonances"]):
+        yield (
+            "" if k else "internal resonances",
+            f"{found['ratio']}:1 with mode {found['mode']} at {found['parameter']:.4g}{unit}, {found['points']} points",
+        )
+    yield from _jumps(s["jumps"], unit)
+    yield "grazings", str(s["grazings"])
+    if "full_period" in s:
+        yield from _full_period(s["full_period"], unit)
+    if "multiple_scales" in s:
+        from beamsim.cli.multiple_scales import expansion_rows
+
+        yield from expansion_rows(s["multiple_scales"])
+    if "thesis" in s:
+        yield from _thesis(s["thesis"], told=result.status)
+    if "phase_resonance" in s:
+        from beamsim.cli.phase_resonance import phase_resonance_rows
+
+        yield from phase_resonance_rows(s["phase_resonance"])
+    if s["motion_drift"] > STILL:
+        yield (
+            "spectrum",
+            f"after {s['motion_periods']} periods the motion is {_percent(s['motion_drift'])} from where it began: it "
+            "is unstable, and its lines spread",
+        )
+    yield "largest residual", f"{s['largest_residual']:.2g}"
+    over = "full-period" if "full_period" in s else "half-period"
+    yield "solver", f"{over} shooting, processor time {s['processor_time_s']:.3g} s"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"
+
+
+def _end(parameter: str, end: Mapping[str, Any]) -> str:
+    at = f"stiffness factor {end['parameter']:.6g}: " if parameter == "stiffness_factor" else ""
+    return f"{at}{end['frequency_hz']:.6g} Hz, {end['energy_j']:.4g} J"
+
+
+def _few(texts: Iterable[str]) -> str:
+    known = list(texts)
+    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
+    return ", ".join(known[:SHOWN]) + more
+
+
+def _jumps(jumps: list[dict[str, Any]], unit: str) -> Iterator[Row]:
+    """Jumps by what they bridge: a tongue of a known ratio, or one too thin or of too high an order to name."""
+    causes = dict.fromkeys((j["ratio"], j["mode"]) for j in jumps)
+    for k, (ratio, mode) in enumerate(causes):
+        own = [j for j in jumps if (j["ratio"], j["mode"]) == (ratio, mode)]
+        spans = _few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in own)
+        why = f"{ratio}:1 with mode {mode}" if ratio and mode else "of high order, not traced"
+        yield "" if k else "jumps over tongues", f"{spans} ({why})"
+
+
+def _full_period(s: Mapping[str, Any], unit: str) -> Iterator[Row]:
+    yield "full period", f"differs by {s['largest_difference']:.2g} from half-period shooting"
+    if s["symmetry_breakings"]:
+        at = "at " if unit else "at stiffness factor "
+        yield "symmetry breakings", at + _few(f"{b['parameter']:.6g}{unit}" for b in s["symmetry_breakings"])
+    for k, branch in enumerate(s["never_at_rest"]):
+        start, end = branch["start"], branch["end"]
+        yield (
+            "" if k else "never at rest",
+            f"kicked in mode {branch['mode']} (about {branch['ratio']}:1), {branch['points']} points, "
+            f"{branch['stable_points']} stable, from {start['parameter']:.6g} to {end['parameter']:.6g}{unit}; slowest "
+            f"instants keep up to {_percent(branch['largest_least_kinetic'])} of the energy moving",
+        )
+        yield "", branch["status"]
+
+
+_FOLLOWED = {
+    "same": "beside the backbone's motion",
+    "other": "beside another motion",
+    "none": "beside no periodic motion",
+    "between": "where a tongue cuts the backbone",
+}
+
+
+def _thesis(s: Mapping[str, Any], told: str) -> Iterator[Row]:
+    end = s["end"]
+    yield (
+        "thesis's method",
+        f"{s['steps_reached']} of {s['steps']} steps to stiffness factor {end['parameter']:.6g}, functional up to "
+        f"{s['largest_functional']:.2g} (tolerance {s['tolerance']:g})",
+    )
+    exact = f"{end['exact_frequency_hz']:.6g} Hz by shooting"
+    if not math.isfinite(end["exact_frequency_hz"]):
+        exact = "shooting finds no motion of this mode there"
+    yield "", f"{end['frequency_hz']:.6g} Hz, period {end['period_s']:.5g} s; {exact}"
+    yield (
+        "",
+        f"differs by up to {_percent(s['largest_frequency_difference'])} in frequency and "
+        f"{_percent(s['largest_shape_difference'])} in shape",
+    )
+    yield "", ", ".join(f"{n} {'step' if n == 1 else 'steps'} {_FOLLOWED[k]}" for k, n in s["followed"].items())
+    if s["silent_jumps"]:
+        yield "", f"left its motion unnoticed at {_few(f'{f:.4g}' for f in s['silent_jumps'])}"
+    yield (
+        "its cost",
+        f"{s['passages']} motions, processor time {s['processor_time_s']:.3g} s; shooting, tongues included, "
+        f"{s['shooting_passages']} motions, {s['shooting_processor_time_s']:.3g} s "
+        f"(ratio {s['cost_ratio']:.2g})",
+    )
+    if s["status"] not in ("complete", told):
+        yield "", s["status"]

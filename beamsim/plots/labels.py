@@ -1,0 +1,87 @@
+"""Names beside points of a picture, clear of its curves and of one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["put_names"]
+
+Floats = NDArray[np.float64]
+
+SIZE = 6.9  # points, of the letters
+LETTER, LINE = 0.56, 1.25  # width of a letter and height of a line, over the size
+DISTANCES = (10.0, 17.0, 26.0, 37.0, 50.0, 65.0)  # points, from what is named to the name
+DIRECTIONS = tuple(np.deg2rad(a) for a in (-40, 40, -75, 75, -10, 10, -140, 140, -105, 105, 180))
+MARGIN = 1.5  # points, round a name
+SPACING = 2.0  # points, between the dots that stand for a curve
+ON_NAME, OUTSIDE, ON_LINE = 50.0, 100.0, 1.0  # what a place costs: other names, the frame, a dot of a curve
+FAR = 0.03  # a point of distance
+
+
+def put_names(ax: Axes, places: Mapping[str, tuple[float, float]], curves: Iterable[tuple[Floats, Floats]]) -> None:
+    """Write every name near its place (data coordinates), where it covers as little as possible, with a thin leader.
+
+    Whatever sets the limits of the axes must have been drawn before.
+    """
+    ax.autoscale_view()  # limits are settled late otherwise
+    points = 72.0 / ax.figure.dpi
+    frame = np.array(ax.bbox.extents) * points
+    dots = _dots(ax, curves, points)
+    taken: list[tuple[float, float, float, float]] = []
+    for text, place in places.items():
+        at = ax.transData.transform(place) * points
+        wide, high = LETTER * SIZE * len(text), LINE * SIZE
+        best: tuple[float, float, float, str] | None = None
+        for distance in DISTANCES:
+            for angle in DIRECTIONS:
+                dx, dy = distance * np.cos(angle), distance * np.sin(angle)
+                side = "left" if np.cos(angle) > 0.05 else "right" if np.cos(angle) < -0.95 else "center"
+                left = at[0] + dx - {"left": 0.0, "right": wide, "center": 0.5 * wide}[side]
+                box = (left - MARGIN, at[1] + dy - 0.5 * high, left + wide + MARGIN, at[1] + dy + 0.5 * high)
+                cost = FAR * distance + _cost(box, frame, dots, taken)
+                if best is None or cost < best[0]:
+                    best, found = (cost, dx, dy, side), box
+        assert best is not None
+        taken.append(found)
+        leader: dict[str, Any] = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1}
+        ax.annotate(
+            text, place, xytext=best[1:3], textcoords="offset points", ha=best[3], va="center", fontsize=SIZE,
+            color="0.25", arrowprops=leader, zorder=6,
+        )  # fmt: skip
+
+
+def _cost(
+    box: tuple[float, float, float, float],
+    frame: Floats,
+    dots: Floats,
+    taken: list[tuple[float, float, float, float]],
+) -> float:
+    left, low, right, high = box
+    cost = 0.0
+    if left < frame[0] or low < frame[1] or right > frame[2] or high > frame[3]:
+        cost += OUTSIDE
+    for a in taken:
+        if left < a[2] and right > a[0] and low < a[3] and high > a[1]:
+            cost += ON_NAME
+    covered = (dots[:, 0] > left) & (dots[:, 0] < right) & (dots[:, 1] > low) & (dots[:, 1] < high)
+    return cost + ON_LINE * float(np.count_nonzero(covered))
+
+
+def _dots(ax: Axes, curves: Iterable[tuple[Floats, Floats]], points: float) -> Floats:
+    """(k, 2) places along the curves, in points."""
+    found = [np.zeros((0, 2))]
+    for x, y in curves:
+        line = ax.transData.transform(np.stack([x, y], axis=1)) * points
+        for a, b in pairwise(line):
+            if np.all(np.isfinite(a)) and np.all(np.isfinite(b)):
+                steps = 1 + int(min(np.hypot(*(b - a)) / SPACING, 1000.0))
+                found.append(a + np.linspace(0.0, 1.0, steps, endpoint=False)[:, None] * (b - a))
+    return np.concatenate(found)

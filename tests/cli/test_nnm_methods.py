@@ -1,0 +1,296 @@
+"""`beamsim nnm` by other methods: the thesis's minimisation, multiple scales, the whole period; files read back."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.analyses.nnm import conservative_system, nnm
+from beamsim.analyses.nnm_orbits import orbit_motion
+from beamsim.analyses.nnm_paths import mode_path
+from beamsim.cli.app import app
+from beamsim.cli.nnm_report import nnm_rows
+from beamsim.errors import ResultFileError, ScenarioError
+from beamsim.plots.nnm import nnm_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.nnm import open_nnm, write_nnm
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+CHAIN = CONFIGS / "nnm_chain_mass_5.yaml"
+FIRST = CONFIGS / "nnm_first.yaml"
+ENERGY = CONFIGS / "nnm_energy.yaml"
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """A chain by the thesis's method, the expansion beside it."""
+    changes = {"nnm.method": {"kind": "thesis", "steps": 12, "tolerance": 1e-8}}
+    return nnm(load_scenario(CHAIN, changes), compare=["multiple_scales"])
+
+
+@pytest.fixture(scope="module")
+def never_at_rest():
+    return nnm(load_scenario(CONFIGS / "nnm_never_at_rest.yaml"))
+
+
+@pytest.fixture(scope="module")
+def beam():
+    changes = {"nnm.continue_in.to": 0.1, "reduction": {"modes": 4}}
+    return nnm(load_scenario(FIRST, changes))
+
+
+def same(a, b, path="result"):
+    """Every field alike, bit for bit."""
+    if dataclasses.is_dataclass(a):
+        assert dataclasses.is_dataclass(b), path
+        for field in dataclasses.fields(a):
+            same(getattr(a, field.name), getattr(b, field.name), f"{path}.{field.name}")
+    elif isinstance(a, np.ndarray):
+        assert a.dtype.kind == b.dtype.kind, path
+        np.testing.assert_array_equal(a, b, err_msg=path)
+    elif isinstance(a, dict):
+        assert list(a) == list(b), path
+        for key in a:
+            same(a[key], b[key], f"{path}[{key!r}]")
+    elif isinstance(a, (tuple, list)):
+        assert len(a) == len(b), path
+        for k, pair in enumerate(zip(a, b, strict=True)):
+            same(*pair, f"{path}[{k}]")
+    elif isinstance(a, float) and np.isnan(a):
+        assert np.isnan(b), path
+    else:
+        assert a == b, path
+
+
+@pytest.mark.parametrize("name", ["compared", "never_at_rest", "beam"])
+def test_a_file_holds_the_whole_result(name, request, tmp_path):
+    """Every field comes back; the table and the pictures are the same, and nothing is computed for them."""
+    result = request.getfixturevalue(name)
+    stored = open_nnm(write_nnm(result, tmp_path / "mode.h5"))
+    summary = {key: value for key, value in result.summary.items() if key != "jumps"}
+    for field in dataclasses.fields(result):
+        if field.name not in ("scenario", "summary"):
+            same(getattr(result, field.name), getattr(stored, field.name), field.name)
+    same(summary, {key: stored.summary[key] for key in summary}, "summary")
+    assert "scenario" not in vars(stored)  # it is parsed when it is asked for
+    assert stored.scenario == result.scenario
+    assert dict(nnm_rows(stored)) == dict(nnm_rows(result))
+    assert list(nnm_figures(stored)) == list(nnm_figures(result))
+
+
+def test_a_file_of_another_result_is_refused(compared, tmp_path):
+    path = write_nnm(compared, tmp_path / "mode.h5")
+    with h5py.File(path, "r+") as file:
+        del file["branches/0/frequency_hz"]
+    with pytest.raises(ResultFileError, match="damaged"):
+        open_nnm(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["command"] = "run"
+    with pytest.raises(ResultFileError):
+        open_nnm(path)
+
+
+def test_every_dataset_says_what_it_is(compared, tmp_path):
+    unnamed = []
+
+    def look(name, item):
+        if isinstance(item, h5py.Dataset) and not (item.attrs.get("long_name") and "units" in item.attrs):
+            unnamed.append(name)
+
+    with h5py.File(write_nnm(compared, tmp_path / "mode.h5")) as file:
+        file.visititems(look)
+        assert {"thesis", "multiple_scales", "branches", "modes", "jumps"} <= set(file)
+        assert file["thesis/functional"].dims[0][0] == file["thesis/factor"]
+    assert unnamed == []
+
+
+def test_thesis_method_beside_shooting(compared):
+    """As close as its tolerance lets it, and not closer; what was computed is counted."""
+    relaxed = compared.relaxed
+    assert compared.complete
+    assert relaxed.steps_reached == 12
+    assert relaxed.functional.max() <= 1e-8
+    assert set(relaxed.fate) == {"same"}
+    assert not relaxed.jumped.any()
+    assert 1e-12 < relaxed.frequency_difference.max() < 1e-4
+    assert relaxed.passages.sum() > 12
+    assert relaxed.shooting_passages > compared.backbone.parameter.size
+    np.testing.assert_allclose(relaxed.exact_frequency_hz[-1], compared.backbone.frequency_hz[-1], rtol=1e-10)
+    tighter = nnm(load_scenario(CHAIN, {"nnm.method": {"kind": "thesis", "steps": 12, "tolerance": 1e-14}})).relaxed
+    assert tighter.shape_difference.max() < 1e-2 * relaxed.shape_difference.max()
+    assert tighter.passages.sum() > relaxed.passages.sum()
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "period"), [("nnm_chain_mass_5", 35, 4.0098), ("nnm_chain_mass_1", 55, 3.9697)]
+)
+def test_thesis_method_on_the_thesis_chains(name, steps, period):
+    """Steps and tolerance of the thesis, periods as computed apart (4.011 and 3.97 s printed)."""
+    changes = {"nnm.method": {"kind": "thesis", "steps": steps, "tolerance": 1e-6}}
+    result = nnm(load_scenario(CONFIGS / f"{name}.yaml", changes))
+    assert result.complete
+    assert result.relaxed.steps_reached == steps
+    assert 1 / result.relaxed.frequency_hz[-1] == pytest.approx(period, abs=1e-3)
+
+
+def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
+    """The bare beam: the minimiser goes into the 5:1 tongue with mode 2 and stays there. Exit code 3, steps kept."""
+    done = invoke("nnm", CONFIGS / "nnm_thesis_mode_1.yaml", "--set", "nnm.method=thesis", "--set",
+                  "reduction.modes=5", "-o", tmp_path, "--no-plots")  # fmt: skip
+    assert done.exit_code == 3
+    assert "the thesis's method stopped at stiffness factor 0.1" in done.stderr
+    assert "nnm.method." in done.stderr
+    stored = open_nnm(tmp_path / "nnm_thesis_mode_1.h5")
+    assert not stored.complete
+    assert not stored.relaxed.reached[-1]
+    assert stored.relaxed.reached[:-1].all()
+    assert stored.backbone.parameter[-1] == 1.0  # shooting goes on
+    tongue = next(t for t in stored.tongues if (t.mode, t.ratio) == (2, 5))
+    assert stored.relaxed.factor[-1] == pytest.approx(tongue.parameter[0], abs=0.05)
+
+
+def test_a_comparison_that_ends_early_leaves_the_mode_complete(tmp_path):
+    done = invoke("nnm", CHAIN, "--compare", "thesis", "--compare", "multiple_scales", "-o", tmp_path, "--json")
+    assert done.exit_code == 0
+    summary = json.loads(done.stdout)
+    assert summary["thesis"]["steps_reached"] == summary["thesis"]["steps"] == 75
+    assert {"passages", "shooting_passages", "processor_time_s", "cost_ratio"} <= summary["thesis"].keys()
+    assert summary["multiple_scales"]["observed_order_frequency"] == pytest.approx([2.0, 3.0], abs=0.1)
+    assert {Path(f).name for f in summary["files"]} >= {
+        "nnm_chain_mass_5.h5", "nnm_chain_mass_5_thesis.png", "nnm_chain_mass_5_multiple_scales.png",
+        "nnm_chain_mass_5_motion.png", "nnm_chain_mass_5_deflected_shapes.png",
+    }  # fmt: skip
+
+
+def test_expansion_writes_a_file(tmp_path):
+    done = invoke("nnm", CHAIN, "--set", "nnm.method=multiple_scales", "-o", tmp_path, "--no-plots")
+    assert done.exit_code == 0
+    assert "observed orders" in done.stdout
+    stored = open_nnm(tmp_path / "nnm_chain_mass_5.h5")
+    assert stored.method == "multiple_scales"
+    exact = stored.expansion.exact.frequency_hz
+    np.testing.assert_allclose(
+        np.sort(exact[np.isfinite(exact)]), np.sort(stored.backbone.frequency_hz[1:]), rtol=1e-12
+    )
+
+
+def test_spectrum_over_fifty_periods(compared, beam):
+    """Steps of a fiftieth of the frequency; lines at the harmonics alone, as large as the harmonics of one period."""
+    motion = compared.motion
+    period = motion.time[-1]
+    assert motion.periods == 50
+    np.testing.assert_allclose(np.diff(motion.spectrum_frequency_hz), 1 / (50 * period), rtol=1e-9)
+    for name, amplitude in motion.spectrum.items():
+        np.testing.assert_allclose(amplitude[::50][:21], np.abs(motion.harmonics[name]), atol=1e-9)
+        between = np.delete(amplitude, np.arange(0, amplitude.size, 50))
+        assert between.max() < 1e-9 * amplitude.max()
+    assert motion.drift < 1e-9
+
+
+def test_an_unstable_motion_drifts_from_its_period(compared):
+    """The twin: fifty periods of an unstable mode are not periodic, and the result says so."""
+    scenario = load_scenario(ENERGY, {"nnm.continue_in.to": "65 uJ"})
+    system = conservative_system(scenario)
+    followed = mode_path(scenario, system).follow(None)
+    modes = [followed.orbits.mode(point) for point in followed.points]
+    growth = [np.abs(m.multipliers).max() for m in modes]
+    k = int(np.argmax(growth))
+    assert growth[k] > 1.4
+    state = np.concatenate([modes[k].shape, np.zeros(system.dynamics.size)])
+    motion = orbit_motion(system, followed.points[k].data.flow, state, modes[k].period)
+    assert motion.drift > 1e-6
+    told = dataclasses.replace(compared, summary={**compared.summary, "motion_drift": motion.drift})
+    assert "it is unstable" in dict(nnm_rows(told))["spectrum"]
+    assert "spectrum" not in dict(nnm_rows(compared))
+
+
+def test_jumps_that_nothing_explains(beam):
+    """A jump without a known resonance has neither mode nor ratio, and the table says what it is."""
+    jumps = [
+        {"start": 0.1, "end": 0.2, "mode": 2, "ratio": 5},
+        {"start": 0.3, "end": 0.4, "mode": None, "ratio": None},
+    ]
+    changed = dataclasses.replace(beam, summary={**beam.summary, "jumps": jumps})
+    text = [row for row in nnm_rows(changed) if "to 0." in row[1]]
+    assert text[0] == ("jumps over tongues", "0.1 to 0.2 (5:1 with mode 2)")
+    assert text[1] == ("", "0.3 to 0.4 (of high order, not traced)")
+    assert all((j["ratio"] is None) == (j["mode"] is None) for j in beam.summary["jumps"])
+
+
+def test_python(compared):
+    """The result says in Python what it holds."""
+    assert compared.backbone is compared.branches[0]
+    assert compared.tongues == compared.never_at_rest == ()
+    assert compared.method == "thesis"
+    assert compared.title == compared.scenario.title
+    with pytest.raises(ValueError, match="no comparison"):
+        nnm(compared.scenario, compare=["guesswork"])
+
+
+@pytest.mark.parametrize(
+    ("case", "changes", "text"),
+    [
+        (FIRST, {"nnm.method": "thessis"}, "write shooting, full_period"),
+        (FIRST, {"nnm.method": {"kind": "thesis", "stepps": 3}}, "did you mean steps"),
+        (FIRST, {"nnm.method": {"kind": "thesis", "steps": 0}}, "1 or more"),
+        (FIRST, {"nnm.method": {"kind": "thesis", "steps": 20000}}, "over 10000"),
+        (FIRST, {"nnm.method": {"kind": "thesis", "tolerance": 2}}, "square of a relative miss"),
+        (FIRST, {"nnm.method": {"kind": "full_period", "branches": -1}}, "0 or more"),
+        (ENERGY, {"nnm.method": "thesis"}, "use continue_in: {kind: stiffness_factor}"),
+        (ENERGY, {"nnm.method": "multiple_scales"}, "use continue_in: {kind: stiffness_factor}"),
+        (ENERGY, {"nnm.method": "full_period", "nnm.continue_in": {"kind": "frequency", "from": 52.5, "to": 60}},
+         "continue_in: {kind: energy"),
+        (FIRST, {"nnm.mode": 0}, "1 or more"),
+        (CHAIN, {"nnm.mode": 7}, "choose a mode from 1 to 6"),
+        (FIRST, {"nnm.continue_in.to": -1}, "must not be negative"),
+        (ENERGY, {"nnm.continue_in.from": 0}, "must be positive"),
+        (ENERGY, {"nnm.continue_in.to": "1 uJ"}, "give a range"),
+        (FIRST, {"nnm.energy": "-1 J"}, "must be positive"),
+    ],
+)  # fmt: skip
+def test_nonsense_in_the_section_is_refused(case, changes, text):
+    with pytest.raises(ScenarioError, match=text.replace("{", r"\{")):
+        load_scenario(case, changes)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([CONFIGS / "one_sided_65hz.yaml"], "one_sided_65hz.yaml: nnm is missing; add for example"),
+        ([FIRST, "--set", "nnm.mode=40"], "choose a lower mode, or raise reduction.modes"),
+        ([ENERGY, "--compare", "thesis"], "nnm_energy.yaml:16: nnm.continue_in.kind = energy, but thesis goes in"),
+        ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "thesis"], "use method: shooting"),
+        ([ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"], "choose one between 52.39"),
+        ([FIRST, "--compare", "guesswork"], "thesis"),
+    ],
+)  # fmt: skip
+def test_what_only_the_model_can_refuse(arguments, text, tmp_path):
+    done = invoke("nnm", *arguments, "-o", tmp_path)
+    assert done.exit_code == 2
+    assert text in " ".join(done.stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
+    path = "nnm.continue_in={kind: frequency, from: 52.45 Hz, to: 53 Hz}"
+    done = invoke("nnm", ENERGY, "--set", path, "-o", tmp_path, "--no-plots")
+    assert done.exit_code == 3
+    assert "follow the energy instead; the partial result is in" in done.stderr
+    stored = open_nnm(tmp_path / "nnm_energy.h5")
+    assert stored.backbone.parameter.size > 10
+    assert stored.backbone.residual.max() < 1e-10
+
+
+def test_a_range_too_wide_says_what_to_do(tmp_path):
+    done = invoke("nnm", FIRST, "--set", "nnm.continue_in.to=1e9", "-o", tmp_path, "--no-plots")
+    assert done.exit_code == 3
+    assert "stopped at stiffness factor" in done.stderr
+    assert "a nearer nnm.continue_in.to may go on" in done.stderr

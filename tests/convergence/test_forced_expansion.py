@@ -1,0 +1,117 @@
+"""`beamsim sweep --compare multiple_scales`: response curves by forced multiple scales beside exact ones."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.analyses.forced_expansion import compare_forced_expansion
+from beamsim.cli.app import app
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.store.multiple_scales import read_forced_expansion
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+OSCILLATOR = CONFIGS / "ms_forced_oscillator.yaml"
+RANGE = {"sweep.from": "0.5 rad/s", "sweep.to": "0.8 rad/s"}
+
+
+def test_oscillator_of_the_thesis():
+    """e = 0.1: within 5 % (leading) and 0.3 % (first order); orders 1 and 2 as everything small is made smaller."""
+    (c,) = compare_forced_expansion(load_scenario(OSCILLATOR))
+    assert c.mode == 1
+    assert c.factor[0] == 1.0
+    assert c.difference[0, 0] < 0.05
+    assert c.difference[0, 1] < 0.003
+    np.testing.assert_allclose(c.orders[-1], [1.0, 2.0], atol=0.01)
+    assert c.stable.all()
+    assert c.stability_agrees.all()
+    # without a gap the slow flow is linear: a = F / |2 (psi - sigma)|, psi = 1/4 + i/2 in units of e
+    k = int(np.argmax(c.leading["mass"]))
+    assert 2 * np.pi * c.frequency_hz[k] == pytest.approx(1.025, abs=1e-6)
+    assert c.leading["mass"][k] == pytest.approx(1.0, abs=1e-4)  # between two of the 256 samples
+    assert np.interp(1.1, 2 * np.pi * c.frequency_hz, c.leading["mass"]) == pytest.approx(
+        0.5 / np.hypot(0.75, 0.5), rel=1e-3
+    )
+
+
+def test_bent_response_with_a_gap():
+    """Stable, unstable, stable along the curve through its tip; both orders where the exact motion is near."""
+    changes = RANGE | {"chain.snubbers[0].stiffness": 0.3}
+    (c,) = compare_forced_expansion(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    flips = np.flatnonzero(np.diff(c.stable.astype(int)))
+    assert flips.size == 2
+    found = np.isfinite(c.difference[:, 0])
+    assert c.stability_agrees[found].all()
+    np.testing.assert_allclose(c.orders[-1], [1.0, 2.0], atol=0.03)
+    # the tip lies on the nonlinear mode's own frequency
+    k = int(np.argmax(c.leading["first"]))
+    assert c.frequency_hz[k] == pytest.approx(c.backbone_hz[k], rel=1e-5)
+
+
+def test_levels_each_have_their_curve():
+    changes = RANGE | {"chain.snubbers[0].stiffness": 0.3, "sweep.levels": ["0.05 N", "0.1 N"]}
+    low, high = compare_forced_expansion(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    assert (low.level, high.level) == (0.05, 0.1)
+    assert low.leading["first"].max() < high.leading["first"].max()
+
+
+def test_steady_spectrum_of_the_thesis():
+    """Fundamental and even harmonics, whatever the force: the odd ones are of second order."""
+    result = beamsim.run(load_scenario(OSCILLATOR))
+    lines = [row for row in result.summary["spectral_lines"] if row["quantity"] == "absolute_acceleration"]
+    assert {row["order"] for row in lines} == {0.0, 1.0, 2.0, 4.0, 6.0}
+    by_order = {row["order"]: row["amplitude"] for row in lines}
+    assert 1.1**-2 * by_order[1.0] == pytest.approx(0.511, abs=1e-3)
+    assert by_order[2.0] / by_order[1.0] == pytest.approx(0.0223, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("file", "changes", "text"),
+    [
+        ("sweep_up_down", {}, "kind: continuation"),
+        ("chain_two_dof", {"chain.snubbers": []}, "no one-sided spring"),
+        ("chain_two_dof", {"chain.springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": 1}]}, "a cubic one"),
+        (
+            "continuation_60_120hz", {"snubbers[0].mounted_on": "ground"}, "the base also pushes",
+        ),
+        (
+            "chain_two_dof",
+            {
+                "chain.snubbers[0].law": "no_tension",
+                "chain.snubbers[0].damping": {"kind": "viscous", "coefficient": 0.1},
+            },
+            "law of Kelvin and Voigt",
+        ),
+    ],
+)  # fmt: skip
+def test_nonsense_is_refused_with_a_remedy(file, changes, text):
+    with pytest.raises(ScenarioError, match=text):
+        compare_forced_expansion(load_scenario(CONFIGS / f"{file}.yaml", changes))
+
+
+def test_command(tmp_path):
+    done = CliRunner().invoke(
+        app, ["sweep", str(OSCILLATOR), "--compare", "multiple_scales", "-o", str(tmp_path), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    (level,) = summary["multiple_scales"]
+    assert level["observed_orders"] == pytest.approx([1.0, 2.0], abs=0.01)
+    names = {Path(f).name for f in summary["files"]}
+    assert {"ms_forced_oscillator_multiple_scales_mass.png", "ms_forced_oscillator_multiple_scales_orders.png"} <= names
+    with h5py.File(tmp_path / "ms_forced_oscillator.h5") as file:
+        (stored,) = read_forced_expansion(file)
+        assert file["multiple_scales/0/difference"].dims[0][0] == file["multiple_scales/0/factor"]
+    assert stored.first["mass"].max() == level["largest_first_order_m"]["mass"]
+    assert stored.stability_agrees.all()
+
+
+def test_only_beside_a_continuation(tmp_path):
+    done = CliRunner().invoke(app, ["sweep", str(CONFIGS / "sweep_up_down.yaml"), "--compare", "multiple_scales"])
+    assert done.exit_code == 2
+    assert "kind: continuation" in done.output
