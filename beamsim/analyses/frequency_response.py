@@ -40,6 +40,7 @@ Floats = NDArray[np.float64]
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
+NAMED = 3  # of what was not begun
 _NUMBER = re.compile(r"(reached|parameter|at) (-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?=[\s:;,]|$)")
 
 
@@ -179,7 +180,8 @@ def _interrupted(status: str, left: list[str]) -> str:
     """The status of what was ended early, with what was not begun."""
     texts = [INTERRUPTED] if status == "complete" else [INTERRUPTED, status]
     if left:
-        texts.append(f"not begun: {', '.join(left)}")
+        more = f" and {len(left) - NAMED} more" if len(left) > NAMED else ""
+        texts.append(f"not begun: {', '.join(left[:NAMED])}{more}")
     return "; ".join(texts)
 
 

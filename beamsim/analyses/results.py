@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.outcome import Outcome
-from beamsim.model.structure import ModeTable
+from beamsim.model.structure import ModeTable, SnubberNumbers
 
 if TYPE_CHECKING:
     from beamsim.analyses.random_response import RandomResponse
@@ -44,18 +44,9 @@ class ProbeHistory:
 
 
 @dataclass(frozen=True)
-class SnubberHistory:
-    """One snubber at the output times, with the numbers that describe it."""
+class SnubberHistory(SnubberNumbers):
+    """One snubber at the output times."""
 
-    name: str
-    position: float  # m along the beam; the mass number for a chain, halfway for a snubber between two masses
-    side: str  # "below" or "above"; between two masses "approach" or "separation"
-    stiffness: float  # N/m
-    dashpot: float  # N s/m
-    gap: float  # m, clearance positive; resolved where a preload was given
-    preload: float  # N, contact force at static equilibrium (nan where there is none)
-    blocked_force: float  # N, stiffness * max(-gap, 0): the force if the structure could not move
-    stiffness_ratio: float  # k L^3 / (E I); k over the largest chain spring for a chain
     force: Floats  # (nt,) N, positive when it pushes
     penetration: Floats  # (nt,) m
     closed: NDArray[np.bool_]  # (nt,)

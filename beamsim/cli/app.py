@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
-from beamsim.cli.designs import Check, check_limits, need_limits
 from beamsim.cli.failures import guarded, say
 from beamsim.cli.identification import register as register_identification
 from beamsim.cli.nnm import register as register_nnm
-from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
+from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
 from beamsim.cli.sweep import register as register_sweep
 
 __all__ = ["app"]
@@ -80,10 +79,10 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
+    from beamsim.cli.conclusion import conclude, need_limits
     from beamsim.cli.output import output_file, save_run
     from beamsim.cli.progress import progress_bar
     from beamsim.cli.report import print_run
-    from beamsim.errors import NotTrustedError
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, set_ or ())
@@ -95,14 +94,7 @@ def run(
 
         result = simulate(scenario, progress)
     files = save_run(result, target, plots=not no_plots)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        print_run(result, files, as_json=json)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
-    if check:
-        check_limits(result.summary.get("margins", {}))
+    conclude(result, files, print_run, json=json, quiet=quiet, check=check)
 
 
 @app.command()

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.cli.failures import say
-
 if TYPE_CHECKING:
     from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
     from beamsim.scenario import Scenario
@@ -48,9 +46,10 @@ def continue_response(scenario: Scenario, target: Path, options: ContinuationOpt
     LimitExceededError
         With ``check``.
     """
+    from beamsim.cli.conclusion import conclude
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
-    from beamsim.errors import NotTrustedError, Problem, ScenarioError
+    from beamsim.errors import Problem, ScenarioError
     from beamsim.store.continuation import write_frequency_response
     from beamsim.store.sweep import open_sweep
 
@@ -76,25 +75,17 @@ def continue_response(scenario: Scenario, target: Path, options: ContinuationOpt
         from beamsim.plots.continuation import save_response_plots
 
         files += save_response_plots(result, target.parent, target.stem)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if options.json or not options.quiet:
-        print_response(result, files, as_json=options.json)
-    interrupted.end(target)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
-    if options.check:
-        from beamsim.cli.designs import check_limits
-
-        check_limits(result.summary["margins"])
+    conclude(
+        result, files, print_response, json=options.json, quiet=options.quiet, check=options.check,
+        interrupted=interrupted,
+    )  # fmt: skip
 
 
 def print_response(result: FrequencyResponse, files: Sequence[Path], *, as_json: bool) -> None:
     """Summary of a response and the files it left."""
-    from beamsim.cli.report import print_result
+    from beamsim.cli.report import print_outcome
 
-    summary = {**result.summary, "wall_time_s": result.wall_time_s}
-    print_result(result.title, summary, response_rows(result), files, as_json=as_json)
+    print_outcome(result, response_rows(result), files, as_json=as_json)
 
 
 def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:

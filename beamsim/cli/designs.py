@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from beamsim.cli.conclusion import conclude, need_limits
 from beamsim.cli.failures import say
 from beamsim.cli.progress import progress_bar
-from beamsim.errors import LimitExceededError, NotTrustedError, Problem, ScenarioError
+from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:
     from beamsim.analyses.designs import DesignPlan
@@ -21,17 +20,12 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 __all__ = [
-    "Check",
     "StudyOptions",
-    "check_limits",
     "design_rows",
-    "need_limits",
     "print_designs",
     "refuse_study_options",
     "sweep_designs",
 ]
-
-Check = Annotated[bool, typer.Option("--check", help="End with exit code 4 when one of the limits is exceeded.")]
 
 SAVED_EVERY_S = 30.0  # how often the result file is brought up to date
 TOLD_EVERY_S = 30.0  # how often progress is told where there is no terminal
@@ -70,14 +64,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions) -> No
     plan = plan_designs(scenario)
     check_cases(plan)
     result, files = _finished(plan, target, options) or _computed(plan, target, options)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if options.json or not options.quiet:
-        print_designs(result, files, as_json=options.json)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the other cases are in {target}")
-    if options.check:
-        check_limits(result.summary.get("margins", {}))
+    conclude(result, files, print_designs, json=options.json, quiet=options.quiet, check=options.check)
 
 
 def refuse_study_options(**given: object) -> None:
@@ -87,23 +74,6 @@ def refuse_study_options(**given: object) -> None:
             raise ScenarioError(
                 Problem("vary", f"is missing, and --{name} is about its cases", "leave the option out, or add vary")
             )
-
-
-def need_limits(scenario: Scenario) -> None:
-    """Refuse ``--check`` without anything to check."""
-    if scenario.limits is None:
-        raise ScenarioError(
-            Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
-        )
-
-
-def check_limits(margins: dict[str, Any]) -> None:
-    """End with exit code 4 where a limit is exceeded."""
-    from beamsim.analyses.limits import exceeded_limits
-
-    exceeded = exceeded_limits(margins)
-    if exceeded:
-        raise LimitExceededError("; ".join(exceeded))
 
 
 def print_designs(result: DesignsResult, files: Sequence[Path], *, as_json: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from beamsim.cli.failures import guarded, say
+from beamsim.cli.failures import guarded
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
 
 __all__ = ["register"]
@@ -30,10 +30,10 @@ def identify_stiffness(
     debug: Debug = False,
 ) -> None:
     """Find a snubber's stiffness, damping and the beam's own parameters from measurements."""
+    from beamsim.cli.conclusion import conclude
     from beamsim.cli.identification_report import print_identification, save_identification
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_bar
-    from beamsim.errors import NotTrustedError
     from beamsim.scenario import load_scenario
     from beamsim.store.measurement import read_tests
 
@@ -44,12 +44,7 @@ def identify_stiffness(
 
         result = identify(scenario, read_tests(scenario, case.parent), progress)
     files = save_identification(result, target, plots=not no_plots)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        print_identification(result, files, as_json=json)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+    conclude(result, files, print_identification, json=json, quiet=quiet)
 
 
 @guarded
@@ -69,6 +64,7 @@ def compare(
 ) -> None:
     """Overlay a run with measured signals. Prints harmonic differences in dB, phase aligned."""
     from beamsim.analyses.compare import compare as compare_with
+    from beamsim.cli.conclusion import conclude
     from beamsim.cli.identification_report import print_comparison, save_comparison
     from beamsim.cli.output import output_file
     from beamsim.store.comparison import pair_channels
@@ -79,6 +75,4 @@ def compare(
     pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
     found = compare_with(stored, pairs, harmonics=harmonics, last=last)
     files = save_comparison(found, target, plots=not no_plots)
-    for warning in found.warnings:
-        say(f"beamsim: warning: {warning}")
-    print_comparison(found, files, as_json=json)
+    conclude(found, files, print_comparison, json=json, quiet=False)

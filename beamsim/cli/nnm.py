@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamsim.cli.failures import guarded, say
+from beamsim.cli.failures import guarded
 from beamsim.cli.nnm_report import nnm_rows
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
 
@@ -46,10 +46,11 @@ def nnm(
     debug: Debug = False,
 ) -> None:
     """Follow a nonlinear normal mode in stiffness, energy or frequency. Writes a result file and plots."""
+    from beamsim.cli.conclusion import conclude
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_bar
-    from beamsim.errors import NotTrustedError, ScenarioError
+    from beamsim.errors import ScenarioError
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, set_ or ())
@@ -69,13 +70,7 @@ def nnm(
         from beamsim.plots.nnm import save_nnm_plots
 
         files += save_nnm_plots(result, target.parent, target.stem)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        print_nnm(result, files, as_json=json)
-    interrupted.end(target)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
+    conclude(result, files, print_nnm, json=json, quiet=quiet, interrupted=interrupted)
 
 
 def print_nnm(result: NormalModeResult, files: Sequence[Path], *, as_json: bool) -> None:

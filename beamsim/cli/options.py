@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["Case", "Debug", "Json", "NoPlots", "Output", "Overrides", "Quiet", "Stored"]
+__all__ = ["Case", "Check", "Debug", "Json", "NoPlots", "Output", "Overrides", "Quiet", "Stored"]
 
 Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
 Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
@@ -22,4 +22,5 @@ Output = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
+Check = Annotated[bool, typer.Option("--check", help="End with exit code 4 when one of the limits is exceeded.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from beamsim.cli.failures import guarded, say
+from beamsim.cli.failures import guarded
 from beamsim.cli.multiple_scales import Comparison, refuse_comparison
-from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
+from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet
 
 __all__ = ["register", "sweep"]
 
@@ -40,16 +40,16 @@ def sweep(
     overlay: Annotated[
         list[Path] | None, typer.Option("--overlay", help="Lay a stored sweep over a continuation; may be repeated.")
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="End with exit code 4 where a limit is exceeded.")] = False,
+    check: Check = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Sweep the excitation's frequency, up and down, at several levels. Writes a result file and plots."""
+    from beamsim.cli.conclusion import conclude, need_limits
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_bar
     from beamsim.cli.sweep_report import print_sweep, save_sweep
-    from beamsim.errors import NotTrustedError
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, set_ or ())
@@ -67,8 +67,6 @@ def sweep(
 
     refuse_study_options(workers=workers, scheduler=scheduler)
     if check:
-        from beamsim.cli.designs import need_limits
-
         need_limits(scenario)
     if scenario.sweep is not None and scenario.sweep.kind == "continuation":
         from beamsim.cli.continuation import ContinuationOptions, continue_response
@@ -88,16 +86,7 @@ def sweep(
         earlier = earlier_sweep(target, scenario) if resume else None
         result = compute(scenario, progress, save=lambda part: write_sweep(part, target), resume=earlier)
     files = save_sweep(result, target, plots=not no_plots)
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        print_sweep(result, files, as_json=json)
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {target}")
-    if check:
-        from beamsim.cli.designs import check_limits
-
-        check_limits(result.summary["margins"])
+    conclude(result, files, print_sweep, json=json, quiet=quiet, check=check)
 
 
 def refuse_overlay() -> None:

@@ -197,16 +197,17 @@ class Backbone:
             known = estimate(self.mode, factor, energy)
             if known is not None:
                 periods.insert(0, known)
-        q, _, factor, _ = self.orbits.split(clean.u)
-        energy = self.orbits.split(np.append(clean.u[:-1], value))[3]
+        q, _, before, _ = self.orbits.split(clean.u)
+        _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
         rest = getattr(self.orbits.family, "rest", None)
+        away = q if rest is None else q - rest(before)
         still = np.zeros_like(q) if rest is None else rest(factor)
         shape = self.orbits.vectors[:, self.mode]
         size = np.sqrt(2.0 * energy) / float(self.orbits.omega[self.mode])
-        pure = still + shape * np.copysign(size, shape @ (q - still))
+        pure = still + shape * np.copysign(size, shape @ away)
         for period in periods:
             yield self.orbits.unknowns(pure, period, value)
-            yield self.orbits.unknowns(q.copy(), period, value)
+            yield self.orbits.unknowns(still + away, period, value)
 
     def _beyond(self, a: BranchPoint, clean: BranchPoint, full: float, forward: float) -> BranchPoint | None:
         """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue."""

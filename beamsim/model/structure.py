@@ -12,7 +12,16 @@ from beamsim.model.signal import Signal
 from beamsim.model.springs import SpringInfo
 from beamsim.model.system import Forcing, PiecewiseLinearSystem
 
-__all__ = ["BeamRecovery", "CubicSprings", "ModeTable", "ProbeRow", "SnubberInfo", "SpringInfo", "StructuralSystem"]
+__all__ = [
+    "BeamRecovery",
+    "CubicSprings",
+    "ModeTable",
+    "ProbeRow",
+    "SnubberInfo",
+    "SnubberNumbers",
+    "SpringInfo",
+    "StructuralSystem",
+]
 
 Floats = NDArray[np.float64]
 
@@ -27,8 +36,8 @@ class ProbeRow:
 
 
 @dataclass(frozen=True)
-class SnubberInfo:
-    """One snubber with every number resolved."""
+class SnubberNumbers:
+    """The numbers that describe a snubber, all resolved."""
 
     name: str
     position: float  # m along the beam; the mass number for a chain, halfway for a snubber between two masses
@@ -39,6 +48,12 @@ class SnubberInfo:
     preload: float  # N, contact force at static equilibrium (nan where there is none)
     blocked_force: float  # N, stiffness * max(-gap, 0): the force if the structure could not move
     stiffness_ratio: float  # k L^3 / (E I); k over the largest chain spring for a chain
+
+
+@dataclass(frozen=True)
+class SnubberInfo(SnubberNumbers):
+    """One snubber of a model."""
+
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
 
 

@@ -39,7 +39,13 @@ def sweep(*arguments):
 
 @pytest.fixture(scope="module")
 def results():
-    return {path.stem: frequency_response(load_scenario(path)) for path in OWN}
+    """The results of the configs by name, each computed when it is first asked for."""
+
+    class Computed(dict):
+        def __missing__(self, name):
+            return self.setdefault(name, frequency_response(load_scenario(CONFIGS / f"{name}.yaml")))
+
+    return Computed()
 
 
 @pytest.mark.parametrize("name", [path.stem for path in OWN])

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.nnm import nnm
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
 
@@ -76,7 +77,7 @@ class Chain:
     def after(self, x, duration):
         """State after a time from rest; restarted wherever a stop is met or left."""
         y, t, n = np.append(x, np.zeros(self.n)), 0.0, self.n
-        most = 0.3 / np.sqrt(max(np.linalg.eigvalsh(self.K / np.sqrt(np.outer(self.mass, self.mass)))))
+        most = 0.6 / np.sqrt(max(np.linalg.eigvalsh(self.K / np.sqrt(np.outer(self.mass, self.mass)))))
         events = [lambda t, y, r=r, g=g: r @ y[:n] - g for _, r, g in self.stops]
         for event in events:
             event.terminal = True
@@ -93,17 +94,14 @@ class Chain:
         return y
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000))
 def test_motions_close_with_their_energy(seed):
-    from beamsim.errors import ScenarioError
-
     rng = np.random.default_rng(seed)
     case = random_chain(rng)
     try:
         result = nnm(load_scenario(case))
-    except ScenarioError as refused:  # no mode of that number vibrates, nothing would change, it floats
-        assert refused.problems[0].remedy
+    except ScenarioError:  # no mode of that number vibrates, nothing would change, it floats
         return
     assert result.backbone.share.min() > 0.5
     for branch in result.branches:
@@ -127,11 +125,13 @@ def test_motions_close_with_their_energy(seed):
 
 def test_the_check_can_fail():
     """A motion of another chain does not close."""
-    case = random_chain(np.random.default_rng(1)) | {"nnm": {"mode": 1, "energy": 1.0}}
-    branch = nnm(load_scenario(case)).backbone
-    other = case["chain"] | {"masses": [1.001 * m for m in case["chain"]["masses"]]}
-    for chain, bound in ((case["chain"], 1e-6), (other, None)):
-        x = branch.initial_displacement[-1]
-        y = Chain(chain, 1.0).after(x, 1 / branch.frequency_hz[-1])
-        miss = np.linalg.norm(y[: x.size] - x) / np.linalg.norm(x)
-        assert miss < bound if bound else miss > 1e-5
+    case = {"masses": [1.0, 1.0], "springs": [1.0, 1.0, 1.0],
+            "snubbers": [{"mass": 2, "side": "above", "stiffness": 3.0, "gap": 0.2}]}  # fmt: skip
+    branch = nnm(load_scenario({"chain": case, "nnm": {"mode": 1, "energy": 1.0}})).backbone
+    x = branch.initial_displacement[-1]
+    misses = []
+    for masses in (case["masses"], [1.0, 1.0001]):
+        y = Chain(case | {"masses": masses}, 1.0).after(x, 1 / branch.frequency_hz[-1])
+        misses.append(np.linalg.norm(y[:2] - x) / np.linalg.norm(x))
+    assert misses[0] < 1e-8
+    assert misses[1] > 1e-5

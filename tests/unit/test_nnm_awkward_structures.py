@@ -1,0 +1,164 @@
+"""Nonlinear modes where random structures once tripped them up."""
+
+from itertools import count
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.nnm import conservative_system, nnm
+from beamsim.analyses.nnm_paths import mode_path
+from beamsim.dynamics import grazing
+from beamsim.dynamics.continuation import Settings
+from beamsim.dynamics.reversible import BrakeOrbits
+from beamsim.scenario import load_scenario
+
+
+def test_two_stops_that_touch_one_point_take_turns():
+    """A hinged panel that another stop pushes away, its tip between two stops without gap: when one lets go the other
+    takes over, once. (The two change at the same instant, and round-off once had them change back and forth.)"""
+    stop = {"position": 0.5, "stiffness": 2e4, "gap": 0.0}
+    case = {
+        "beam": {"length": 0.5, "width": 0.05, "thickness": 0.0036, "youngs_modulus": 69e9, "density": 2700.0,
+                 "elements": 12, "supports": {"left": "pinned", "right": "free"}},
+        "reduction": {"modes": 4},
+        "snubbers": [stop | {"side": "below"}, stop | {"side": "above", "stiffness": 1e5},
+                     {"position": 0.24, "side": "above", "stiffness": 1e4, "gap": -7e-4}],
+        "nnm": {"mode": 2, "continue_in": {"kind": "energy", "from": 1.4e-5, "to": 1.4e-2}},
+    }  # fmt: skip
+    scenario = load_scenario(case)
+    system = conservative_system(scenario)
+    followed = mode_path(scenario, system).follow(None)
+    assert followed.status.startswith("complete")
+    for point in followed.points:
+        passage = point.data.passage
+        for contact in (0, 1):
+            own = passage.event_time[passage.event_contact == contact]
+            assert np.all(np.diff(own) > 1e-6 * passage.duration)
+        assert np.unique(passage.event_time[passage.event_contact < 2].round(9)).size <= 3
+
+
+def test_work_between_two_neighbours_is_bounded(monkeypatch):
+    """However the events differ, and however often."""
+    looked, events = [], count()
+
+    class Passage:
+        def __init__(self, number):
+            self.event_contact = np.arange(number)
+            self.event_time = np.zeros(number)
+
+    class Unruly:
+        def same_events(self, a, b):
+            return False
+
+        def cycle(self, point):
+            return None, Passage(next(events))
+
+    monkeypatch.setattr(grazing, "_shortest_phase", lambda more, few: None)
+    monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
+    assert list(grazing.grazings(Unruly(), object(), object(), Settings())) == []
+    assert len(looked) == grazing.MOST_MIDDLES
+
+
+def test_contacts_met_in_another_order_graze_nothing(monkeypatch):
+    looked = []
+
+    class Passage:
+        event_contact = np.array([0, 1])
+        event_time = np.zeros(2)
+
+    class Reordered:
+        def same_events(self, a, b):
+            return False
+
+        def cycle(self, point):
+            return None, Passage
+
+    monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
+    assert list(grazing.grazings(Reordered(), object(), object(), Settings())) == []
+    assert len(looked) == 3
+
+
+def test_free_chain_has_no_resonance_with_its_rigid_body_mode():
+    case = {
+        "chain": {
+            "masses": [1.5, 1.7], "springs": [0.0, 1.0],
+            "snubbers": [{"mass": 1, "side": "above", "stiffness": 1.6, "gap": 0.05}],
+            "springs_to_ground": [{"mass": 2, "kind": "cubic", "stiffness": 1.6}],
+        },
+        "nnm": {"mode": 2, "continue_in": {"kind": "energy", "from": 0.03, "to": 30.0}},
+    }  # fmt: skip
+    result = nnm(load_scenario(case))
+    assert result.complete
+    assert all(t.mode != 1 for t in result.tongues)
+
+
+MIXED = {
+    "masses": [1.0, 1.0], "springs": [1.0, 0.6, 1.0],
+    "snubbers": [{"mass": 1, "side": "below", "stiffness": 2.0, "gap": 0.0},
+                 {"mass": 2, "side": "above", "stiffness": 5.0, "gap": 0.5}],
+}  # fmt: skip
+
+
+def test_energy_path_where_one_stop_touches_and_another_has_a_gap():
+    """Small motions are bilinear then, not linear: as if the stop with the gap were not there."""
+    in_energy = {"mode": 1, "continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}
+    result = nnm(load_scenario({"chain": MIXED, "nnm": in_energy}))
+    assert result.complete
+    alone = MIXED | {"snubbers": MIXED["snubbers"][:1]}
+    small = nnm(load_scenario({"chain": alone, "nnm": {"mode": 1}}))
+    assert result.backbone.frequency_hz[0] == pytest.approx(small.backbone.frequency_hz[-1], rel=1e-9)
+    assert result.backbone.frequency_hz[-1] > 1.05 * result.backbone.frequency_hz[0]
+
+
+def test_strong_coupling_is_no_jump():
+    """Modes that share their energy at every step: the predictions fail, yet the branch is in one piece."""
+    case = {
+        "chain": {
+            "masses": [1.63, 1.97, 0.907], "springs": [2.28, 2.15, 2.15, 2.1],
+            "snubbers": [{"mass": 2, "side": "below", "stiffness": 26.5, "gap": 1e-6},
+                         {"mass": 1, "side": "above", "stiffness": 4.35, "gap": 0.0}],
+        },
+        "nnm": {"mode": 1, "continue_in": {"kind": "energy", "from": 3e-5, "to": 0.03}},
+    }  # fmt: skip
+    result = nnm(load_scenario(case))
+    assert result.complete
+    assert result.jumps == ()
+    steps = np.diff(result.backbone.coordinates / np.sqrt(result.backbone.energy)[:, None], axis=0)
+    assert np.abs(steps).max() < 0.05 * np.abs(result.backbone.coordinates[0]).max() / np.sqrt(3e-5)
+
+
+PRESSED = {
+    "masses": [1.0, 3.0], "springs": [1.0, 0.1, 1.0],
+    "snubbers": [{"mass": 2, "side": "above", "stiffness": 50.0, "gap": -1.0}],
+}  # fmt: skip
+
+
+def test_small_motions_under_prestress_while_the_spring_grows():
+    """Rest moves twelve times as far as the motion is large; the motion stays that of the closed structure."""
+    mode = {"mode": 1, "energy": 1e-3, "continue_in": {"kind": "stiffness_factor", "to": 0.03}}
+    result = nnm(load_scenario({"chain": PRESSED, "nnm": mode}))
+    assert result.complete
+    assert result.jumps == ()
+    for factor, frequency in zip(result.backbone.parameter, result.backbone.frequency_hz, strict=True):
+        stiff = np.array([[1.1, -0.1], [-0.1, 1.1 + 50 * factor]])
+        closed = np.sqrt(np.linalg.eigvals(stiff / np.array([[1.0], [3.0]]))) / (2 * np.pi)
+        assert np.abs(closed / frequency - 1).min() < 1e-9
+
+
+def test_a_mode_that_gives_its_energy_away_says_so():
+    for section, text in (
+        ({"energy": 1e-3}, "follow the energy at full stiffness"),
+        ({"continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}, "follow the frequency"),
+    ):
+        scenario = load_scenario({"chain": PRESSED, "nnm": {"mode": 1} | section})
+        path = mode_path(scenario, conservative_system(scenario))
+        assert text in path._remedy(0.51)
+        assert "51 % of the energy was left" in path._remedy(0.51)
+        assert "a nearer nnm.continue_in.to" in path._remedy(0.9)
+
+
+def test_energies_beyond_all_numbers_are_no_motions():
+    scenario = load_scenario({"chain": MIXED, "nnm": {"mode": 1, "energy": 1.0}})
+    orbits = BrakeOrbits(mode_path(scenario, conservative_system(scenario)).family, "energy")
+    with pytest.raises(ArithmeticError, match="energy"):
+        orbits.residual(np.array([0.1, 0.1, 5.0, 1e4]))

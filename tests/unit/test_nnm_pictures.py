@@ -1,0 +1,94 @@
+"""Pictures of nonlinear modes: what is drawn, and that names can be read."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from beamsim.analyses.nnm import nnm
+from beamsim.cli.nnm_report import nnm_rows
+from beamsim.plots.labels import put_names
+from beamsim.plots.mode_branches import plot_backbone, plot_frequency_energy
+from beamsim.plots.nnm import plot_configuration
+from beamsim.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.fixture(scope="module")
+def result():
+    """Two masses between stops with a tongue, motions never at rest and a grazing."""
+    changes = {"nnm.continue_in.from": 0.5, "nnm.continue_in.to": 4.0}
+    return nnm(load_scenario(CONFIGS / "nnm_never_at_rest.yaml", changes))
+
+
+def drawn(names, curve):
+    """Boxes of names put on axes, in pixels, and the curve's pixels."""
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    ax = figure.add_subplot()
+    ax.plot(*curve)
+    put_names(ax, names, [curve])
+    figure.canvas.draw()
+    for text in ax.texts:
+        text.update_positions(figure.canvas.get_renderer())
+    # the name alone, without its leader
+    return [Text.get_window_extent(text) for text in ax.texts], ax.transData.transform(np.transpose(curve)), ax
+
+
+def test_names_stay_clear_of_each_other_and_of_curves():
+    x = np.linspace(0, 10, 2001)
+    curve = (x, 60 + 20 * np.tanh(x))
+    names = {f"{n}:1, mode {n % 4}": (0.1 * k, 60 + 20 * np.tanh(0.1 * k)) for k, n in enumerate((17, 6, 16, 15, 5))}
+    boxes, dots, ax = drawn(names, curve)
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k])
+        inside = (dots[:, 0] > box.x0) & (dots[:, 0] < box.x1) & (dots[:, 1] > box.y0) & (dots[:, 1] < box.y1)
+        assert not inside.any()
+        assert ax.bbox.x0 < box.x0
+        assert box.x1 < ax.bbox.x1
+    assert [text.get_text() for text in ax.texts] == list(names)
+
+
+def test_a_place_without_room_still_gets_its_name():
+    x = np.tile([0.0, 1.0], 200)
+    boxes, _, _ = drawn({"only": (0.5, 0.5)}, (x, np.linspace(0, 1, 400)))  # covered all over
+    assert len(boxes) == 1
+
+
+def test_branches_in_energy(result):
+    """The backbone curve is deflection over frequency; the frequency-energy plot has jumps, marks and names too."""
+    figure = Figure()
+    curve, plot = figure.subplots(1, 2)
+    plot_backbone(result, curve)
+    plot_frequency_energy(result, plot)
+    assert curve.get_xlabel() == "Frequency (Hz)"
+    assert curve.get_ylabel().startswith("Largest deflection")
+    assert plot.get_xlabel() == "Energy (J)"
+    for ax in (curve, plot):
+        labels = set(ax.get_legend_handles_labels()[1])
+        assert {"backbone", "tongue of internal resonance", "motions never at rest", "jump over a tongue", "grazing",
+                "symmetry breaking"} <= labels  # fmt: skip
+        assert [text.get_text() for text in ax.texts] == ["2:1, mode 2"]
+    marks = next(line for line in plot.lines if line.get_label() == "symmetry breaking")
+    breakings = [e for e in result.backbone.special if e.kind == "symmetry_breaking"]
+    np.testing.assert_allclose(marks.get_xdata(), [e.parameter for e in breakings], rtol=0.02)
+    np.testing.assert_allclose(marks.get_ydata(), [e.frequency_hz for e in breakings], rtol=0.005)
+
+
+def test_a_motion_that_goes_back_the_way_it_came_is_drawn_once(result):
+    chain = nnm(load_scenario(CONFIGS / "nnm_chain_mass_5.yaml"))
+    lengths = []
+    for one in (result, chain):
+        ax = plot_configuration(one, Figure().add_subplot())
+        lengths.append(ax.lines[0].get_xdata().size / one.motion.time.size)
+    assert lengths == pytest.approx([1.0, 0.5], abs=1e-3)
+
+
+def test_rows_have_units(result):
+    rows = dict(nnm_rows(result))
+    assert rows["start"] == "0.159155 Hz, 0.5 J"
+    assert rows["internal resonances"].startswith("2:1 with mode 2 at 2.5")
+    assert " J, " in rows["internal resonances"]
+    assert rows["symmetry breakings"].endswith(" J")
