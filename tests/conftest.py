@@ -1,9 +1,12 @@
-"""Factories shared by the tests of the dynamics."""
+"""Factories shared by the tests."""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 
 # as on the command line, and before numpy is loaded: the matrices are small, and the tests have the processors already
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -13,8 +16,16 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from beamsim.analyses.results import RunResult
 from beamsim.model.signal import Signal
 from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+
+# Tests are not a package (importmode=importlib), so the shared module is loaded by its place.
+_spec = spec_from_file_location("fabricated", Path(__file__).with_name("fabricated.py"))
+assert _spec is not None
+assert _spec.loader is not None
+_fabricated = sys.modules.setdefault(_spec.name, module_from_spec(_spec))  # its dataclasses look there
+_spec.loader.exec_module(_fabricated)
 
 # the same examples in every run of continuous integration; fresh ones on a developer's machine
 settings.register_profile("ci", derandomize=True)
@@ -69,3 +80,10 @@ def two_tones() -> tuple[Signal, Signal]:
     """An acceleration with two tones and the displacement without drift that belongs to it."""
     amplitude, omega, phase = np.array([1.0, 0.5]), np.array([1.3, 4.1]), np.array([0.3, 0.2])
     return Signal.harmonic(amplitude, omega, phase), Signal.harmonic(-amplitude / omega**2, omega, phase)
+
+
+@pytest.fixture
+def fabricated_run() -> Callable[..., RunResult]:
+    """Factory of consistent results that no solver made."""
+    factory: Callable[..., RunResult] = _fabricated.fabricate
+    return factory

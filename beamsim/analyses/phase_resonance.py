@@ -24,7 +24,7 @@ from beamsim.analyses.phase_resonance_results import (
     ResonantMotion,
     ResponseCurve,
 )
-from beamsim.dynamics.continuation import INTERRUPTED, BranchPoint, Settings, locate
+from beamsim.dynamics.continuation import INTERRUPTED, BranchPoint, Settings, locate, solve_at
 from beamsim.dynamics.forced_from_free import Appropriation, appropriate_force
 from beamsim.dynamics.phase_resonance import find_phase_resonance, quadrature, turned_back
 from beamsim.dynamics.shooting import ForcedOrbits, follow_orbits
@@ -47,6 +47,7 @@ Floats = NDArray[np.float64]
 UNITS = {"force": "N", "acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 SAMPLES = 512  # of a period
 MOST_POINTS = 600  # of a response curve, on either side
+HALVINGS = 4  # of a step of the backbone, in search of a level
 SCALED_POINTS = 25  # of a backbone whose motions are all alike
 ATTEMPTS = 8  # at other levels, to come to one by way of them
 FARTHEST_LEVEL = 3.0  # ratio of such a level
@@ -173,15 +174,29 @@ class _Held:
         for k, (a, b) in enumerate(pairwise(self.ascending)):
             if off[k] * off[k + 1] > 0:
                 continue
-            found = locate(
-                self.orbits, a, b, lambda p: measure(self.motion(p)) - wanted, Settings(iterations=12),
-                (off[k], off[k + 1]), 1e-10,
-            )  # fmt: skip
+            found = self._crossing(a, b, lambda p: measure(self.motion(p)) - wanted, (off[k], off[k + 1]))
             if found is not None:
                 crossings.append(self.motion(found))
             else:  # across a tongue there is no motion between: the nearer of its shores
                 shores.append(self.motions[k if abs(off[k]) <= abs(off[k + 1]) else k + 1])
         return max(crossings or shores, key=lambda m: m.share, default=None)
+
+    def _crossing(
+        self, a: BranchPoint, b: BranchPoint, off: Callable[[BranchPoint], float], values: tuple[float, float],
+        halvings: int = HALVINGS,
+    ) -> BranchPoint | None:  # fmt: skip
+        """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
+        found = locate(self.orbits, a, b, off, Settings(iterations=12), values, 1e-10)
+        if found is not None or halvings == 0:
+            return found
+        halfway = 0.5 * (a.parameter + b.parameter)
+        middle = solve_at(self.orbits, 0.5 * (a.u + b.u), Settings(iterations=12), halfway)
+        if middle is None:
+            return None
+        value = off(middle)
+        if value * values[0] <= 0:
+            return self._crossing(a, middle, off, (values[0], value), halvings - 1)
+        return self._crossing(middle, b, off, (value, values[1]), halvings - 1)
 
     def problem(self, level: float, omega: float, factor: float | None = None) -> ForcedOrbits:
         """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""

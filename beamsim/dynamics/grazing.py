@@ -23,6 +23,7 @@ Kind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "gra
 
 MOST_HALVINGS = 40
 MOST_MIDDLES = 200  # motions looked at between two neighbours
+ONE_PHASE = 4  # events of a phase that appears, and of its mirror image where a motion goes back the way it came
 REORDERED = 2  # halvings where every contact keeps its number of events: contacts met in another order graze nothing
 BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
 TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has truly vanished
@@ -131,7 +132,7 @@ def _within(
     if depth >= REORDERED and np.array_equal(np.sort(cycle_a.event_contact), np.sort(cycle_b.event_contact)):
         return
     ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
-    if ea != eb:
+    if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
         phase = _shortest_phase(more, few)
         if phase is not None:

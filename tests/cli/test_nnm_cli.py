@@ -1,6 +1,7 @@
 """`beamsim nnm` and `beamsim sweep` of kind continuation, from the config to the file."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -26,9 +27,15 @@ ELSEWHERE = ("ms_", "nnm_forced_")  # tests/reference/test_multiple_scales_thesi
 NNM = sorted(p for p in CONFIGS.glob("*.yaml") if not p.stem.startswith(ELSEWHERE) and load_scenario(p).nnm is not None)
 
 
+@cache
+def followed(name):
+    """The result of a shipped config, computed once for all tests here."""
+    return nnm(load_scenario(CONFIGS / f"{name}.yaml"))
+
+
 @pytest.mark.parametrize("path", NNM, ids=lambda p: p.stem)
 def test_every_mode_config(path):
-    result = nnm(load_scenario(path))
+    result = followed(path.stem)
     assert result.complete
     backbone = result.branches[0]
     assert backbone.parameter.size >= 75
@@ -39,11 +46,11 @@ def test_every_mode_config(path):
 
 @pytest.mark.parametrize(("name", "period"), [("nnm_chain_mass_5", 4.0098), ("nnm_chain_mass_1", 3.9697)])
 def test_published_periods(name, period):
-    assert nnm(load_scenario(CONFIGS / f"{name}.yaml")).summary["period_s"] == pytest.approx(period, abs=6e-5)
+    assert followed(name).summary["period_s"] == pytest.approx(period, abs=6e-5)
 
 
 def test_cubic_chain_passes_the_published_period():
-    backbone = nnm(load_scenario(CONFIGS / "nnm_chain_cubic_energy.yaml")).branches[0]
+    backbone = followed("nnm_chain_cubic_energy").branches[0]
     assert 1 / backbone.frequency_hz[-1] < 3.93 < 1 / backbone.frequency_hz[0]
 
 

@@ -281,7 +281,7 @@ def test_what_only_the_model_can_refuse(arguments, text, tmp_path):
 
 def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
     path = "nnm.continue_in={kind: frequency, from: 52.45 Hz, to: 53 Hz}"
-    done = invoke("nnm", ENERGY, "--set", path, "-o", tmp_path, "--no-plots")
+    done = invoke("nnm", ENERGY, "--set", path, "--set", "reduction.modes=4", "-o", tmp_path, "--no-plots")
     assert done.exit_code == 3
     assert "follow the energy instead; the partial result is in" in done.stderr
     stored = open_nnm(tmp_path / "nnm_energy.h5")

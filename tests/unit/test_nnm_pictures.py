@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -30,9 +31,10 @@ def drawn(names, curve):
     ax = figure.add_subplot()
     ax.plot(*curve)
     put_names(ax, names, [curve])
-    figure.canvas.draw()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
     for text in ax.texts:
-        text.update_positions(figure.canvas.get_renderer())
+        text.update_positions(canvas.get_renderer())
     # the name alone, without its leader
     return [Text.get_window_extent(text) for text in ax.texts], ax.transData.transform(np.transpose(curve)), ax
 
