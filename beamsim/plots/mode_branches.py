@@ -22,6 +22,7 @@ Curve = tuple[Floats, Floats]
 
 UNSTABLE = (0, (3, 1.5))  # dashes
 WIDE = 20.0  # ratio of the largest to the smallest amplitude that asks for a logarithmic axis
+DECADE = 10.0  # the same of the energies: a logarithmic axis has no room for its numbers below
 
 BRANCH_NAMES = {
     "backbone": "backbone",
@@ -53,7 +54,8 @@ def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
 
 def plot_frequency_energy(result: NormalModeResult, ax: Axes) -> Axes:
     """Frequency–energy plot, drawn likewise."""
-    ax.set_xscale("log")
+    if float(np.max(result.backbone.energy)) > DECADE * float(np.min(result.backbone.energy)):
+        ax.set_xscale("log")
     _branches(ax, result, [(b.energy, b.frequency_hz) for b in result.branches])
     finish(ax, "Energy (J)", "Frequency (Hz)")
     _explain(ax)

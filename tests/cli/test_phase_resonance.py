@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import beamsim
+from beamsim.analyses import phase_resonance
 from beamsim.analyses.nnm import nnm
 from beamsim.cli.app import app
 from beamsim.cli.phase_resonance import phase_resonance_rows
@@ -47,6 +48,21 @@ def test_predicted_and_found(held):
     assert np.all(np.diff(energy) > 0)
     first, second = result.motions
     assert energy[0] < first.predicted_energy < second.predicted_energy < energy[-1]
+
+
+def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
+    """Where no motion is found on the way from one point of the backbone to the next, halves of it are tried."""
+    real, tried = phase_resonance.locate, []
+
+    def blocked(orbits, a, b, *rest):
+        tried.append(b.parameter - a.parameter)
+        return real(orbits, a, b, *rest) if len(tried) > 2 else None
+
+    monkeypatch.setattr(phase_resonance, "locate", blocked)
+    levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
+    motion = nnm(load_scenario(BACKBONE, SHORT | levels)).phase_resonance.motions[0]
+    assert motion.predicted_energy == pytest.approx(held.phase_resonance.motions[0].predicted_energy, rel=1e-6)
+    np.testing.assert_allclose(np.array(tried[1:3]) / tried[0], [0.5, 0.25], rtol=1e-6)
 
 
 def test_response_rides_the_backbone(held):
