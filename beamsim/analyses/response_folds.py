@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.response_motion import measure, sampled_orbit
 from beamsim.analyses.response_results import FoldCurveResult
 from beamsim.dynamics.continuation import Branch, BranchPoint, Settings
-from beamsim.dynamics.folds import FoldCurve, start_of_fold_curve
+from beamsim.dynamics.folds import TwoParameterCurve, start_of_fold_curve
 from beamsim.dynamics.grazing_curve import start_of_grazing_curve
 from beamsim.dynamics.shooting import ForcedOrbits
 
@@ -97,12 +97,11 @@ def _curve(
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
     ways: list[list[BranchPoint]] = []
     statuses: list[str] = []
-    problem = None
     for way in (1.0, -1.0):
         edge = high if way > 0 else low
         if abs(second.inward(own) - edge) < 1e-9 * max(abs(edge), 1.0):
             continue
-        begun: tuple[FoldCurve, BranchPoint] | None
+        begun: tuple[TwoParameterCurve, BranchPoint] | None
         try:
             if touching is None:
                 begun = start_of_fold_curve(orbits, fold, path, second.inward(own), way)
@@ -113,8 +112,8 @@ def _curve(
         if begun is None:
             statuses.append("does not begin: the fold lies too close to a corner of the curve")
             continue
-        problem, start = begun
-        points, status = _follow(Branch(problem, start, low, high, SETTINGS), fold.parameter, budget, second)
+        curve, start = begun
+        points, status = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
         ways.append(points)
         statuses.append(status)
     points = [*ways[1][::-1][:-1], *ways[0]] if len(ways) == 2 else ways[0] if ways else []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,17 +87,13 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     edge = passage.time[inner]
     y = np.vstack([flow.states_at(passage, even), passage.y[inner], passage.y[inner]])
     closed = np.vstack([flags[here], flags[inner - 1], flags[inner]])
-    delta, rate = _at(flow.penetration, passage, even, edge)
+    times = np.concatenate([even, edge, edge])
+    delta, rate = flow.penetration_of(y, times)
     share = passage.length @ flags / passage.duration
     return SampledMotion(
-        flow.omega, flow.level, np.concatenate([even, edge, edge]), lambda rows: y[:, :n] @ rows.T,
+        flow.omega, flow.level, times, lambda rows: y[:, :n] @ rows.T,
         lambda rows: y[:, n:] @ rows.T, delta, rate, closed, share, flow.system.contacts,
     )  # fmt: skip
-
-
-def _at(penetration: Callable[..., tuple[Floats, Floats]], passage: Any, even: Floats, edge: Floats) -> Any:
-    first, second = penetration(passage, even), penetration(passage, edge)
-    return (np.vstack([a, b, b]) for a, b in zip(first, second, strict=True))
 
 
 def sampled_motion(
@@ -118,11 +114,7 @@ def sampled_motion(
                 edges += [begin / w, end / w]
     edge = np.mod(np.array(edges), motion.period)
     times = np.concatenate([even, edge, edge])
-    d = np.zeros(times.size, dtype=complex)
-    dv = np.zeros(times.size, dtype=complex)
-    for order, base in zip(loads.multiple, loads.at(omega, level)[1], strict=True):
-        turning = base * np.exp(1j * order * omega * times)
-        d, dv = d + turning, dv + 1j * order * omega * turning
+    d, dv = loads.base_motion(omega, level, times)
     iw = 1j * w * np.arange(motion.highest + 1)
     turn = np.exp(np.multiply.outer(times, iw))
 
@@ -134,8 +126,8 @@ def sampled_motion(
         return np.asarray((turn @ (iw[:, None] * (motion.coordinates @ rows.T))).real)
 
     ground = contacts.on_ground
-    delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d.real, ground))
-    rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv.real, ground))
+    delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
+    rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
     both = np.zeros((2 * edge.size, m), dtype=bool)
     both[edge.size :] = True  # the force just inside; just outside it is zero
     both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)

@@ -19,25 +19,25 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.dynamics.continuation import BranchPoint, Settings, solve_at
+from beamsim.dynamics.continuation import BranchPoint, Problem, Settings, solve_at
 from beamsim.dynamics.shooting import ForcedOrbits, SpecialPoint
 from beamsim.dynamics.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
 
-__all__ = ["FoldCurve", "start_of_fold_curve"]
+__all__ = ["FoldCurve", "SecondParameter", "TwoParameterCurve", "start_of_curve", "start_of_fold_curve"]
 
 Floats = NDArray[np.float64]
+SecondParameter = Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
 
 DIFFERENCE = 1e-6  # step along v, against the unknowns' scale
 
 
 @dataclass
-class FoldCurve:
-    """Folds as a continuation problem; the unknowns are the shooting problem's (state, omega) and the second
-    parameter."""
+class TwoParameterCurve:
+    """What curves in the frequency and a second parameter share; the unknowns are the shooting problem's (state,
+    omega) and the second parameter."""
 
     orbits: ForcedOrbits  # in frequency
-    second: Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
-    border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
+    second: SecondParameter
     _moved: tuple[float, VariationalFlow, ContactDirection] | None = field(default=None, init=False, repr=False)
 
     def flow_at(self, u: Floats) -> VariationalFlow:
@@ -67,6 +67,18 @@ class FoldCurve:
         columns = passage.parameters[k].copy()
         columns[:, 0] -= passage.slope[k] * (period / flow.omega)
         return passage, passage.transition[np.ix_(k, k)] - np.eye(k.size), columns
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As the shooting problem's; the further equation has the scale one."""
+        scale, residual = self.orbits.scale(u[:-1])
+        return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
+
+
+@dataclass
+class FoldCurve(TwoParameterCurve):
+    """Folds as a continuation problem."""
+
+    border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
 
     def _bordered(self, A: Floats, scale: Floats) -> tuple[float, Floats, Floats]:
         """g, and the vectors of its derivative ``-w^T dA v`` in the unknowns' own units."""
@@ -100,16 +112,17 @@ class FoldCurve:
         J[k, k:] = -w @ (above[2] - below[2]) / step
         return np.append((passage.end - passage.start)[self.orbits.kept], g), J, passage
 
-    def scale(self, u: Floats) -> tuple[Floats, Floats]:
-        """As the shooting problem's."""
-        scale, residual = self.orbits.scale(u[:-1])
-        return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
+
+def start_of_curve(curve: Problem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
+    """The first point of a curve, at a value of the second parameter, from what was located on a branch."""
+    settings = Settings(tolerance=1e-9, iterations=12)
+    return solve_at(curve, np.append(begun.point.u, value), settings, value, forward)
 
 
 def start_of_fold_curve(
     orbits: ForcedOrbits,
     fold: SpecialPoint,
-    second: Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]],
+    second: SecondParameter,
     value: float,
     forward: float = 1.0,
 ) -> tuple[FoldCurve, BranchPoint] | None:
@@ -118,5 +131,5 @@ def start_of_fold_curve(
     A = orbits.monodromy(fold.point) - np.eye(orbits.kept.size)
     U, _, V = np.linalg.svd(A * scale / scale[:, None])
     curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
-    point = solve_at(curve, np.append(fold.point.u, value), Settings(tolerance=1e-9, iterations=12), value, forward)
+    point = start_of_curve(curve, fold, value, forward)
     return None if point is None else (curve, point)

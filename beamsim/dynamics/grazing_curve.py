@@ -8,18 +8,16 @@ time, since the rate is zero at an extreme.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.dynamics.continuation import BranchPoint, Settings, solve_at
-from beamsim.dynamics.folds import FoldCurve
+from beamsim.dynamics.continuation import BranchPoint
+from beamsim.dynamics.folds import SecondParameter, TwoParameterCurve, start_of_curve
 from beamsim.dynamics.grazing import SpecialPoint, extremum
 from beamsim.dynamics.shooting import ForcedOrbits
-from beamsim.dynamics.variational import ContactDirection, Frequency, Passage, VariationalFlow
+from beamsim.dynamics.variational import Frequency, Passage
 
 __all__ = ["GrazingCurve", "start_of_grazing_curve"]
 
@@ -27,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass
-class GrazingCurve(FoldCurve):
+class GrazingCurve(TwoParameterCurve):
     """Grazings as a continuation problem; unknowns as those of a curve of folds."""
 
     contact: int = 0
@@ -61,13 +59,12 @@ class GrazingCurve(FoldCurve):
 def start_of_grazing_curve(
     orbits: ForcedOrbits,
     grazing: SpecialPoint,
-    second: Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]],
+    second: SecondParameter,
     value: float,
     forward: float = 1.0,
 ) -> tuple[GrazingCurve, BranchPoint] | None:
     """The curve of grazings through one that was located, from its value of the second parameter on."""
-    nothing: Any = np.zeros(0)
     share = grazing.time / grazing.point.data.duration
-    curve = GrazingCurve(orbits, second, (nothing, nothing), grazing.contact, grazing.closing, share)
-    point = solve_at(curve, np.append(grazing.point.u, value), Settings(tolerance=1e-9, iterations=12), value, forward)
+    curve = GrazingCurve(orbits, second, grazing.contact, grazing.closing, share)
+    point = start_of_curve(curve, grazing, value, forward)
     return None if point is None else (curve, point)

@@ -20,6 +20,7 @@ from beamsim.dynamics.variational import (
     Passage,
     PeriodicForcing,
     WorkExceeded,
+    penetration_of_states,
 )
 from beamsim.model.system import PiecewiseLinearSystem
 
@@ -126,7 +127,7 @@ class SmoothFlow:
     def starting_state(self, z: Floats, t: float = 0.0) -> Bools:
         """Which contacts are closed; at zero gap the one that is approached."""
         n, c = self.system.size, self.system.contacts
-        d, d_rate = (x[0] for x in self._base(np.array([t])))
+        d, d_rate = (x[0] for x in self.loads.base_motion(self.omega, self.level, np.array([t])))
         delta = -c.gap - c.sign * (c.shape @ z[:n] + c.on_ground * d)
         rate = -c.sign * (c.shape @ z[n : 2 * n] + c.on_ground * d_rate)
         near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.on_ground * abs(d))
@@ -184,17 +185,12 @@ class SmoothFlow:
 
     def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
         """Penetration and penetration rate of every contact, (nt, m) each."""
-        n, c = self.system.size, self.system.contacts
-        y = self.states_at(passage, times)
-        shape = -c.sign[:, None] * c.shape
-        moved = [np.multiply.outer(x, -c.sign * c.on_ground) for x in self._base(times)]
-        return y[:, :n] @ shape.T - c.gap + moved[0], y[:, n:] @ shape.T + moved[1]
+        return self.penetration_of(self.states_at(passage, times), times)
 
-    def _base(self, times: Floats) -> tuple[Floats, Floats]:
-        """(nt,) displacement and velocity of the base."""
-        base, iw = self.loads.at(self.omega, self.level)[1], 1j * self.loads.multiple * self.omega
-        moving = base * np.exp(np.multiply.outer(times, iw))
-        return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
+    def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
+        """The same of states (nt, N) that are known."""
+        base = self.loads.base_motion(self.omega, self.level, times)
+        return penetration_of_states(self.system.contacts, y, base)
 
 
 @dataclass

@@ -60,6 +60,16 @@ class WorkExceeded(ArithmeticError):
     """A passage needed more events or evaluations than allowed (chattering)."""
 
 
+def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
+    """Penetration and its rate, (nt, m) each, of states (nt, N) and the base's displacement and velocity (nt,)."""
+    n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape
+    delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n:] @ shape.T
+    if base is not None:
+        sign = -contacts.sign * contacts.on_ground
+        delta, rate = delta + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
+    return delta, rate
+
+
 @dataclass(frozen=True)
 class PeriodicForcing:
     """H periodic loads, each ``level * Re(force (omega/reference)^power e^{i multiple omega t})``."""
@@ -99,6 +109,12 @@ class PeriodicForcing:
         force = self.force * (level * ratio**self.force_power)[:, None]
         base = self.base * (level * ratio**self.base_power)
         return force, base, force * (self.force_power / omega)[:, None], base * (self.base_power / omega)
+
+    def base_motion(self, omega: float, level: float, times: Floats) -> tuple[Floats, Floats]:
+        """(nt,) displacement and velocity of the base."""
+        iw = 1j * self.multiple * omega
+        moving = self.at(omega, level)[1] * np.exp(np.multiply.outer(times, iw))
+        return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
 
     def signals(self, omega: float, level: float) -> Forcing:
         """The same loads for :class:`beamsim.dynamics.flow.ExactFlow`."""
@@ -693,18 +709,12 @@ class VariationalFlow:
 
     def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
         """Penetration and penetration rate of every contact, (nt, m) each, at times of a passage."""
-        n, contacts = self.system.size, self.system.contacts
-        y = self.states_at(passage, times)
-        shape = -contacts.sign[:, None] * contacts.shape
-        delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n:] @ shape.T
-        if self._grounded:
-            base = self.loads.at(self.omega, self.level)[1]
-            iw = 1j * self.loads.multiple * self.omega
-            moving = base * np.exp(np.multiply.outer(times, iw))
-            sign = -contacts.sign * contacts.on_ground
-            delta = delta + np.multiply.outer(moving.sum(axis=1).real, sign)
-            rate = rate + np.multiply.outer((moving * iw).sum(axis=1).real, sign)
-        return delta, rate
+        return self.penetration_of(self.states_at(passage, times), times)
+
+    def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
+        """The same of states (nt, N) that are known."""
+        base = self.loads.base_motion(self.omega, self.level, times) if self._grounded else None
+        return penetration_of_states(self.system.contacts, y, base)
 
     def closed_in(self, passage: Passage) -> Bools:
         """(G, m) which contacts are closed in each segment of a passage."""

@@ -220,8 +220,7 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
         system.contacts, **({} if what == "level" else {what: V[::-1] if what == "shape" else 1.0})
     )
     second = "level" if what == "level" else ContactPath(flow, direction)
-    nothing = np.zeros(0)
-    curve = GrazingCurve(orbits, second, (nothing, nothing), 0, True, 0.3)
+    curve = GrazingCurve(orbits, second, 0, True, 0.3)
     u = np.append(point.u, 1.0 if what == "level" else 0.0)
     _, J, _ = curve.residual(u)
     for i, size in enumerate(curve.scale(u)[0]):
