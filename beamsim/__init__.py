@@ -29,20 +29,22 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from beamsim.version import __version__
+
 if TYPE_CHECKING:
-    from beamsim.analyses.compare import Comparison, compare
-    from beamsim.analyses.designs import design_study, plan_designs
-    from beamsim.analyses.designs_results import DesignsResult
-    from beamsim.analyses.frequency_response import frequency_response
-    from beamsim.analyses.identification_results import IdentificationResult
-    from beamsim.analyses.identify import identify_stiffness
-    from beamsim.analyses.nnm import nnm
-    from beamsim.analyses.nnm_results import NormalModeResult
-    from beamsim.analyses.response_results import FrequencyResponse
-    from beamsim.analyses.results import RunResult
-    from beamsim.analyses.run import run
-    from beamsim.analyses.sweep import sweep
-    from beamsim.analyses.sweep_results import SweepResult
+    from beamsim.analyses.compare.analysis import Comparison, compare
+    from beamsim.analyses.designs.analysis import design_study, plan_designs
+    from beamsim.analyses.designs.result import DesignsResult
+    from beamsim.analyses.identify.analysis import identify_stiffness
+    from beamsim.analyses.identify.result import IdentificationResult
+    from beamsim.analyses.nnm.analysis import nnm
+    from beamsim.analyses.nnm.result import NormalModeResult
+    from beamsim.analyses.response.analysis import frequency_response
+    from beamsim.analyses.response.result import FrequencyResponse
+    from beamsim.analyses.run.analysis import run
+    from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.sweep.analysis import sweep
+    from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.comparison import open_comparison, pair_channels, write_comparison
@@ -57,22 +59,20 @@ if TYPE_CHECKING:
     from beamsim.store.sweep import open_sweep, write_sweep
     from beamsim.store.write import write_run
 
-__version__ = "0.1.0"
-
 _NAMES = {
-    "beamsim.analyses.compare": ("Comparison", "compare"),
-    "beamsim.analyses.designs": ("design_study", "plan_designs"),
-    "beamsim.analyses.designs_results": ("DesignsResult",),
-    "beamsim.analyses.frequency_response": ("frequency_response",),
-    "beamsim.analyses.identification_results": ("IdentificationResult",),
-    "beamsim.analyses.identify": ("identify_stiffness",),
-    "beamsim.analyses.nnm": ("nnm",),
-    "beamsim.analyses.nnm_results": ("NormalModeResult",),
-    "beamsim.analyses.response_results": ("FrequencyResponse",),
-    "beamsim.analyses.results": ("RunResult",),
-    "beamsim.analyses.run": ("run",),
-    "beamsim.analyses.sweep": ("sweep",),
-    "beamsim.analyses.sweep_results": ("SweepResult",),
+    "beamsim.analyses.compare.analysis": ("Comparison", "compare"),
+    "beamsim.analyses.designs.analysis": ("design_study", "plan_designs"),
+    "beamsim.analyses.designs.result": ("DesignsResult",),
+    "beamsim.analyses.response.analysis": ("frequency_response",),
+    "beamsim.analyses.identify.result": ("IdentificationResult",),
+    "beamsim.analyses.identify.analysis": ("identify_stiffness",),
+    "beamsim.analyses.nnm.analysis": ("nnm",),
+    "beamsim.analyses.nnm.result": ("NormalModeResult",),
+    "beamsim.analyses.response.result": ("FrequencyResponse",),
+    "beamsim.analyses.run.result": ("RunResult",),
+    "beamsim.analyses.run.analysis": ("run",),
+    "beamsim.analyses.sweep.analysis": ("sweep",),
+    "beamsim.analyses.sweep.result": ("SweepResult",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
     "beamsim.store.comparison": ("open_comparison", "pair_channels", "write_comparison"),

@@ -15,8 +15,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
 
 import beamsim
-from beamsim.analyses.frequency_response import frequency_response
-from beamsim.analyses.nnm import nnm
+from beamsim.analyses.nnm.analysis import nnm
+from beamsim.analyses.response.analysis import frequency_response
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 JOBS = (

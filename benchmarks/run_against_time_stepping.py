@@ -20,10 +20,10 @@ from numba import njit
 from scipy.integrate import ode
 
 import beamsim
-from beamsim.analyses.run import exact_flow
-from beamsim.dynamics.reference import integrate
-from beamsim.dynamics.transient import simulate
-from beamsim.model.build import build_system
+from beamsim.analyses.run.analysis import exact_flow
+from beamsim.flow.reference import integrate
+from beamsim.flow.transient import simulate
+from beamsim.system.build import build_system
 
 CASE = "configs/one_sided_65hz.yaml"
 TARGET = 1e-9

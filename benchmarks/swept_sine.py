@@ -11,7 +11,7 @@ import time
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
 
 import beamsim
-from beamsim.analyses.sweep import sweep
+from beamsim.analyses.sweep.analysis import sweep
 
 CASE = "configs/sweep_up_down.yaml"
 ONE_WAY = {"reduction.modes": 6, "sweep.direction": "up", "sweep.levels": ["2 g"]}

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from beamsim.analyses.results import RunResult
-from beamsim.model.signal import Signal
-from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+from beamsim.analyses.run.result import RunResult
+from beamsim.contacts.contacts import Contacts
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 # Tests are not a package (importmode=importlib), so the shared module is loaded by its place.
 _spec = spec_from_file_location("fabricated", Path(__file__).with_name("fabricated.py"))

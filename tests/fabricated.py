@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from beamsim.analyses.results import (
+from beamsim.analyses.run.result import (
     BeamResult,
     EnergyHistory,
     EventLog,
@@ -17,7 +17,7 @@ from beamsim.analyses.results import (
     SnubberHistory,
     Work,
 )
-from beamsim.analyses.spectrum import spectrum
+from beamsim.analyses.run.spectrum import spectrum
 
 YAML = """\
 title: Fabricated, 65 Hz

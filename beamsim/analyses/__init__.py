@@ -1,1 +1,5 @@
-"""One module per verb; each returns a frozen Result dataclass."""
+"""A folder for each command; each returns a frozen result that is defined beside it.
+
+Never here: reading YAML, writing files, drawing.
+Begin with `run.analysis`; what several commands share is in this folder.
+"""

@@ -51,7 +51,7 @@ class TemplateKind(StrEnum):
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from beamsim import __version__
+        from beamsim.version import __version__
 
         print(f"beamsim {__version__}")
         raise typer.Exit
@@ -90,7 +90,7 @@ def run(
         need_limits(scenario)
     target = output_file(output, case.stem, ".h5", ".hdf5")
     with progress_bar(f"simulating {case.name}", wanted=not (json or quiet)) as progress:
-        from beamsim.analyses.run import run as simulate
+        from beamsim.analyses.run.analysis import run as simulate
 
         result = simulate(scenario, progress)
     files = save_run(result, target, plots=not no_plots)

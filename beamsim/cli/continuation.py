@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
+    from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
     from beamsim.scenario import Scenario
 
 __all__ = ["ContinuationOptions", "continue_response", "print_response", "response_rows"]
@@ -59,11 +59,11 @@ def continue_response(scenario: Scenario, target: Path, options: ContinuationOpt
     laid = [(path, open_sweep(path)) for path in options.overlay]
     showing = progress_bar("following the response", wanted=not (options.json or options.quiet))
     with interruptible() as interrupted, showing as progress:
-        from beamsim.analyses.frequency_response import frequency_response
+        from beamsim.analyses.response.analysis import frequency_response
 
         result = frequency_response(scenario, progress, interrupted)
     for path, stored in laid:
-        from beamsim.analyses.response_overlay import with_overlay
+        from beamsim.analyses.response.overlay import with_overlay
 
         result = with_overlay(result, stored, path.name)
     if options.compare and not interrupted():

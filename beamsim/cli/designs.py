@@ -15,8 +15,8 @@ from beamsim.cli.progress import progress_bar
 from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:
-    from beamsim.analyses.designs import DesignPlan
-    from beamsim.analyses.designs_results import DesignsResult
+    from beamsim.analyses.designs.analysis import DesignPlan
+    from beamsim.analyses.designs.result import DesignsResult
     from beamsim.scenario import Scenario
 
 __all__ = [
@@ -57,7 +57,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions) -> No
     LimitExceededError
         With ``check``.
     """
-    from beamsim.analyses.designs import check_cases, plan_designs
+    from beamsim.analyses.designs.analysis import check_cases, plan_designs
 
     if options.check:
         need_limits(scenario)
@@ -85,10 +85,10 @@ def print_designs(result: DesignsResult, files: Sequence[Path], *, as_json: bool
 
 def _finished(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]] | None:
     """The result, where ``--resume`` finds that nothing is left to do."""
-    from beamsim import __version__
     from beamsim.store.designs import open_designs
     from beamsim.store.journal import journal_path
     from beamsim.store.stored import holds
+    from beamsim.version import __version__
 
     if not options.resume or journal_path(target).exists() or not holds(target, "designs"):
         return None
@@ -106,7 +106,7 @@ def _limits(scenario: Scenario) -> dict[str, float]:
 
 
 def _computed(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]]:
-    from beamsim.analyses.designs import design_study, gather
+    from beamsim.analyses.designs.analysis import design_study, gather
     from beamsim.store.designs import write_designs
     from beamsim.store.journal import Journal, journal_path
 

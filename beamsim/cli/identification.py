@@ -40,7 +40,7 @@ def identify_stiffness(
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, case.stem, ".h5", ".hdf5")
     with progress_bar("identifying", wanted=not (json or quiet)) as progress:
-        from beamsim.analyses.identify import identify_stiffness as identify
+        from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
         result = identify(scenario, read_tests(scenario, case.parent), progress)
     files = save_identification(result, target, plots=not no_plots)
@@ -63,7 +63,7 @@ def compare(
     debug: Debug = False,
 ) -> None:
     """Overlay a run with measured signals. Prints harmonic differences in dB, phase aligned."""
-    from beamsim.analyses.compare import compare as compare_with
+    from beamsim.analyses.compare.analysis import compare as compare_with
     from beamsim.cli.conclusion import conclude
     from beamsim.cli.identification_report import print_comparison, save_comparison
     from beamsim.cli.output import output_file

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.analyses.compare import Comparison
-from beamsim.analyses.identification_results import (
+from beamsim.analyses.compare.analysis import Comparison
+from beamsim.analyses.identify.result import (
     FrequencyTable,
     IdentificationResult,
     ParameterEstimate,

@@ -9,8 +9,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamsim.analyses.forced_expansion_results import ForcedExpansionComparison
-    from beamsim.analyses.response_results import FrequencyResponse
+    from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
+    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.scenario import Scenario
 
 __all__ = [
@@ -51,7 +51,7 @@ def refuse_comparison(scenario: Scenario) -> None:
 
 def compare_response(result: FrequencyResponse) -> FrequencyResponse:
     """The response curve with the expansion near its mode beside it."""
-    from beamsim.analyses.forced_expansion import compare_forced_expansion
+    from beamsim.analyses.response.forced_expansion import compare_forced_expansion
     from beamsim.errors import ScenarioError
 
     try:

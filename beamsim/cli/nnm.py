@@ -14,7 +14,7 @@ from beamsim.cli.nnm_report import nnm_rows
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet
 
 if TYPE_CHECKING:
-    from beamsim.analyses.nnm_results import NormalModeResult
+    from beamsim.analyses.nnm.result import NormalModeResult
 
 __all__ = ["nnm_rows", "print_nnm", "register"]
 
@@ -57,7 +57,7 @@ def nnm(
     target = output_file(output, case.stem, ".h5", ".hdf5")
     showing = progress_bar(f"following the mode of {case.name}", wanted=not (json or quiet))
     with interruptible() as interrupted, showing as progress:
-        from beamsim.analyses.nnm import nnm as follow
+        from beamsim.analyses.nnm.analysis import nnm as follow
 
         try:
             result = follow(scenario, progress, [c.value for c in compare_with or ()], interrupted)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamsim.analyses.nnm_results import NormalModeResult
+    from beamsim.analyses.nnm.result import NormalModeResult
 
 __all__ = ["nnm_rows"]
 

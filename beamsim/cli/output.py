@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from beamsim.analyses.results import RunResult
+from beamsim.analyses.run.result import RunResult
 from beamsim.files import check_writable
 
 __all__ = ["output_file", "output_folder", "save_run"]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.outcome import Outcome
-from beamsim.analyses.results import RunResult
+from beamsim.analyses.run.result import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 

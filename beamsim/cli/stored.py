@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from beamsim.analyses.results import RunResult
+    from beamsim.analyses.run.result import RunResult
 
 __all__ = ["export_stored", "plot_stored", "print_stored"]
 

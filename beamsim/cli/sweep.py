@@ -80,7 +80,7 @@ def sweep(
     if overlay:
         refuse_overlay()
     with progress_bar(f"sweeping {case.name}", wanted=not (json or quiet)) as progress:
-        from beamsim.analyses.sweep import sweep as compute
+        from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.sweep import earlier_sweep, write_sweep
 
         earlier = earlier_sweep(target, scenario) if resume else None

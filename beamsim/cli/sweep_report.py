@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
-from beamsim.analyses.sweep_results import ResponsePeak, SweepResult
+from beamsim.analyses.sweep.result import ResponsePeak, SweepResult
 from beamsim.cli.report import Row, _si, margin_rows, print_outcome
 
 __all__ = ["print_sweep", "save_sweep", "sweep_rows"]

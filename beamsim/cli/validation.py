@@ -21,12 +21,12 @@ def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...
 
     scenario = load_scenario(case, overrides)
     if scenario.vary is not None:
-        from beamsim.analyses.designs import check_cases, plan_designs
+        from beamsim.analyses.designs.analysis import check_cases, plan_designs
 
         check_cases(plan_designs(scenario))
     if scenario.run is None:
         return scenario.title, scenario.warnings
-    from beamsim.model.build import build_system
+    from beamsim.system.build import build_system
 
     return scenario.title, (*scenario.warnings, *build_system(scenario).warnings)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.response_results import FrequencyResponse, ResponseBranch
+from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
 from beamsim.plots.branches import MARKS, figure_of, stretches
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs_results import Coordinate, DesignsResult, Response
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.identification_results import FrequencyTable, IdentificationResult, Profile, TestFit
+from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, Profile, TestFit
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
 

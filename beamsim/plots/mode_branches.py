@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.nnm_results import ModeBranch, NormalModeResult
+from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
 from beamsim.plots.branches import MARKS, stretches
 from beamsim.plots.labels import put_names
 from beamsim.plots.style import curve_style, finish, scale_for

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from beamsim.analyses.forced_expansion_results import ForcedExpansionComparison
-    from beamsim.analyses.multiple_scales import ExpansionComparison
-    from beamsim.analyses.response_results import FrequencyResponse
+    from beamsim.analyses.nnm.multiple_scales import ExpansionComparison
+    from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
+    from beamsim.analyses.response.result import FrequencyResponse
 
 __all__ = [
     "comparison_figure",

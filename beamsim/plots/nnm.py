@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.nnm_results import ModeBranch, NormalModeResult
+from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
 from beamsim.plots.branches import figure_of
 from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
 from beamsim.plots.multiple_scales import comparison_figures

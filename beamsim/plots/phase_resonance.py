@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from beamsim.analyses.phase_resonance_results import HeldMotion, PhaseResonance
+    from beamsim.analyses.nnm.phase_resonance_results import HeldMotion, PhaseResonance
 
 __all__ = [
     "phase_resonance_figures",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.results import ProbeHistory, RunResult, SnubberHistory, Spectrum
+from beamsim.analyses.run.result import ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.sweep_results import SweepCurve, SweepResult
+from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import curve_style, finish, legend, scale_for
 

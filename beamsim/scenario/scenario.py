@@ -121,6 +121,10 @@ class Scenario(Schema):
         """The snubbers, of beam or chain."""
         return self.snubbers if self.chain is None else self.chain.snubbers
 
+    def snubber(self, name: str) -> Snubber | ChainSnubber:
+        """The snubber with this name."""
+        return next(s for s in self.all_snubbers if s.name == name)
+
     @property
     def effective_probes(self) -> tuple[Probe, ...]:
         """The probes; without any, one at each snubber, else at a free end or the last mass."""

@@ -7,9 +7,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from beamsim.analyses.compare import QUANTITIES, ChannelComparison, Comparison
-from beamsim.analyses.measured import MeasuredSignal
-from beamsim.analyses.results import RunResult
+from beamsim.analyses.compare.analysis import QUANTITIES, ChannelComparison, Comparison
+from beamsim.analyses.compare.measured import MeasuredSignal
+from beamsim.analyses.run.result import RunResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.store import schema
 from beamsim.store.datasets import native, put

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.response_results import FoldCurveResult, FrequencyResponse, OverlayCurve, ResponseBranch
+from beamsim.analyses.response.result import FoldCurveResult, FrequencyResponse, OverlayCurve, ResponseBranch
 from beamsim.store.datasets import named_group, native, ordered, put, read_modes, write_modes
 from beamsim.store.multiple_scales import read_forced_expansion, write_forced_expansion
 from beamsim.store.orbit_tables import NUMBER, read_special, read_stability, write_special, write_stability

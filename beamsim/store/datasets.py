@@ -9,9 +9,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.model.structure import ModeTable
 from beamsim.store import schema
 from beamsim.store.schema import Field
+from beamsim.system.structural import ModeTable
 
 __all__ = ["named_group", "native", "ordered", "put", "read_modes", "texts", "words", "write_modes"]
 

@@ -17,7 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.designs_results import CaseFailure, Coordinate, DesignsResult, Response
+from beamsim.analyses.designs.result import CaseFailure, Coordinate, DesignsResult, Response
 from beamsim.files import replacing
 from beamsim.store import schema
 from beamsim.store.datasets import put, texts, words

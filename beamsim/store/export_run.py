@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.results import RunResult
+from beamsim.analyses.run.result import RunResult
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
 from beamsim.store.csv_folder import CsvFolder, header
@@ -18,7 +18,7 @@ from beamsim.store.matlab import write_mat
 from beamsim.store.uff import GENERAL, UP, Source, record_58, write_uff
 
 if TYPE_CHECKING:
-    from beamsim.analyses.random_response import RandomResponse
+    from beamsim.analyses.run.random_response import RandomResponse
 
 __all__ = ["FORMATS", "export_csv", "export_mat", "export_run", "export_uff"]
 

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.identification_results import (
+from beamsim.analyses.identify.result import (
     FrequencyCurve,
     FrequencyTable,
     IdentificationResult,

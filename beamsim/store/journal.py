@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO
 
-from beamsim.analyses.designs_results import CaseOutcome
+from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 
@@ -47,7 +47,7 @@ class Journal:
     """
 
     def __init__(self, path: Path, fingerprint: str, *, resume: bool) -> None:
-        from beamsim import __version__
+        from beamsim.version import __version__
 
         self.path = path
         self.fingerprint = fingerprint = f"{fingerprint} by beamsim {__version__}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.measured import MeasuredSignal
+from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:

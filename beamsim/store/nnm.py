@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.nnm_results import BranchJump, ModeBranch, NormalModeResult, OrbitMotion
+from beamsim.analyses.nnm.result import BranchJump, ModeBranch, NormalModeResult, OrbitMotion
 from beamsim.store import schema
 from beamsim.store.datasets import named_group, native, ordered, put, read_modes, write_modes
 from beamsim.store.mode_comparisons import read_expansion, read_relaxed, write_expansion, write_relaxed

@@ -7,7 +7,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.random_response import RandomResponse, SignalStatistics
+from beamsim.analyses.run.random_response import RandomResponse, SignalStatistics
 from beamsim.store import schema
 from beamsim.store.datasets import put
 from beamsim.store.schema import Field

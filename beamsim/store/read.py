@@ -7,7 +7,7 @@ from typing import Any
 
 import h5py
 
-from beamsim.analyses.results import (
+from beamsim.analyses.run.result import (
     BeamResult,
     EnergyHistory,
     EventLog,

@@ -7,7 +7,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.results import SpectralLine, Spectrum
+from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.store import schema
 from beamsim.store.datasets import native, put, texts, words
 

@@ -169,7 +169,7 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
 
 def write_root(file: h5py.File, result: Outcome, command: str, **more: Any) -> None:
     """Write what every result file carries, the summary included, and the attributes `more`."""
-    from beamsim import __version__
+    from beamsim.version import __version__
 
     file.attrs.update(
         {

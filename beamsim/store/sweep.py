@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.sweep_results import (
+from beamsim.analyses.sweep.result import (
     ContactLevels,
     Envelope,
     LevelWork,

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from beamsim.analyses.results import RunResult
+from beamsim.analyses.run.result import RunResult
 from beamsim.store import schema
 from beamsim.store.datasets import named_group, put, write_modes
 from beamsim.store.random_response import write_random

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.transient import simulate
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
 
 
 @pytest.mark.parametrize("stiffness", [1e-6, 0.5, 3.0, 1e4])
@@ -75,8 +75,8 @@ def test_coefficient_of_restitution_of_a_dashpot(make_system, no_forcing, law):
 
 def test_undamped_resonance_grows_linearly(make_system):
     """Excited exactly at its natural frequency: (sin t - t cos t) / 2."""
-    from beamsim.model.signal import Signal
-    from beamsim.model.system import Forcing
+    from beamsim.inputs.signal import Signal
+    from beamsim.system.equations import Forcing
 
     system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
     flow = ExactFlow(system, Forcing(np.ones((1, 1)), (Signal.harmonic(1.0, 1.0),)), 500.0)
@@ -88,8 +88,8 @@ def test_undamped_resonance_grows_linearly(make_system):
 @pytest.mark.parametrize("offset", [1e-3, 1e-6, 1e-9, 1e-13])
 def test_just_beside_an_undamped_resonance(make_system, offset):
     """(sin(w t) - w sin t) / (1 - w^2) has no digits left in this form; the flow keeps them."""
-    from beamsim.model.signal import Signal
-    from beamsim.model.system import Forcing
+    from beamsim.inputs.signal import Signal
+    from beamsim.system.equations import Forcing
 
     omega = 1.0 + offset
     system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])

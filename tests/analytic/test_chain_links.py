@@ -8,16 +8,16 @@ from scipy.integrate import quad, solve_ivp
 from scipy.special import ellipj, ellipk
 
 import beamsim
-from beamsim.analyses.nnm import nnm
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.transient import simulate
+from beamsim.analyses.nnm.analysis import nnm
+from beamsim.contacts.contact_point import snubber_point
+from beamsim.contacts.springs import one_sided_parts
 from beamsim.errors import ScenarioError
-from beamsim.model.build import build_system
-from beamsim.model.contact_point import snubber_point
-from beamsim.model.point_sensitivity import stiffness_sensitivities
-from beamsim.model.springs import one_sided_parts
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import find_parameters, with_values
+from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.system.build import build_system
 
 
 def chain(masses, springs, more=None, **rest):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from beamsim.model.beam import assemble_beam
-from beamsim.model.modes import natural_modes
 from beamsim.scenario import Beam
+from beamsim.structures.beam import assemble_beam
+from beamsim.structures.modes import natural_modes
 
 # f(beta) whose roots are the adimensional wave numbers, and the number of rigid-body modes.
 CHARACTERISTIC = {
@@ -136,7 +136,7 @@ def test_thousands_of_elements_keep_their_digits():
 
 @pytest.mark.parametrize(("left", "right"), [("clamped", "free"), ("free", "free"), ("pinned", "free")])
 def test_sparse_and_dense_solvers_agree(left, right, monkeypatch):
-    import beamsim.model.modes as module
+    import beamsim.structures.modes as module
 
     model = assemble_beam(make(left, right, 60, point_masses=[{"position": 1.3, "mass": 0.5}]))
     dense = natural_modes(model)

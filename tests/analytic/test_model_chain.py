@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from beamsim.errors import ScenarioError
-from beamsim.model.build import build_system
-from beamsim.model.chain import floating_groups
 from beamsim.scenario import Scenario
+from beamsim.structures.chain import floating_groups
+from beamsim.system.build import build_system
 
 RUN = {"duration": 10.0, "sample_rate": 10.0, "start": "rest"}
 

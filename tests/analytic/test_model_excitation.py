@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.model.build import build_system
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
 
 BEAM = {"length": 0.5, "width": 0.02, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700.0}
 LINE = 2700.0 * 0.02 * 0.005
@@ -115,8 +115,8 @@ def test_effective_mass_of_the_first_cantilever_mode():
 def test_mass_coupling_to_the_clamp_is_kept():
     """All effective masses of a clamped beam add up to what its free dofs carry, not to the lumped nodes'."""
     s = system(harmonic(), beam={"elements": 4}, reduction={"modes": "all"})
-    from beamsim.model.beam import assemble_beam
     from beamsim.scenario import Beam
+    from beamsim.structures.beam import assemble_beam
 
     model = assemble_beam(Beam(**BEAM, elements=4))
     mass = model.mass.toarray() * model.mass_scale

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from beamsim.contacts.snubbers import dashpot_from_ratio
 from beamsim.errors import ScenarioError
-from beamsim.model.build import build_system
-from beamsim.model.snubbers import dashpot_from_ratio
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
 
 BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
 EI = 70e9 * 0.05 * 0.01**3 / 12

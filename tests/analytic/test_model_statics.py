@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.model.build import build_system
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
 
 L, B, H, E, RHO = 0.8, 0.03, 0.008, 70e9, 2700.0
 EI = E * B * H**3 / 12

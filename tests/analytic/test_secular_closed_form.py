@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from beamsim.analyses.identify import identify_stiffness
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.contacts.contact_point import snubber_point
 from beamsim.errors import ScenarioError
-from beamsim.model.contact_point import snubber_point
-from beamsim.model.point_sensitivity import stiffness_sensitivities
-from beamsim.model.secular import SpringPoint
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
+from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.structures.secular import SpringPoint
 
 
 def beam(position=1.0, left="clamped", right="free", elements=40, **section):

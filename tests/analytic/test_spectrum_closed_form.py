@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.analyses.spectrum import FLOOR_DB, cosine_window, project, spectrum
+from beamsim.analyses.run.spectrum import FLOOR_DB, cosine_window, project, spectrum
 
 RATE = 20_000.0
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from beamsim.analyses.nnm import nnm
-from beamsim.dynamics.backbone import Backbone
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.full_period_path import FullPeriodPath
-from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness, linear_mode
+from beamsim.analyses.nnm.analysis import nnm
+from beamsim.orbits.backbone import Backbone
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.full_period_path import FullPeriodPath
+from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
 from beamsim.scenario import load_scenario
 
 CUBIC = {

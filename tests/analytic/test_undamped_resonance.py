@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.shooting import ForcedOrbits, find_orbit
-from beamsim.dynamics.variational import ContactDirection, Frequency, Level, PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import ContactDirection, Frequency, Level, PeriodicForcing, VariationalFlow
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 
 OMEGA = np.array([1.0, 2.7])
 FORCE = np.array([0.3, 0.1])

@@ -60,7 +60,7 @@ def solved(monkeypatch, fabricated_run):
             return self.result
 
     solver = Solver()
-    monkeypatch.setattr("beamsim.analyses.run.run", solver)
+    monkeypatch.setattr("beamsim.analyses.run.analysis.run", solver)
     return solver
 
 

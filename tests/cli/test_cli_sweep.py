@@ -14,7 +14,7 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from beamsim.analyses.sweep import sweep
+from beamsim.analyses.sweep.analysis import sweep
 from beamsim.cli.app import app
 from beamsim.errors import ResultFileError
 from beamsim.plots.sweep import sweep_figures

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import beamsim
-from beamsim.model.build import build_system
+from beamsim.system.build import build_system
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 ALREADY_RUN = ("one_sided_", "prestressed_", "backlash_", "point_force_")  # tests/reference/test_thesis_cases.py

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from beamsim.analyses.frequency_response import frequency_response
-from beamsim.analyses.response_balance import balance_tracer
-from beamsim.analyses.response_branches import reach_of
-from beamsim.analyses.response_overlay import with_overlay
-from beamsim.analyses.response_paths import response_model
+from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.response.balance import balance_tracer
+from beamsim.analyses.response.branches import reach_of
+from beamsim.analyses.response.overlay import with_overlay
+from beamsim.analyses.response.paths import response_model
 from beamsim.cli.app import app
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.plots.continuation import frequency_response_figures
@@ -162,7 +162,7 @@ def test_the_size_of_the_model_is_not_that_of_the_balance(elements):
     tracer = balance_tracer(model, 21, model.levels[0], reach_of(first, last, beyond=True))
     start = tracer.begin(first, -1.0)
     assert start.u.size == 44
-    from beamsim.dynamics.continuation import Settings
+    from beamsim.orbits.continuation import Settings
 
     points = [p for p, _ in zip(tracer.branch(start, Settings()), range(6), strict=False)]
     assert len(points) == 6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs import check_cases, design_study, plan_designs
+from beamsim.analyses.designs.analysis import check_cases, design_study, plan_designs
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STUDIES = [

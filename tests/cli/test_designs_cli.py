@@ -195,7 +195,9 @@ def test_failed_cases_are_saved_around_and_end_with_3(call, here):
 def test_resume_of_a_complete_study_computes_nothing(call, here, monkeypatch):
     assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
     before = (here / "case.h5").read_bytes()
-    monkeypatch.setattr("beamsim.analyses.designs.design_study", lambda *_, **__: pytest.fail("computed again"))
+    monkeypatch.setattr(
+        "beamsim.analyses.designs.analysis.design_study", lambda *_, **__: pytest.fail("computed again")
+    )
     done = call("sweep", "case.yaml", "--resume")
     assert done.exit_code == 0, done.output
     assert "nothing is left to compute" in done.stderr
@@ -204,7 +206,7 @@ def test_resume_of_a_complete_study_computes_nothing(call, here, monkeypatch):
 
 @pytest.mark.parametrize("interrupt", [KeyboardInterrupt, MemoryError])
 def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monkeypatch):
-    from beamsim.analyses import designs
+    from beamsim.analyses.designs import analysis as designs
 
     real = designs._solved
 
@@ -234,8 +236,8 @@ def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monk
 
 
 def test_beginning_anew_says_what_it_gives_up(call, here, monkeypatch):
-    from beamsim.analyses.designs import plan_designs
-    from beamsim.analyses.designs_results import CaseOutcome
+    from beamsim.analyses.designs.analysis import plan_designs
+    from beamsim.analyses.designs.result import CaseOutcome
     from beamsim.scenario import load_scenario
     from beamsim.store.journal import Journal
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from beamsim.analyses.steady import steady_vibration
+from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.cli.app import app
 from beamsim.scenario import load_scenario
 

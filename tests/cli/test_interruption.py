@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.frequency_response import frequency_response
-from beamsim.analyses.nnm import nnm
+from beamsim.analyses.nnm.analysis import nnm
+from beamsim.analyses.response.analysis import frequency_response
 from beamsim.cli.failures import verdict
 from beamsim.cli.interruption import interruptible
 from beamsim.errors import StoppedEarlyError
@@ -81,7 +81,7 @@ def test_what_was_not_begun_is_named():
 
 
 def test_nothing_found_is_nothing_kept(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.response_branches.ShootingTracer.begin", lambda *_: None)
+    monkeypatch.setattr("beamsim.analyses.response.branches.ShootingTracer.begin", lambda *_: None)
     with pytest.raises(KeyboardInterrupt):
         frequency_response(load_scenario(RESPONSE), stop=lambda: True)
     with pytest.raises(beamsim.ScenarioError, match="no periodic motion"):

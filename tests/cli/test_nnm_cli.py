@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from beamsim.analyses.frequency_response import frequency_response
-from beamsim.analyses.nnm import nnm
+from beamsim.analyses.nnm.analysis import nnm
+from beamsim.analyses.response.analysis import frequency_response
 from beamsim.cli.app import app
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
@@ -172,8 +172,8 @@ def test_levels_without_gap_are_one_curve():
 @pytest.mark.parametrize("mounted", ["base", "ground"])
 def test_forcing_follows_the_frequency(quantity, mounted):
     """Loads built at one frequency and carried to another are those of a scenario at the other."""
-    from beamsim.analyses.frequency_response import periodic_forcing
-    from beamsim.model.build import build_system
+    from beamsim.analyses.response.analysis import periodic_forcing
+    from beamsim.system.build import build_system
 
     loads = []
     for frequency in ("65 Hz", "91 Hz"):

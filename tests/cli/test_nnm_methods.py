@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from beamsim.analyses.nnm import conservative_system, nnm
-from beamsim.analyses.nnm_orbits import orbit_motion
-from beamsim.analyses.nnm_paths import mode_path
+from beamsim.analyses.nnm.analysis import conservative_system, nnm
+from beamsim.analyses.nnm.orbits import orbit_motion
+from beamsim.analyses.nnm.paths import mode_path
 from beamsim.cli.app import app
 from beamsim.cli.nnm_report import nnm_rows
 from beamsim.errors import ResultFileError, ScenarioError

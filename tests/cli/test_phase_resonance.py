@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses import phase_resonance
-from beamsim.analyses.nnm import nnm
+from beamsim.analyses.nnm import phase_resonance
+from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.app import app
 from beamsim.cli.phase_resonance import phase_resonance_rows
 from beamsim.errors import ScenarioError

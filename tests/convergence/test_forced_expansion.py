@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.forced_expansion import compare_forced_expansion
+from beamsim.analyses.response.forced_expansion import compare_forced_expansion
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario

@@ -5,15 +5,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from beamsim.dynamics.aft import to_real
-from beamsim.dynamics.continuation import Branch, Settings, solve_at
-from beamsim.dynamics.harmonic_balance import ForcedBalance, FreeBalance, resampled, truncation
-from beamsim.dynamics.hill import hill_multipliers
-from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness
-from beamsim.dynamics.shooting import ForcedOrbits, find_orbit, follow_orbits, special_points
-from beamsim.dynamics.smooth_flow import SmoothFlow
-from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
-from beamsim.model.equilibrium import CubicSprings
+from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.flow.smooth_flow import SmoothFlow
+from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.orbits.aft import to_real
+from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.harmonic_balance import ForcedBalance, FreeBalance, resampled, truncation
+from beamsim.orbits.hill import hill_multipliers
+from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, special_points
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from beamsim.model.beam import assemble_beam
-from beamsim.model.modes import natural_modes
-from beamsim.model.recovery import moment_rows
-from beamsim.model.reduction import reduce_model
 from beamsim.scenario import Beam
+from beamsim.structures.beam import assemble_beam
+from beamsim.structures.modes import natural_modes
+from beamsim.structures.recovery import moment_rows
+from beamsim.structures.reduction import reduce_model
 
 BETA = np.array([1.8751040687119611, 4.6940911329741746, 7.8547574382376126])
 
@@ -39,7 +39,7 @@ def exact_moment(x, mode):
 @pytest.mark.parametrize("mode", [0, 1, 2])
 @pytest.mark.parametrize("recovery", ["equilibrium", "curvature"])
 def test_bending_moments_from_equilibrium_gain_two_orders(mode, recovery):
-    from beamsim.model.hermite import shape_functions
+    from beamsim.structures.hermite import shape_functions
 
     meshes = [5, 10, 20, 40]
     errors = []
@@ -63,8 +63,8 @@ def test_bending_moments_from_equilibrium_gain_two_orders(mode, recovery):
 
 def test_static_vectors_speed_up_the_convergence_in_modes():
     """Closed frequencies: residual flexibility turns slow convergence in the number of modes into a fast one."""
-    from beamsim.model.modes import closed_frequencies
-    from beamsim.model.reduction import LoadPattern
+    from beamsim.structures.modes import closed_frequencies
+    from beamsim.structures.reduction import LoadPattern
 
     model = cantilever(40)
     row = model.deflection(1.0)

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.multiple_scales import expand_mode, expand_mode_at_energy, observed_orders, weakened
-from beamsim.dynamics.multiple_scales_forced import ResonantForcing, expand_forced
-from beamsim.dynamics.multiple_scales_remainder import forced_remainder, free_remainder
-from beamsim.dynamics.shooting import ForcedOrbits
-from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import ScenarioError
-from beamsim.model.equilibrium import CubicSprings
+from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.multiple_scales import expand_mode, expand_mode_at_energy, observed_orders, weakened
+from beamsim.orbits.multiple_scales_forced import ResonantForcing, expand_forced
+from beamsim.orbits.multiple_scales_remainder import forced_remainder, free_remainder
+from beamsim.orbits.shooting import ForcedOrbits
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 W2, V = np.linalg.eigh(CHAIN)
@@ -210,7 +210,7 @@ def test_forced_away_from_resonance(six, contact):
 
 
 def test_energy_chooses_the_amplitude(six):
-    from beamsim.dynamics.multiple_scales import potential_energy
+    from beamsim.orbits.multiple_scales import potential_energy
 
     for gap in (0.0, 0.1, -0.1):
         system = six(5, gap=gap)

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.forced_from_free import appropriate_force, quadrature_nodes
-from beamsim.dynamics.multiple_scales import observed_orders
-from beamsim.dynamics.phase_resonance import find_phase_resonance, quadrature
-from beamsim.dynamics.relaxed_minimisation import relaxed_path
-from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness, linear_mode
-from beamsim.dynamics.shooting import ForcedOrbits
-from beamsim.dynamics.smooth_flow import CubicStiffness, SmoothFlow
-from beamsim.dynamics.transient import simulate
-from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
-from beamsim.model.equilibrium import find_equilibrium
-from beamsim.model.signal import Signal
-from beamsim.model.snubbers import springs_of
-from beamsim.model.system import Forcing
+from beamsim.contacts.equilibrium import find_equilibrium
+from beamsim.contacts.snubbers import springs_of
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.smooth_flow import CubicStiffness, SmoothFlow
+from beamsim.flow.transient import simulate
+from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.inputs.signal import Signal
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.forced_from_free import appropriate_force, quadrature_nodes
+from beamsim.orbits.multiple_scales import observed_orders
+from beamsim.orbits.phase_resonance import find_phase_resonance, quadrature
+from beamsim.orbits.relaxed_minimisation import relaxed_path
+from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.system.equations import Forcing
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 W2, V = np.linalg.eigh(CHAIN)

@@ -8,8 +8,8 @@ from scipy.stats import kstest, truncnorm
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.designs import check_cases, design_study, gather, plan_designs
-from beamsim.analyses.designs_results import CaseOutcome
+from beamsim.analyses.designs.analysis import check_cases, design_study, gather, plan_designs
+from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.parallel import on_this_machine
 from beamsim.cli.app import app
 from beamsim.errors import NotTrustedError, ScenarioError
@@ -257,7 +257,7 @@ def test_a_study_of_sweeps():
     resonance = result.responses["up_0/probes/tip/resonance_frequency"].values
     assert resonance[1] > resonance[0]  # a stiffer snubber
     assert result.responses["down_0/snubbers/tip/peak_force"].place == "tip down_0"
-    from beamsim.analyses.sweep import sweep
+    from beamsim.analyses.sweep.analysis import sweep
 
     alone = sweep(load_scenario(text, {"snubbers[0].stiffness": 200e3}))
     assert result.responses["up_0/probes/tip/peak_displacement"].values[1] == pytest.approx(

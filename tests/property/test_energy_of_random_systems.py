@@ -5,11 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from beamsim.analyses.energy import energy_history
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.transient import simulate
-from beamsim.model.signal import Signal
-from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+from beamsim.analyses.run.energy import energy_history
+from beamsim.contacts.contacts import Contacts
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 
 def random_case(seed):

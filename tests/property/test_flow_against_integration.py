@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.reference import integrate
-from beamsim.dynamics.transient import simulate
-from beamsim.model.signal import Signal
-from beamsim.model.system import Contacts, Forcing, PiecewiseLinearSystem
+from beamsim.contacts.contacts import Contacts
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.reference import integrate
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 
 def agreement(flow, start, duration, max_step=0.02):

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.model.build import build_system
-from beamsim.model.modes import closed_frequencies
 from beamsim.scenario import Scenario
+from beamsim.structures.modes import closed_frequencies
+from beamsim.system.build import build_system
 
 BEAM = {
     "length": 0.27,

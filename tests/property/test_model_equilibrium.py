@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.model.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
-from beamsim.model.nonnegative import nonnegative_least_squares
+from beamsim.contacts.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
+from beamsim.contacts.nonnegative import nonnegative_least_squares
 
 
 def random_case(seed, n, m, rigid, balanced):

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from beamsim.analyses.nnm import nnm
+from beamsim.analyses.nnm.analysis import nnm
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 

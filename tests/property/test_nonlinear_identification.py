@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses import steady
-from beamsim.analyses.identify import identify_stiffness
-from beamsim.analyses.measured import MeasuredSignal, best_phase, harmonics_of
-from beamsim.analyses.nonlinear_fit import fit_nonlinear
-from beamsim.analyses.run import run
-from beamsim.analyses.steady import steady_vibration
+from beamsim.analyses.compare.measured import MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.identify import steady
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
+from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.run.analysis import run
 from beamsim.errors import ScenarioError
-from beamsim.model.build import build_system
-from beamsim.model.contact_change import with_changed_contacts
 from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+from beamsim.system.contact_change import with_changed_contacts
 
 CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 TRUTH = {"snubbers[0].gap": 2e-5, "reduction": {"modes": 6}}
@@ -266,8 +266,8 @@ def test_a_linear_identification_gives_the_starting_stiffness(vibrations):
 
 
 def test_the_jacobian_is_that_of_the_residuals(vibrations):
-    from beamsim.analyses.model_updating import sought_numbers
-    from beamsim.analyses.nonlinear_fit import _Fit, _tests
+    from beamsim.analyses.identify.model_updating import sought_numbers
+    from beamsim.analyses.identify.nonlinear_fit import _Fit, _tests
 
     scenario = case(vibrations)
     nonlinear = scenario.identify_stiffness.nonlinear

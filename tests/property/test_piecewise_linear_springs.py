@@ -7,16 +7,17 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.nnm import nnm
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.harmonic_balance import ForcedBalance
-from beamsim.dynamics.shooting import ForcedOrbits, find_orbit
-from beamsim.dynamics.smooth_flow import SmoothFlow
-from beamsim.dynamics.variational import Frequency, Level, PeriodicForcing, VariationalFlow
-from beamsim.model.build import build_system
-from beamsim.model.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
-from beamsim.model.system import Contacts, PiecewiseLinearSystem
+from beamsim.analyses.nnm.analysis import nnm
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
+from beamsim.flow.smooth_flow import SmoothFlow
+from beamsim.flow.variational import Frequency, Level, PeriodicForcing, VariationalFlow
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.harmonic_balance import ForcedBalance
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
+from beamsim.system.equations import PiecewiseLinearSystem
 
 
 def random_chain(rng, count, springs, between):

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from beamsim.analyses.identify import identify_stiffness
-from beamsim.analyses.stiffness import Measured, fit_stiffness
-from beamsim.model.contact_point import snubber_point
-from beamsim.model.modes import closed_frequencies
-from beamsim.model.secular import SpringPoint
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.analyses.identify.stiffness import Measured, fit_stiffness
+from beamsim.contacts.contact_point import snubber_point
 from beamsim.scenario import load_scenario
+from beamsim.structures.modes import closed_frequencies
+from beamsim.structures.secular import SpringPoint
 
 BEAM = {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 12}
 SUPPORTS = st.sampled_from(["clamped", "pinned", "free", "guided"])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from beamsim.analyses.outputs import accelerations, displacements, stack
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.swept_sine import SweptFlow, sweep
-from beamsim.dynamics.transient import simulate
-from beamsim.model.profiles import Profile
-from beamsim.model.swept import Leg, cut_into_windows, swept_signals
-from beamsim.model.system import Forcing
+from beamsim.analyses.run.outputs import accelerations, displacements, stack
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.swept_sine import SweptFlow, sweep
+from beamsim.flow.transient import simulate
+from beamsim.inputs.profiles import Profile
+from beamsim.inputs.swept import Leg, cut_into_windows, swept_signals
+from beamsim.system.equations import Forcing
 
 
 def phase_of(legs, t):

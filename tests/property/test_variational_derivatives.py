@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.dynamics.variational import (
+from beamsim.flow.variational import (
     ContactDirection,
     Frequency,
     Level,
@@ -171,7 +171,7 @@ def test_undamped_flow_is_symplectic(make_system):
 @pytest.mark.parametrize("case", CASES)
 def test_motion_is_that_of_the_transient_solver(make_system, case):
     """The tables rewritten for a new frequency give the motion of tables built for it."""
-    from beamsim.dynamics.transient import simulate
+    from beamsim.flow.transient import simulate
 
     system = build(make_system, case)
     flow = VariationalFlow(system, forcing(1.0 if "ground" in case else 0.0), omega=0.7, level=1.0)

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.frequency_response import frequency_response
-from beamsim.analyses.response_paths import response_model
-from beamsim.dynamics.shooting import find_orbit
-from beamsim.dynamics.variational import VariationalFlow
-from beamsim.model.build import build_system, build_with_moving_point
-from beamsim.model.contact_rates import MovedContact
-from beamsim.model.moving_point import ACCURATE, compliance_defect
+from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.response.paths import response_model
+from beamsim.contacts.contact_rates import MovedContact
+from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.shooting import find_orbit
 from beamsim.scenario import load_scenario
+from beamsim.structures.moving_point import ACCURATE, compliance_defect
+from beamsim.system.build import build_system, build_with_moving_point
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM = CONFIGS / "one_sided_65hz.yaml"
@@ -40,7 +40,7 @@ def settled_peak(key, value):
     """Largest tip displacement of the steady motion of a scenario with this value, from a transient."""
     scenario = load_scenario(BEAM, {key: value, "run": None})
     system = build_system(scenario)
-    from beamsim.analyses.frequency_response import periodic_forcing
+    from beamsim.analyses.response.analysis import periodic_forcing
 
     flow = VariationalFlow(
         system.dynamics, periodic_forcing(scenario, system), 2 * np.pi * 65.0, scenario.excitation.level
@@ -91,7 +91,7 @@ def moving():
 def test_contacts_have_exact_derivatives(moving, quantity, value, h):
     """The dashpot of a damping ratio included."""
     _, system, shape_at = moving
-    moved = MovedContact(system.dynamics, 0, quantity, 0.02, 0, shape_at)
+    moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, 0, quantity, 0.02, 0, shape_at)
     above, below, rates = moved(value + h)[0], moved(value - h)[0], moved(value)[1]
     changed = 0
     for name in ("stiffness", "dashpot", "gap", "shape"):
@@ -104,7 +104,7 @@ def test_contacts_have_exact_derivatives(moving, quantity, value, h):
 
 def test_one_basis_serves_the_whole_way(moving):
     """Compliance everywhere; the basis made for the tip alone lacks it."""
-    from beamsim.model.build import _parts
+    from beamsim.system.build import _parts
 
     scenario, system, shape_at = moving
     at = np.linspace(0.15, 0.27, 25)
@@ -158,7 +158,7 @@ def _plain(text):
 def test_extremes_are_those_of_a_stepped_sine():
     """Force (which jumps: a dashpot), acceleration, stress and gap of one stable motion, by the exact machinery."""
     limits = "limits={peak_force: 1 N, bending_stress: 1 MPa, peak_acceleration: 1 g, gap: 1 mm}"
-    from beamsim.analyses.sweep import sweep
+    from beamsim.analyses.sweep.analysis import sweep
 
     stepped = sweep(
         load_scenario(BEAM, ["sweep={kind: stepped, from: 78 Hz, to: 80 Hz, points: 2, steady_to: 1e-9}", limits])

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.identify import identify_stiffness
-from beamsim.model.contact_point import snubber_point
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.contacts.contact_point import snubber_point
 from beamsim.scenario import load_scenario
 
 CASE = Path(__file__).parents[2] / "configs" / "identify_snubber.yaml"

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.multiple_scales import compare_expansion, expand_nnm, expansion_path
-from beamsim.analyses.nnm import conservative_system, nnm
+from beamsim.analyses.nnm.analysis import conservative_system, nnm
+from beamsim.analyses.nnm.multiple_scales import compare_expansion, expand_nnm, expansion_path
 from beamsim.errors import NotTrustedError, ScenarioError
-from beamsim.model.build import build_system
 from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

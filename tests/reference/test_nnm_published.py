@@ -7,13 +7,13 @@ import pytest
 from scipy.linalg import eigh
 from scipy.special import ellipk
 
-from beamsim.dynamics.backbone import Backbone
-from beamsim.dynamics.continuation import Branch, Settings, solve_at
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.free_orbits import FreeOrbits
-from beamsim.dynamics.reversible import BrakeOrbits, ContactStiffness, follow_modes, linear_mode, mode_points
-from beamsim.dynamics.smooth_flow import CubicStiffness
-from beamsim.dynamics.transient import simulate
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.smooth_flow import CubicStiffness
+from beamsim.flow.transient import simulate
+from beamsim.orbits.backbone import Backbone
+from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.free_orbits import FreeOrbits
+from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, follow_modes, linear_mode, mode_points
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
-from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
-from beamsim.model.build import build_system
+from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
+from beamsim.system.build import build_system
 
 CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 

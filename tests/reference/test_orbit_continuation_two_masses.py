@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from beamsim.dynamics.continuation import Branch, Settings, solve_at
-from beamsim.dynamics.folds import start_of_fold_curve
-from beamsim.dynamics.grazing_curve import GrazingCurve, start_of_grazing_curve
-from beamsim.dynamics.shooting import (
+from beamsim.flow.transient import simulate
+from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow
+from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.folds import start_of_fold_curve
+from beamsim.orbits.grazing_curve import GrazingCurve, start_of_grazing_curve
+from beamsim.orbits.shooting import (
     ContactPath,
     ForcedOrbits,
     find_orbit,
@@ -18,8 +20,6 @@ from beamsim.dynamics.shooting import (
     special_points,
     switch_at_period_doubling,
 )
-from beamsim.dynamics.transient import simulate
-from beamsim.dynamics.variational import ContactDirection, PeriodicForcing, VariationalFlow
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.dynamics import continuation
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.reference import integrate
-from beamsim.dynamics.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
-from beamsim.dynamics.transient import simulate
-from beamsim.dynamics.variational import PeriodicForcing, VariationalFlow
-from beamsim.model.build import build_system
+from beamsim.flow.reference import integrate
+from beamsim.flow.transient import simulate
+from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.orbits import continuation
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
+from beamsim.system.build import build_system
 
 CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 HZ = 60.0

@@ -7,8 +7,8 @@ the printed numbers do not fit the printed frequencies (see the last tests).
 import numpy as np
 import pytest
 
-from beamsim.model.build import build_system
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
 
 OPEN = {"predicted": [52.7, 328.5, 931.3], "measured": [51.9, 329.4, 934.4]}
 CLOSED = {"predicted": [196.0, 447.1, 966.0], "measured": [196.5, 448.0, 969.5]}

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import exact_flow
-from beamsim.dynamics.reference import integrate
-from beamsim.dynamics.transient import simulate
-from beamsim.model.build import build_system
+from beamsim.analyses.run.analysis import exact_flow
+from beamsim.flow.reference import integrate
+from beamsim.flow.transient import simulate
+from beamsim.system.build import build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 TWO_SNUBBERS = [

@@ -5,8 +5,8 @@ import pytest
 import yaml
 
 import beamsim
-from beamsim.analyses.frequency_response import frequency_response
-from beamsim.analyses.sweep import sweep
+from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.scenario import LinkSnubber, MassSnubber, Scenario, load_scenario
 from beamsim.store.read import open_run

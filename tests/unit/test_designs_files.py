@@ -7,8 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.analyses.designs import gather, plan_designs
-from beamsim.analyses.designs_results import CaseOutcome
+from beamsim.analyses.designs.analysis import gather, plan_designs
+from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.plots.designs import design_figures, save_design_plots, shown_quantities
 from beamsim.scenario import load_scenario

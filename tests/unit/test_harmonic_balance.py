@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.dynamics.aft import close_intervals, cubic, one_sided, to_complex, to_real, toeplitz
-from beamsim.dynamics.condensation import Condensation
-from beamsim.dynamics.continuation import Settings, solve_at
-from beamsim.dynamics.harmonic_balance import ForcedBalance, FreeBalance
-from beamsim.dynamics.variational import PeriodicForcing
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import ScenarioError
-from beamsim.model.equilibrium import CubicSprings
+from beamsim.flow.variational import PeriodicForcing
+from beamsim.orbits.aft import close_intervals, cubic, one_sided, to_complex, to_real, toeplitz
+from beamsim.orbits.condensation import Condensation
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.harmonic_balance import ForcedBalance, FreeBalance
 
 
 def smooth_coefficients(seed, H):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from beamsim.dynamics.invariant_blocks import block_diagonalise, second_order_blocks
+from beamsim.flow.invariant_blocks import block_diagonalise, second_order_blocks
 
 
 def exponential(simple, blocks, tau):

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.analyses.measured import MeasuredSignal, harmonics_of
+from beamsim.analyses.compare.measured import MeasuredSignal, harmonics_of
 from beamsim.errors import ScenarioError
 from beamsim.store.measurement import channel_named, in_si, read_signals
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamsim.model.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
-from beamsim.model.mesh import build_mesh
+from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
+from beamsim.structures.mesh import build_mesh
 
 
 def test_uniform_without_hard_points():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from beamsim.model.beam import assemble_beam
-from beamsim.model.build import build_system
-from beamsim.model.reduction import LoadPattern, reduce_model
 from beamsim.scenario import Beam, Scenario
+from beamsim.structures.beam import assemble_beam
+from beamsim.structures.reduction import LoadPattern, reduce_model
+from beamsim.system.build import build_system
 
 BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 20}
 STOP = {"position": 1.0, "side": "below", "stiffness": 2e4, "gap": 0.0}
@@ -190,7 +190,7 @@ def test_the_estimate_survives_an_excitation_on_a_resonance():
 
 
 def test_the_estimate_for_large_models_agrees_with_the_dense_one(monkeypatch):
-    import beamsim.model.reduction_error as module
+    import beamsim.structures.reduction_error as module
 
     more = {"snubbers": [STOP], "reduction": {"modes": 5}, "beam": {"elements": 60}}
     dense = system(**more).modes.reduction_error

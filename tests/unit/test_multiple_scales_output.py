@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from beamsim.analyses.multiple_scales import expand_nnm
-from beamsim.analyses.nnm_summary import expansion_summary
+from beamsim.analyses.nnm.multiple_scales import expand_nnm
+from beamsim.analyses.nnm.summary import expansion_summary
 from beamsim.cli.multiple_scales import expansion_rows
 from beamsim.scenario import load_scenario
 

@@ -5,11 +5,11 @@ from itertools import count
 import numpy as np
 import pytest
 
-from beamsim.analyses.nnm import conservative_system, nnm
-from beamsim.analyses.nnm_paths import mode_path
-from beamsim.dynamics import grazing
-from beamsim.dynamics.continuation import Settings
-from beamsim.dynamics.reversible import BrakeOrbits
+from beamsim.analyses.nnm.analysis import conservative_system, nnm
+from beamsim.analyses.nnm.paths import mode_path
+from beamsim.orbits import grazing
+from beamsim.orbits.continuation import Settings
+from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.scenario import load_scenario
 
 

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from beamsim.analyses.nnm import nnm
+from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.nnm_report import nnm_rows
 from beamsim.plots.labels import put_names
 from beamsim.plots.mode_branches import plot_backbone, plot_frequency_energy

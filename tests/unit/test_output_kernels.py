@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.transient import simulate
-from beamsim.model.signal import Signal
-from beamsim.model.system import Forcing
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing
 
 SPACING = 0.02
 

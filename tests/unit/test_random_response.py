@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.linear_response import transfer
-from beamsim.model.build import build_system
+from beamsim.analyses.sweep.linear_response import transfer
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.read import open_run
 from beamsim.store.write import write_run
+from beamsim.system.build import build_system
 
 G = 9.80665
 OSCILLATOR = {

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.analyses.response_branches import Budget, covered, missing, progress_that_grows, reach_of, trace_range
-from beamsim.dynamics.continuation import BranchPoint, Settings
+from beamsim.analyses.response.branches import Budget, covered, missing, progress_that_grows, reach_of, trace_range
+from beamsim.orbits.continuation import BranchPoint, Settings
 
 
 def point(value, x=0.0):

@@ -8,9 +8,9 @@ from scipy.integrate import quad
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.model.broadband import broadband_signals
-from beamsim.model.random_input import density, noise
-from beamsim.model.sampled import interpolate, read_samples
+from beamsim.inputs.broadband import broadband_signals
+from beamsim.inputs.random_input import density, noise
+from beamsim.inputs.sampled import interpolate, read_samples
 from beamsim.scenario import load_scenario
 
 G = 9.80665
@@ -237,7 +237,7 @@ def test_random_nonsense_is_refused(change, words):
 
 def test_swept_run_is_the_sweep(tmp_path):
     """`run` with a swept sine, and `sweep`: the same largest displacement within the run's time."""
-    from beamsim.analyses.sweep import sweep
+    from beamsim.analyses.sweep.analysis import sweep
 
     swept = {"from": "1 Hz", "to": "4 Hz", "rate": "60 oct/min"}
     scenario = {**CHAIN, "excitation": {"kind": "swept_sine", "applied_to": "base", "level": "0.3 g", **swept}}

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.linear_response import contact_levels, transfer
-from beamsim.analyses.stepped import frequencies_of
-from beamsim.analyses.sweep import sweep, sweep_system
-from beamsim.dynamics.flow import ExactFlow
-from beamsim.dynamics.lyapunov import largest_exponent
-from beamsim.dynamics.steady import CycleStepper, Motion, settle
-from beamsim.dynamics.swept_sine import SweptFlow
-from beamsim.dynamics.transient import simulate
-from beamsim.model.signal import Signal
-from beamsim.model.swept import constant_windows
-from beamsim.model.system import Forcing
+from beamsim.analyses.sweep.analysis import sweep, sweep_system
+from beamsim.analyses.sweep.linear_response import contact_levels, transfer
+from beamsim.analyses.sweep.stepped import frequencies_of
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.swept_sine import SweptFlow
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.inputs.swept import constant_windows
+from beamsim.orbits.lyapunov import largest_exponent
+from beamsim.orbits.steady import CycleStepper, Motion, settle
 from beamsim.scenario import load_scenario
+from beamsim.system.equations import Forcing
 
 CHAIN = {
     "title": "Two masses and a stop",
@@ -150,7 +150,7 @@ def test_stress_and_gap_of_a_sweep_are_those_of_the_run():
     from pathlib import Path
 
     import beamsim
-    from beamsim.analyses.sweep import sweep
+    from beamsim.analyses.sweep.analysis import sweep
 
     path = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
     limits = {"bending_stress": "1 MPa", "gap": "0.1 mm"}

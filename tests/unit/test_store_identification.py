@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.analyses.identify import identify_stiffness
+from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.errors import ResultFileError
 from beamsim.plots.identification import identification_figures
 from beamsim.scenario import load_scenario

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.model.profiles import Profile
-from beamsim.model.swept import Leg, constant_windows, cut_into_windows, swept_signals
+from beamsim.inputs.profiles import Profile
+from beamsim.inputs.swept import Leg, constant_windows, cut_into_windows, swept_signals
 
 OCTAVES = float(np.log(2) / 30)  # 2 oct/min
 

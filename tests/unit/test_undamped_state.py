@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from beamsim.dynamics.contact_state import build_state
-from beamsim.dynamics.sources import compile_sources
-from beamsim.dynamics.undamped_state import undamped_state
+from beamsim.flow.contact_state import build_state
+from beamsim.flow.sources import compile_sources
+from beamsim.flow.undamped_state import undamped_state
 
 OMEGA = np.array([1.0, 6.3, 17.5])
 SHAPE = np.array([[1.4, -1.3, 1.1], [0.5, 1.2, 0.3]])

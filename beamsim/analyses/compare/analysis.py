@@ -1,0 +1,297 @@
+"""``beamsim compare``: a computed motion beside a measured one, phase aligned, harmonic by harmonic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
+from beamsim.analyses.run.spectrum import amplitude_db, spectrum
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.run import SpectrumSettings
+
+__all__ = ["QUANTITIES", "ChannelComparison", "Comparison", "compare", "predicted_history"]
+
+Floats = NDArray[np.float64]
+
+QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
+_UNITS = {"absolute_acceleration": "m/s^2", "velocity": "m/s", "force": "N"}
+_SHOWN_PERIODS = 4
+_UNEVEN = 1e-3  # relative scatter of the sampling interval
+
+
+@dataclass(frozen=True)
+class ChannelComparison:
+    """One quantity at one place, predicted and measured."""
+
+    place: str  # probe's name; the snubber's for a force
+    quantity: str
+    unit: str
+    channel: str  # of the measurement
+    source: str  # file of the measurement
+    excitation_hz: float  # nan where there is none
+    delay_s: float  # measured(t) = predicted(t + delay)
+    order: NDArray[np.int64]  # (h,)
+    predicted: NDArray[np.complex128]  # (h,) A e^{i phase} of A sin(2 pi f n t + phase)
+    measured: NDArray[np.complex128]  # (h,) on the predicted clock (amplitudes alone where phases are unknown)
+    measured_noise: Floats  # (h,)
+    has_phase: bool
+    rms_difference: float  # of the aligned histories over the rms of the measured one (nan without histories)
+    predicted_time: Floats  # (np,) s, a few periods
+    predicted_history: Floats  # (np,)
+    measured_time: Floats  # (nm,) s, moved to the predicted clock; empty for a measured spectrum
+    measured_history: Floats  # (nm,)
+    predicted_spectrum: Spectrum
+    measured_spectrum: Spectrum
+
+    @property
+    def difference_db(self) -> Floats:
+        """(h,) 20 log10(predicted / measured amplitude)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(20 * np.log10(np.abs(self.predicted) / np.abs(self.measured)))
+
+    @property
+    def phase_difference_deg(self) -> Floats:
+        """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where phases are unknown."""
+        if not self.has_phase:
+            return np.full(self.order.size, np.nan)
+        return np.asarray(np.degrees(np.angle(self.predicted * np.conj(self.measured))))
+
+
+@dataclass(frozen=True)
+class Comparison(Outcome):
+    """Everything that ``beamsim compare`` found."""
+
+    channels: tuple[ChannelComparison, ...]
+
+
+def compare(
+    result: RunResult,
+    pairs: Sequence[tuple[str, str, MeasuredSignal]],
+    *,
+    harmonics: int = 10,
+    last: float | None = None,
+) -> Comparison:
+    """Compare pairs of (place, quantity, measured signal in SI units) with a run.
+
+    Parameters
+    ----------
+    harmonics : number of them in the table.
+    last : use only this last part of measured histories, s; by default one as long as the part of the run that its
+        spectrum was taken of.
+
+    Raises
+    ------
+    ScenarioError
+        Where a measured record is too short, unevenly sampled or too coarse.
+    """
+    warnings: list[str] = []
+    begin = perf_counter()
+    channels = tuple(_channel(result, *pair, harmonics, last, warnings) for pair in pairs)
+    return Comparison(
+        scenario=result.scenario,
+        status="complete",
+        channels=channels,
+        summary=_summary(channels),
+        warnings=tuple(warnings),
+        wall_time_s=perf_counter() - begin,
+    )
+
+
+def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
+    """(nt,) the computed history of a quantity at a probe or, for a force, at a snubber."""
+    if quantity == "force":
+        return result.snubbers[place].force
+    return np.asarray(getattr(result.probes[place], quantity))
+
+
+def _channel(
+    result: RunResult, place: str, quantity: str, signal: MeasuredSignal, count: int, last: float | None,
+    warnings: list[str],
+) -> ChannelComparison:  # fmt: skip
+    x = predicted_history(result, place, quantity)
+    unit = _UNITS.get(quantity, "m")
+    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
+    start = min((s.start_s for s in result.spectra.values()), default=float(result.time[0]))
+    steady = result.time >= start
+    predicted_signal = MeasuredSignal(place, result.time[steady], x[steady])
+    if last is None and np.isfinite(excitation):
+        last = float(predicted_signal.x[-1] - predicted_signal.x[0]) * (1 + 1e-9)
+    try:
+        predicted, measured = _harmonics(predicted_signal, signal, excitation, count, last, warnings)
+    except ValueError as error:
+        raise ScenarioError(
+            Problem("", f"{signal.source or signal.name}: {signal.name} {error}", "measure longer, or faster")
+        ) from None
+    own, kept = _histories(signal, last)
+    settings = SpectrumSettings()
+    predicted_spectrum = spectrum(
+        predicted_signal.x, np.asarray(predicted_signal.y, dtype=float), settings, excitation, place, quantity, unit
+    )
+    if signal.of_frequency:
+        measured_spectrum = _given_spectrum(signal, excitation, place, quantity, unit)
+    else:
+        _evenly_sampled(signal)
+        measured_spectrum = spectrum(own, kept, settings, excitation, place, quantity, unit)
+    forced = bool(np.isfinite(excitation))
+    has_phase = measured.has_phase
+    if forced and has_phase:
+        weights = np.full(measured.order.size, max(float(np.max(np.abs(measured.value))), 1e-300))
+        phase = best_phase(measured, predicted.value, weights)
+        phase = float(np.angle(np.exp(1j * phase)))
+        delay = phase / (2 * np.pi * excitation)
+    else:
+        phase, delay = 0.0, 0.0 if signal.of_frequency else _lag(predicted_signal, own, kept)
+    time_p, history_p, time_m, history_m = _aligned(
+        predicted_signal, own, kept, delay, excitation, histories=not signal.of_frequency
+    )
+    return ChannelComparison(
+        place=place,
+        quantity=quantity,
+        unit=unit,
+        channel=signal.name,
+        source=signal.source,
+        excitation_hz=excitation,
+        delay_s=delay,
+        order=predicted.order,
+        predicted=predicted.value,
+        measured=measured.value * np.exp(-1j * measured.order * phase),
+        measured_noise=measured.noise,
+        has_phase=has_phase and forced,
+        rms_difference=_rms(time_p, history_p, time_m, history_m),
+        predicted_time=time_p,
+        predicted_history=history_p,
+        measured_time=time_m,
+        measured_history=history_m,
+        predicted_spectrum=predicted_spectrum,
+        measured_spectrum=measured_spectrum,
+    )
+
+
+def _harmonics(
+    predicted: MeasuredSignal, measured: MeasuredSignal, excitation: float, count: int, last: float | None,
+    warnings: list[str],
+) -> tuple[Harmonics, Harmonics]:  # fmt: skip
+    """Harmonics of both, as many as both carry; none without an excitation frequency."""
+    if not np.isfinite(excitation):
+        none = Harmonics(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=complex), np.zeros(0), False)
+        return none, none
+    limits = [int(0.499 * (s.x.size - 1) / (s.x[-1] - s.x[0]) / excitation) for s in (predicted, measured)]
+    if measured.of_frequency:
+        limits[1] = int(measured.x[-1] / excitation)
+    possible = max(1, min(count, *limits))
+    if possible < count:
+        warnings.append(f"{measured.name}: the records carry {possible} harmonics of {excitation:g} Hz, not {count}")
+    return harmonics_of(predicted, excitation, possible), harmonics_of(measured, excitation, possible, last)
+
+
+def _histories(signal: MeasuredSignal, last: float | None) -> tuple[Floats, Floats]:
+    if signal.of_frequency:
+        return np.zeros(0), np.zeros(0)
+    kept = signal.x >= (signal.x[-1] - last if last is not None else -np.inf)
+    return signal.x[kept], np.asarray(signal.y, dtype=float)[kept]
+
+
+def _evenly_sampled(signal: MeasuredSignal) -> None:
+    steps = np.diff(signal.x)
+    mean = float(np.mean(steps))
+    worst = float(np.max(np.abs(steps - mean)))
+    if worst > _UNEVEN * mean:
+        at = int(np.argmax(np.abs(steps - mean))) + 1
+        raise ScenarioError(
+            Problem(
+                "",
+                f"{signal.source or signal.name}: {signal.name} is not evenly sampled (the step after sample {at} is "
+                f"{steps[at - 1]:.6g} s, the mean {mean:.6g} s)",
+                "resample it, or export it without gaps",
+            )
+        )
+
+
+def _given_spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> Spectrum:
+    amplitude = np.abs(signal.y)
+    lines: tuple[SpectralLine, ...] = ()
+    return Spectrum(
+        place, quantity, unit, signal.x, amplitude, amplitude_db(amplitude, float(amplitude.max())), excitation,
+        "as measured", 0.0, 0.0, lines,
+    )  # fmt: skip
+
+
+def _lag(predicted: MeasuredSignal, time: Floats, history: Floats) -> float:
+    """Delay with the largest correlation, for motions without excitation frequency."""
+    step = float((time[-1] - time[0]) / (time.size - 1))
+    span = min(float(predicted.x[-1] - predicted.x[0]), float(time[-1] - time[0]))
+    grid = np.arange(int(span / step) + 1) * step
+    a = np.interp(predicted.x[0] + grid, predicted.x, np.asarray(predicted.y, dtype=float))
+    b = np.interp(time[0] + grid, time, history)
+    size = 2 * grid.size
+    correlation = np.fft.irfft(np.fft.rfft(a - a.mean(), size) * np.conj(np.fft.rfft(b - b.mean(), size)), size)
+    best = int(np.argmax(correlation))
+    shift = (best if best <= size // 2 else best - size) * step
+    return float(predicted.x[0] + shift - time[0])
+
+
+def _aligned(
+    predicted: MeasuredSignal, time: Floats, history: Floats, delay: float, excitation: float, *, histories: bool
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """A few periods of both on the predicted clock (everything without an excitation frequency)."""
+    x, y = predicted.x, np.asarray(predicted.y, dtype=float)
+    if not np.isfinite(excitation):
+        return x, y, time + delay if histories else time, history
+    period = 1 / excitation
+    shown = x >= x[-1] - _SHOWN_PERIODS * period
+    x, y = x[shown], y[shown]
+    if not histories:
+        return x, y, np.zeros(0), np.zeros(0)
+    moved = time + delay
+    behind = (x[-1] - moved[-1]) / period
+    covers = time[-1] - time[0] >= (_SHOWN_PERIODS + 1) * period
+    moved = moved + (np.ceil(behind - 1e-6) if covers else np.round(behind)) * period
+    kept = (moved >= x[0]) & (moved <= x[-1])
+    return x, y, moved[kept], history[kept]
+
+
+def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -> float:
+    inside = (time_m >= time_p[0]) & (time_m <= time_p[-1]) if time_m.size else np.zeros(0, dtype=bool)
+    if not inside.any():
+        return float("nan")
+    difference = np.interp(time_m[inside], time_p, history_p) - history_m[inside]
+    size = float(np.sqrt(np.mean(history_m[inside] ** 2)))
+    return float(np.sqrt(np.mean(difference**2)) / size) if size > 0 else float("nan")
+
+
+def _summary(channels: Sequence[ChannelComparison]) -> dict[str, Any]:
+    return {
+        "comparisons": [
+            {
+                "place": c.place,
+                "quantity": c.quantity,
+                "channel": c.channel,
+                "excitation_hz": c.excitation_hz,
+                "delay_s": c.delay_s,
+                "rms_difference": c.rms_difference,
+                "harmonics": [
+                    {
+                        "order": int(n),
+                        "predicted": float(abs(p)),
+                        "measured": float(abs(m)),
+                        "difference_db": float(d),
+                        "phase_difference_deg": float(a),
+                        "measured_noise": float(s),
+                    }
+                    for n, p, m, d, a, s in zip(
+                        c.order, c.predicted, c.measured, c.difference_db, c.phase_difference_deg, c.measured_noise,
+                        strict=True,
+                    )
+                ],
+            }
+            for c in channels
+        ]
+    }  # fmt: skip

@@ -1,0 +1,126 @@
+"""Measured signals and their harmonics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.run.spectrum import project
+
+__all__ = ["Harmonics", "MeasuredSignal", "best_phase", "harmonics_of"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_PHASES = 720  # tried before Newton's method
+_MOST_HARMONICS = 60  # taken out of a signal before the rest counts as noise
+
+
+@dataclass(frozen=True)
+class MeasuredSignal:
+    """One measured channel: a time history, or a spectrum of single-sided peak amplitudes."""
+
+    name: str
+    x: Floats  # (n,) s or Hz, increasing
+    y: Floats | Complexes  # (n,) in `unit`; complex: amplitude e^{i phase} of A cos(2 pi f t + phase)
+    of_frequency: bool = False
+    unit: str = ""  # as the file says; empty when it does not
+    source: str = ""  # file
+
+    @property
+    def has_phase(self) -> bool:
+        """Whether phases between harmonics are known."""
+        return not self.of_frequency or bool(np.iscomplexobj(self.y))
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Harmonics of a steady vibration: x = Im sum_k value_k e^{2 pi i k f t}."""
+
+    order: NDArray[np.int64]  # (h,)
+    value: Complexes  # (h,)
+    noise: Floats  # (h,) standard deviation of real and imaginary part; zero when unknown
+    has_phase: bool
+
+
+def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: float | None = None) -> Harmonics:
+    r"""The first `count` harmonics of a frequency, by least squares on the signal or from a spectrum's lines.
+
+    Of a time history every harmonic up to half the sample rate (60 at most) is taken out; the scatter of the rest,
+    taken as white, gives the noise :math:`s \sqrt{2 / N}` of each part.
+
+    Raises
+    ------
+    ValueError
+        With a sentence, where the record is too short or its spectrum too coarse.
+    """
+    orders = np.arange(1, count + 1)
+    if signal.of_frequency:
+        return _of_spectrum(signal, frequency_hz, orders)
+    t, x = signal.x, np.asarray(signal.y, dtype=float)
+    if last is not None:
+        kept = t >= t[-1] - last
+        t, x = t[kept], x[kept]
+    if t.size < 4:
+        raise ValueError(f"has {t.size} samples in the part used")
+    rate = (t.size - 1) / (t[-1] - t[0])
+    if (t[-1] - t[0]) * frequency_hz < 1 - 1e-3:
+        raise ValueError(f"lasts {t[-1] - t[0]:.4g} s, less than a period of {frequency_hz:g} Hz")
+    highest = int(0.499 * rate / frequency_hz)
+    if highest < count:
+        raise ValueError(
+            f"is sampled at {rate:.5g} Hz, too slowly for {count} harmonics of {frequency_hz:g} Hz (it has {highest})"
+        )
+    taken = min(highest, _MOST_HARMONICS, max(count, (t.size - 2) // 4))
+    every = frequency_hz * np.arange(1, taken + 1, dtype=np.float64)
+    mean, value = project(t, x, every)
+    phase = np.exp(2j * np.pi * frequency_hz * t)
+    fitted = np.full(t.size, mean)
+    power = np.ones(t.size, dtype=complex)
+    for c in value:
+        power = power * phase
+        fitted += (c * power).imag
+    freedom = t.size - 1 - 2 * taken
+    scatter = np.sqrt(np.sum((x - fitted) ** 2) / freedom) if freedom > 0 else 0.0
+    return Harmonics(orders, value[:count], np.full(count, scatter * np.sqrt(2.0 / t.size)), True)
+
+
+def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: NDArray[np.int64]) -> Harmonics:
+    step = float(np.median(np.diff(signal.x))) if signal.x.size > 1 else np.inf
+    if step > 0.5 * frequency_hz:
+        raise ValueError(f"has a line every {step:g} Hz, too few to tell harmonics of {frequency_hz:g} Hz apart")
+    if orders[-1] * frequency_hz > signal.x[-1] + 0.5 * step:
+        raise ValueError(f"ends at {signal.x[-1]:g} Hz, below harmonic {orders[-1]} of {frequency_hz:g} Hz")
+    nearest = np.array([int(np.argmin(np.abs(signal.x - k * frequency_hz))) for k in orders])
+    complex_values = bool(np.iscomplexobj(signal.y))
+    value = signal.y[nearest].astype(complex)
+    if complex_values:
+        value = 1j * value  # from cosines to sines
+    # What lies between the harmonics is noise.
+    distance = np.abs(signal.x / frequency_hz - np.round(signal.x / frequency_hz)) * frequency_hz
+    between = np.abs(signal.y[distance > max(4 * step, 0.1 * frequency_hz)])
+    # The amplitude of noise with standard deviation s in each part has the median 1.1774 s.
+    noise = float(np.median(between)) / 1.1774 if between.size > 8 else 0.0
+    return Harmonics(orders, value, np.full(orders.size, noise), complex_values)
+
+
+def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> float:
+    """The phase psi that brings predicted e^{i k psi} closest to the measured harmonics."""
+    psi = np.arange(_PHASES) * (2 * np.pi / _PHASES)
+    weight = np.conj(measured.value) * predicted / sigma**2
+
+    gain = (np.exp(1j * np.multiply.outer(psi, measured.order)) @ weight).real
+    best = float(psi[int(np.argmax(gain))])
+    for _ in range(30):
+        turned = weight * np.exp(1j * measured.order * best)
+        slope = float(-np.sum(measured.order * turned.imag))
+        curvature = float(-np.sum(measured.order**2 * turned.real))
+        if curvature >= 0:
+            break
+        step = -slope / curvature
+        best += float(np.clip(step, -0.01, 0.01))
+        if abs(step) < 1e-14:
+            break
+    return best

@@ -1,0 +1,382 @@
+"""Many cases of one scenario: planned, solved by workers, gathered into a table of responses."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import time as clock
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.designs.cases import CaseTask, analysis_of, case_scenario, describe, solve_case, warm_up
+from beamsim.analyses.designs.result import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
+from beamsim.analyses.limits import margin_of
+from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.designs import Axis, LatinHypercube, axes
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+__all__ = ["DesignPlan", "check_cases", "design_study", "gather", "plan_designs", "remaining"]
+
+Value = float | str
+
+MOST_CHECKED = 400  # cases whose scenario is checked before any is solved
+MOST_SHOWN = 5  # problems and failures in a message
+NORMAL_REACH = 3.0  # standard deviations in a tolerance
+
+LIMITED_QUANTITIES = {
+    "peak_force": "peak_force",
+    "bending_stress": "bending_stress",
+    "peak_displacement": "peak_displacement",
+    "peak_acceleration": "peak_acceleration",
+    "gap": "largest_gap",
+}
+"""The quantity among the responses that each limit is compared with."""
+
+
+@dataclass(frozen=True)
+class DesignPlan:
+    """What is to be computed, in order."""
+
+    scenario: Scenario
+    analysis: str
+    kind: str
+    coordinates: tuple[Coordinate, ...]
+    shape: tuple[int, ...]
+    tasks: tuple[CaseTask, ...]
+    fingerprint: str
+
+
+def plan_designs(scenario: Scenario) -> DesignPlan:
+    """List the cases of a scenario with ``vary``.
+
+    Raises
+    ------
+    ScenarioError
+        When there is nothing to vary, or nothing to do with a case.
+    """
+    vary = scenario.vary
+    if vary is None:
+        raise ScenarioError(
+            Problem("vary", "is missing", "add `vary: {kind: grid, parameters: [{path: ..., values: [...]}]}`")
+        )
+    analysis = analysis_of(scenario)
+    varied = axes(scenario)
+    if isinstance(vary, LatinHypercube):
+        columns = _latin_hypercube(varied, vary.samples, vary.seed)
+    else:
+        columns = [_values(axis) for axis in varied]
+    shape = tuple(len(c) for c in columns) if vary.kind == "grid" else (len(columns[0]),)
+    rows: Iterable[tuple[Value, ...]] = (
+        itertools.product(*columns) if vary.kind == "grid" else zip(*columns, strict=True)
+    )
+    base = _base(scenario)
+    places = tuple(axis.places for axis in varied)
+    return DesignPlan(
+        scenario=scenario,
+        analysis=analysis,
+        kind=vary.kind,
+        coordinates=tuple(
+            Coordinate(axis.path, _array(column), axis.unit) for axis, column in zip(varied, columns, strict=True)
+        ),
+        shape=shape,
+        tasks=tuple(CaseTask(k, analysis, base, places, row) for k, row in enumerate(rows)),
+        fingerprint=_fingerprint(base, places, columns, vary.kind, analysis),
+    )
+
+
+def check_cases(plan: DesignPlan) -> None:
+    """Check that values make sense together; of many cases an evenly spread part.
+
+    Raises
+    ------
+    ScenarioError
+        With the first cases that are no scenario, and why.
+    """
+    problems: list[Problem] = []
+    step = max(1, -(-len(plan.tasks) // MOST_CHECKED))
+    chosen = sorted({*range(0, len(plan.tasks), step), len(plan.tasks) - 1})
+    for task in (plan.tasks[k] for k in chosen):
+        try:
+            case_scenario(task)
+        except ScenarioError as error:
+            named = ", ".join(_assigned(c, value) for c, value in zip(plan.coordinates, task.values, strict=True))
+            problems += [
+                Problem("vary", f"with {named}: {p.path} {p.message}", p.remedy or "leave such cases out")
+                for p in error.problems
+            ]
+        if len(problems) >= MOST_SHOWN:
+            break
+    if problems:
+        raise plan.scenario.located(ScenarioError(problems[:MOST_SHOWN]))
+
+
+def remaining(plan: DesignPlan, known: Mapping[int, CaseOutcome]) -> list[CaseTask]:
+    """The cases still to be solved."""
+    return [task for task in plan.tasks if task.index not in known]
+
+
+def design_study(
+    scenario: Scenario | DesignPlan,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    known: Iterable[CaseOutcome] = (),
+    each: Callable[[CaseOutcome], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> DesignsResult:
+    """Solve every case of a scenario with ``vary``.
+
+    The result does not depend on the number of workers, on who they are, or on what was known before.
+
+    Parameters
+    ----------
+    scenario : with ``vary``; or what `plan_designs` made of it, once `check_cases` found it good. Each case is a
+        sweep where there is ``sweep``, else a run.
+    workers : processes on this machine; as many as it has processors by default.
+    scheduler : address of a Dask scheduler, whose workers are used instead.
+    known : outcomes of an earlier, unfinished study.
+    each : called with every new outcome, in the order in which they are ready.
+    progress : called with the fraction of the cases that is done.
+
+    Raises
+    ------
+    ScenarioError
+        Where a case cannot be what was written.
+    NotTrustedError
+        When workers die; `each` has seen all that was solved.
+    """
+    begin = clock.perf_counter()
+    if isinstance(scenario, DesignPlan):
+        plan = scenario
+    else:
+        plan = plan_designs(scenario)
+        check_cases(plan)
+    outcomes = {outcome.index: outcome for outcome in known}
+    tasks = remaining(plan, outcomes)
+    if progress is not None:
+        progress(len(outcomes) / len(plan.tasks))
+    for outcome in _solved(tasks, workers, scheduler):
+        outcomes[outcome.index] = outcome
+        if each is not None:
+            each(outcome)
+        if progress is not None:
+            progress(len(outcomes) / len(plan.tasks))
+    return gather(plan, outcomes, clock.perf_counter() - begin)
+
+
+def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
+    """Put outcomes, perhaps not of all cases yet, into one table."""
+    solved = np.zeros(len(plan.tasks), dtype=bool)
+    failed = [outcomes[k] for k in sorted(outcomes) if outcomes[k].reason]
+    good = [outcomes[k] for k in sorted(outcomes) if not outcomes[k].reason]
+    solved[[outcome.index for outcome in good]] = True
+    responses = _responses(plan, good)
+    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
+    margins, where = _margins(plan, responses, limits)
+    failures = tuple(CaseFailure(o.index, plan.tasks[o.index].values, o.reason) for o in failed)
+    missing = len(plan.tasks) - len(outcomes)
+    return DesignsResult(
+        scenario=plan.scenario,
+        analysis=plan.analysis,
+        kind=plan.kind,
+        status=_status(len(plan.tasks), missing, failures),
+        shape=plan.shape,
+        coordinates=plan.coordinates,
+        solved=solved.reshape(plan.shape),
+        responses=responses,
+        margins=margins,
+        limits=limits,
+        failures=failures,
+        summary={
+            "analysis": plan.analysis,
+            "cases": len(plan.tasks),
+            "solved": len(good),
+            "failed": len(failed),
+            "responses": _extremes(plan, responses),
+            **({"margins": _worst_margins(plan, margins, where, limits)} if limits else {}),
+            "processor_time_s": float(sum(o.processor_time_s for o in outcomes.values())),
+        },
+        warnings=plan.scenario.warnings,
+        wall_time_s=wall_time_s,
+        fingerprint=plan.fingerprint,
+    )
+
+
+def _solved(tasks: list[CaseTask], workers: int | None, scheduler: str | None) -> Iterator[CaseOutcome]:
+    if not tasks:
+        return iter(())
+    if scheduler is not None:
+        return on_cluster(solve_case, tasks, scheduler, warm_up)
+    return on_this_machine(solve_case, tasks, workers or default_workers(), warm_up)
+
+
+def _base(scenario: Scenario) -> dict[str, Any]:
+    """The scenario as plain data, without what no case needs; a sample rate that was chosen is chosen for each case."""
+    base: dict[str, Any] = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    # a sweep computes stress and gap only where a limit asks for them; a run always does, whatever the limits
+    unused = ("vary", "title", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
+    for key in unused:
+        base.pop(key, None)
+    if "run" in base and scenario.automatic_sample_rate:
+        base["run"].pop("sample_rate", None)
+    if scenario.sweep is not None and not scenario.sweep.levels:
+        del base["sweep"]["levels"]  # an empty list is refused
+    return base
+
+
+def _fingerprint(base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str) -> str:
+    text = json.dumps([analysis, kind, base, places, columns], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _array(column: list[Value]) -> NDArray[Any]:
+    if any(isinstance(value, str) for value in column):
+        return np.array([value if isinstance(value, str) else f"{value:g}" for value in column])
+    return np.array(column, dtype=float)
+
+
+def _values(axis: Axis) -> list[Value]:
+    if axis.values:
+        return list(axis.values)
+    spaced = np.geomspace if axis.spacing == "logarithmic" else np.linspace
+    values = spaced(axis.low, axis.high, axis.points)
+    values[0], values[-1] = axis.low, axis.high
+    return [*dict.fromkeys(int(v) for v in np.rint(values))] if axis.whole else values.tolist()
+
+
+def _latin_hypercube(varied: tuple[Axis, ...], samples: int, seed: int) -> list[list[Value]]:
+    """Sample the unit cube, and put each column through the inverse distribution of its parameter."""
+    from scipy.stats import truncnorm
+    from scipy.stats.qmc import LatinHypercube as Sampler
+
+    cube = Sampler(len(varied), rng=np.random.default_rng(seed)).random(samples)
+    columns: list[list[Value]] = []
+    for axis, u in zip(varied, cube.T, strict=True):
+        low, high = axis.low, axis.high
+        if axis.spacing == "logarithmic":
+            values = low * (high / low) ** u
+        elif axis.distribution == "normal":
+            deviation = truncnorm.ppf(u, -NORMAL_REACH, NORMAL_REACH) / NORMAL_REACH
+            values = 0.5 * (low + high) + 0.5 * (high - low) * deviation
+        elif axis.whole:
+            values = np.minimum(np.floor(low + u * (high - low + 1.0)), high)
+        else:
+            values = low + u * (high - low)
+        columns.append([int(v) for v in values] if axis.whole else values.tolist())
+    return columns
+
+
+def _responses(plan: DesignPlan, outcomes: list[CaseOutcome]) -> dict[str, Response]:
+    names = dict.fromkeys(name for outcome in outcomes for name in outcome.values)
+    found: dict[str, Response] = {}
+    for name in names:
+        widths = {len(v) for o in outcomes if isinstance(v := o.values.get(name), list)}
+        table = np.full((len(plan.tasks), max(widths, default=1)), np.nan)
+        for outcome in outcomes:
+            given = outcome.values.get(name, math.nan)
+            row = given if isinstance(given, list) else [given]
+            table[outcome.index, : len(row)] = row
+        table = table if widths else table[:, 0]
+        found[name] = Response(name, table.reshape(plan.shape + table.shape[1:]), *describe(name))
+    return found
+
+
+def _margins(
+    plan: DesignPlan, responses: Mapping[str, Response], limits: Mapping[str, float]
+) -> tuple[dict[str, Response], dict[str, tuple[NDArray[np.float64], NDArray[np.str_]]]]:
+    """Margin of every case, and the value and place that decide it."""
+    found, where = {}, {}
+    for name, limit in limits.items():
+        ours = [r for r in responses.values() if r.quantity == LIMITED_QUANTITIES[name] and is_scalar(r, plan.shape)]
+        if not ours:
+            continue
+        values = np.stack([r.values.ravel() for r in ours])
+        decisive = np.where(np.isnan(values), -np.inf, values).argmax(axis=0)
+        worst = values[decisive, np.arange(values.shape[1])]
+        where[name] = worst, np.array([r.place for r in ours])[decisive]
+        margin = np.array([margin_of(limit, float(value)) for value in worst]).reshape(plan.shape)
+        found[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
+    return found, where
+
+
+def _worst_margins(
+    plan: DesignPlan,
+    margins: Mapping[str, Response],
+    where: Mapping[str, tuple[NDArray[np.float64], NDArray[np.str_]]],
+    limits: Mapping[str, float],
+) -> dict[str, Any]:
+    summary = {}
+    for name, response in margins.items():
+        flat = response.values.ravel()
+        if not np.any(np.isfinite(flat) | np.isposinf(flat)):
+            continue
+        case = int(np.nanargmin(flat))
+        values, places = where[name]
+        summary[name] = {
+            "limit": limits[name],
+            "value": float(values[case]),
+            "margin": float(flat[case]),
+            "at": str(places[case]),
+            "exceeded": bool(values[case] > limits[name]),
+            "case": case,
+            "parameters": _named(plan, case),
+            "cases_exceeding": int(np.sum(values > limits[name])),
+        }
+    return summary
+
+
+def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:
+    """Smallest and largest of every response, and where; of a sample also mean, deviation and quantiles."""
+    summary: dict[str, Any] = {}
+    for name, response in responses.items():
+        if not is_scalar(response, plan.shape):
+            continue
+        flat = response.values.ravel()
+        if not np.any(np.isfinite(flat)):
+            continue
+        low, high = int(np.nanargmin(flat)), int(np.nanargmax(flat))
+        summary[name] = {
+            "smallest": float(flat[low]),
+            "smallest_at": _named(plan, low),
+            "largest": float(flat[high]),
+            "largest_at": _named(plan, high),
+        }
+        if plan.kind == "latin_hypercube":
+            known = flat[np.isfinite(flat)]
+            summary[name] |= {
+                "mean": float(known.mean()),
+                "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else math.nan,
+                "quantile_5_percent": float(np.quantile(known, 0.05)),
+                "quantile_95_percent": float(np.quantile(known, 0.95)),
+            }
+    return summary
+
+
+def _named(plan: DesignPlan, case: int) -> dict[str, Value]:
+    return {c.path: v for c, v in zip(plan.coordinates, plan.tasks[case].values, strict=True)}
+
+
+def _assigned(coordinate: Coordinate, value: Value) -> str:
+    shown = value if isinstance(value, str) else f"{value:.6g}"
+    return f"{coordinate.path} = {shown} {coordinate.unit if coordinate.unit != '1' else ''}".rstrip()
+
+
+def _status(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> str:
+    parts = []
+    if missing:
+        parts.append(f"{cases - missing} of {cases} cases computed")
+    if failures:
+        first = failures[0]
+        parts.append(
+            f"{len(failures)} of {cases} cases failed, the first (case {first.case + 1}) because {first.reason}"
+        )
+    return "; ".join(parts) or "complete"

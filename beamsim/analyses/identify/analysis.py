@@ -1,0 +1,399 @@
+"""``beamsim identify-stiffness``: what measurements say of a snubber, and of the structure that carries it."""
+
+from __future__ import annotations
+
+import platform
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.identify.model_updating import mac_matrix, update_model
+from beamsim.analyses.identify.result import (
+    FrequencyCurve,
+    FrequencyTable,
+    IdentificationResult,
+    ModelUpdate,
+    NonlinearEstimate,
+    ParameterEstimate,
+    Profile,
+    Sensitivity,
+    StiffnessEstimate,
+)
+from beamsim.analyses.identify.stiffness import Measured, check_reach, fit_stiffness, individual_stiffness, thesis_loop
+from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
+from beamsim.contacts.contact_point import mode_shapes, snubber_point
+from beamsim.errors import Problem, ScenarioError
+from beamsim.structures.secular import SpringPoint
+
+if TYPE_CHECKING:
+    from beamsim.analyses.compare.measured import MeasuredSignal
+    from beamsim.scenario import Scenario
+    from beamsim.scenario.identification import IdentifyStiffness
+
+__all__ = ["identify_stiffness"]
+
+Floats = NDArray[np.float64]
+
+_HZ = 2 * np.pi
+_CURVE_POINTS = 240
+_NARROWEST = 1e-3  # curves run from this part of the stiffness found to as many times it
+_LEAST_MODES = 3  # in the tables
+_POOR_MODEL = 3.0  # percent between measured and predicted frequency without snubber worth a warning
+
+
+def identify_stiffness(
+    scenario: Scenario,
+    measurements: Sequence[MeasuredSignal] = (),
+    progress: Callable[[float], None] | None = None,
+) -> IdentificationResult:
+    """Identify what the section ``identify_stiffness`` of a scenario asks for.
+
+    Parameters
+    ----------
+    scenario : with that section.
+    measurements : one signal for each of ``identify_stiffness.nonlinear.tests``, read from their files.
+    progress : called from time to time with the fraction that is done.
+
+    Raises
+    ------
+    ScenarioError
+        Where the measurements cannot be explained, with the reason and a remedy.
+    """
+    try:
+        return _identify(scenario, measurements, progress)
+    except ScenarioError as error:
+        raise scenario.located(error) from None
+
+
+def _identify(
+    scenario: Scenario, measurements: Sequence[MeasuredSignal], progress: Callable[[float], None] | None
+) -> IdentificationResult:
+    begin, processor = clock.perf_counter(), clock.process_time()
+    section = scenario.identify_stiffness
+    if section is None:
+        raise ScenarioError(
+            Problem(
+                "identify_stiffness", "is missing", "add `identify_stiffness: {snubber: tip, measured_with: [...]}`"
+            )
+        )
+    warnings: list[str] = []
+    update = update_model(scenario, section) if section.update else None
+    current = scenario if update is None else update.scenario
+    wanted = max(_LEAST_MODES, len(section.measured_with), len(section.measured_without))
+    point = snubber_point(current, section.snubber, wanted)
+    rigid = int(np.sum(point.omega == 0))
+    still = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes left with the snubber closed
+    wanted += rigid
+    _enough_modes(point, section, rigid)
+    without = _table(point.omega[:wanted], section.measured_without, rigid)
+    mac = _mac(current, section, warnings)
+    if update is not None:
+        warnings += update.warnings
+    else:
+        warnings += _doubts_about_the_beam(without)
+    others = [s.name for s in current.all_snubbers if s.name != section.snubber]
+    if others:
+        warnings.append(f"the other snubbers ({', '.join(others)}) are taken as open")
+
+    estimate: StiffnessEstimate | None = None
+    table: FrequencyTable | None = None
+    sensitive: list[Sensitivity] = []
+    curves: tuple[FrequencyCurve, ...] = ()
+    profile: Profile | None = None
+    if section.measured_with:
+        measured = _measured(section, still)
+        warnings += check_reach(point, measured, section.measured_without)
+        estimate = _estimate(point, section, measured)
+        known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
+        known |= {} if update is None else _updated(update)
+        sensitive = sensitivities(current, point, section.snubber, measured, estimate.stiffness, known)
+        estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
+        table = _table(point.frequencies(estimate.stiffness, wanted), section.measured_with, still)
+        curves = _curves(point, wanted, estimate.stiffness)
+        profile = stiffness_profile(point, measured, estimate.stiffness, estimate.standard_deviation)
+        warnings += _doubts_about_the_fit(table, section, estimate)
+    nonlinear: NonlinearEstimate | None = None
+    if section.nonlinear is not None:
+        from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
+
+        if estimate is not None:
+            current = _with_stiffness(current, section.snubber, estimate.stiffness)
+        nonlinear = fit_nonlinear(current, section, measurements, progress)
+        warnings += nonlinear.warnings
+    spent = clock.process_time() - processor
+    problems = [part.status for part in (estimate, nonlinear) if part is not None and part.status != "converged"]
+    pad = _pad_modulus(section, estimate)
+    return IdentificationResult(
+        scenario=scenario,
+        status="; ".join(problems) or "complete",
+        estimate=estimate,
+        with_snubber=table,
+        without_snubber=without,
+        sensitivities=tuple(sensitive),
+        curves=curves,
+        profile=profile,
+        update=update,
+        mac=mac,
+        nonlinear=nonlinear,
+        pad_modulus=pad,
+        summary=_summary(estimate, table, without, sensitive, update, nonlinear, mac, pad, spent),
+        warnings=tuple(warnings),
+        processor_time_s=spent,
+        wall_time_s=clock.perf_counter() - begin,
+    )
+
+
+def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) -> None:
+    """More measured frequencies than the model has modes cannot be compared."""
+    size = point.omega.size - rigid
+    for key in ("measured_without", "measured_with"):
+        if len(getattr(section, key)) > size:
+            raise ScenarioError(
+                Problem(
+                    f"identify_stiffness.{key}",
+                    f"has {len(getattr(section, key))} frequencies, and the model has {size}",
+                    "raise beam.elements, or leave out the highest",
+                )
+            )
+
+
+def _measured(section: IdentifyStiffness, still: int) -> Measured:
+    return Measured(
+        tuple(still + listed for listed in section.fit_to),
+        _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
+        np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
+        still,
+    )
+
+
+def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured) -> StiffnessEstimate:
+    status, solutions = "converged", 1  # the modes of the structure without snubber
+    if section.method == "thesis":
+        loop = thesis_loop(
+            point, measured.mode[0], float(measured.omega[0]), tolerance=section.tolerance,
+            most_solutions=section.most_solutions, rigid=int(np.sum(point.omega == 0)),
+        )  # fmt: skip
+        k, status, solutions = loop.stiffness, loop.status, loop.solutions
+    else:
+        k = fit_stiffness(point, measured)
+    predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
+    relative = (predicted - measured.omega) / measured.omega
+    source = "given" if measured.sigma.all() else ""
+    weighed = measured
+    if not source and len(measured.mode) > 1:
+        scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
+        weighed = replace(measured, sigma=np.full(measured.omega.size, scatter))
+        source = "scatter" if scatter > 0 else ""
+    spread = spread_of(point, weighed, k, section.coverage)
+    deviation, interval, lost = np.nan, (np.nan, np.nan), 0.0
+    if source:
+        deviation, interval, lost = monte_carlo(
+            point, weighed, k, samples=section.monte_carlo.samples, coverage=section.coverage,
+            generator=np.random.default_rng(section.monte_carlo.seed),
+        )  # fmt: skip
+    return StiffnessEstimate(
+        snubber=section.snubber,
+        method=section.method,
+        stiffness=k,
+        fit_to=measured.mode,
+        individual=np.array(list(individual_stiffness(point, measured).values())),
+        reach_hz=np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
+        condition=np.asarray(point.slope(predicted) * k / predicted),
+        residual=float(np.sqrt(np.mean(relative**2))),
+        standard_deviation=spread.standard_deviation,
+        interval_first_order=spread.interval_first_order,
+        interval=spread.interval,
+        monte_carlo_standard_deviation=deviation,
+        monte_carlo_interval=interval,
+        monte_carlo_samples=section.monte_carlo.samples if source else 0,
+        monte_carlo_unreachable=lost,
+        coverage=section.coverage,
+        total_standard_deviation=spread.standard_deviation,
+        uncertainty_from=source,
+        eigenvalue_solutions=solutions,
+        status=status,
+    )
+
+
+def _updated(update: ModelUpdate) -> dict[str, float]:
+    """Relative standard deviations of the parameters that were fitted before."""
+    return {p.parameter: p.standard_deviation / p.value for p in update.parameters if np.isfinite(p.standard_deviation)}
+
+
+def _total(estimate: StiffnessEstimate, sensitive: list[Sensitivity], update: ModelUpdate | None) -> float:
+    """Standard deviation with the parts of all parameters whose uncertainty is known.
+
+    Parameters fitted together are correlated; the others count as independent.
+    """
+    fitted = {} if update is None else _updated(update)
+    parts = {s.parameter: s.relative * s.uncertainty for s in sensitive if np.isfinite(s.contribution)}
+    own = estimate.standard_deviation
+    if not parts:
+        return own
+    variance = sum(part**2 for name, part in parts.items() if name not in fitted)
+    if update is not None:
+        names = [p.parameter for p in update.parameters]
+        vector = np.array([parts.get(name, 0.0) for name in names])
+        variance += float(vector @ np.nan_to_num(update.correlation) @ vector)
+    return float(np.hypot(0.0 if np.isnan(own) else own, estimate.stiffness * np.sqrt(variance)))
+
+
+def _table(omega: Floats, measured_hz: Sequence[float], rigid: int) -> FrequencyTable:
+    """Predicted angular frequencies, as Hz, beside the measured ones, which start after the rigid-body modes."""
+    measured = np.full(omega.size, np.nan)
+    measured[rigid : rigid + len(measured_hz)] = measured_hz[: omega.size - rigid]
+    return FrequencyTable(np.arange(1, omega.size + 1), measured, omega / _HZ)
+
+
+def _curves(point: SpringPoint, count: int, stiffness: float) -> tuple[FrequencyCurve, ...]:
+    """Frequency against stiffness, around the stiffness found: the closed form on frequencies within reach."""
+    k = stiffness if 0 < stiffness < np.inf else 1.0
+    share = 1 / (1 + np.exp(-np.linspace(-14, 14, _CURVE_POINTS)))
+    curves = []
+    for mode in range(1, min(count, point.omega.size) + 1):
+        low, high = point.reach(mode)
+        omega = low + (min(high, 1e3 * low + 1e3) - low) * share
+        value = point.stiffness(omega)
+        kept = (value > _NARROWEST * k) & (value < k / _NARROWEST)
+        curves.append(FrequencyCurve(mode, value[kept], omega[kept] / _HZ))
+    return tuple(curves)
+
+
+def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) -> Floats | None:
+    given = section.shapes_without
+    if given is None:
+        return None
+    _, predicted = mode_shapes(scenario, max(len(given.shapes), _LEAST_MODES), given.positions)
+    mac = mac_matrix(np.array(given.shapes), predicted)
+    for i, row in enumerate(mac):
+        best = int(np.argmax(row))
+        if best != i:
+            warnings.append(
+                f"the measured shape {i + 1} resembles mode {best + 1} of the model (MAC {row[best]:.2f}) more than "
+                f"mode {i + 1} (MAC {row[i]:.2f}): check the order of the modes"
+            )
+    return mac
+
+
+def _doubts_about_the_beam(table: FrequencyTable) -> list[str]:
+    off = table.difference_percent
+    known = np.isfinite(off)
+    if not known.any() or np.max(np.abs(off[known])) <= _POOR_MODEL:
+        return []
+    worst = int(np.nanargmax(np.abs(off)))
+    return [
+        f"without the snubber the model's mode {worst + 1} is {off[worst]:+.1f} % off what was measured: correct the "
+        "structure's own parameters first (identify_stiffness.update fits them)"
+    ]
+
+
+def _doubts_about_the_fit(table: FrequencyTable, section: IdentifyStiffness, estimate: StiffnessEstimate) -> list[str]:
+    found = []
+    off = table.difference_percent
+    for i, mode in enumerate(table.mode):
+        if np.isfinite(off[i]) and mode not in estimate.fit_to and abs(off[i]) > _POOR_MODEL:
+            found.append(f"with this stiffness mode {mode}, which the fit did not use, is {off[i]:+.1f} % off")
+    low, high = estimate.interval
+    if low == 0.0 or np.isinf(high):
+        found.append(
+            "the uncertainty of the frequency reaches "
+            + ("the free frequency" if low == 0.0 else "that of the pinned point")
+            + ": the stiffness has no "
+            + ("lower" if low == 0.0 else "upper")
+            + " bound; use a mode that the snubber moves more"
+        )
+    return found
+
+
+def _with_stiffness(scenario: Scenario, snubber: str, stiffness: float) -> Scenario:
+    """The scenario with the identified stiffness as starting value."""
+    from beamsim.scenario.parameters import find_parameters, with_values
+
+    (place,) = find_parameters(
+        scenario, f"snubbers.{snubber}.stiffness" if scenario.beam else f"chain.snubbers.{snubber}.stiffness"
+    )
+    return with_values(scenario, {place: stiffness})
+
+
+def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None) -> float:
+    """E_r = k h / b, Pa (thesis, section 1.3.3)."""
+    if section.pad is None or estimate is None:
+        return float("nan")
+    return estimate.stiffness * section.pad.height / section.pad.area
+
+
+def _summary(
+    estimate: StiffnessEstimate | None,
+    table: FrequencyTable | None,
+    without: FrequencyTable,
+    sensitive: list[Sensitivity],
+    update: ModelUpdate | None,
+    nonlinear: NonlinearEstimate | None,
+    mac: Floats | None,
+    pad: float,
+    spent: float,
+) -> dict[str, Any]:
+    summary: dict[str, Any] = {}
+    if estimate is not None and table is not None:
+        summary |= {
+            "stiffness_n_per_m": estimate.stiffness,
+            "standard_deviation_n_per_m": estimate.standard_deviation,
+            "total_standard_deviation_n_per_m": estimate.total_standard_deviation,
+            "coverage": estimate.coverage,
+            "interval_n_per_m": list(estimate.interval),
+            "interval_first_order_n_per_m": list(estimate.interval_first_order),
+            "monte_carlo_standard_deviation_n_per_m": estimate.monte_carlo_standard_deviation,
+            "monte_carlo_interval_n_per_m": list(estimate.monte_carlo_interval),
+            "snubber": estimate.snubber,
+            "method": estimate.method,
+            "fit_to": list(estimate.fit_to),
+            "stiffness_by_mode_n_per_m": estimate.individual.tolist(),
+            "reachable_hz": estimate.reach_hz.tolist(),
+            "residual": estimate.residual,
+            "frequencies_with_hz": table.predicted_hz.tolist(),
+            "measured_with_hz": table.measured_hz.tolist(),
+            "difference_with_percent": table.difference_percent.tolist(),
+            "pad_youngs_modulus_pa": pad,
+            "eigenvalue_solutions": estimate.eigenvalue_solutions,
+            "sensitivities": {s.parameter: s.relative for s in sensitive},
+        }
+    summary |= {
+        "frequencies_without_hz": without.predicted_hz.tolist(),
+        "measured_without_hz": without.measured_hz.tolist(),
+        "difference_without_percent": without.difference_percent.tolist(),
+    }
+    if mac is not None:
+        summary["mac"] = mac.tolist()
+    if update is not None:
+        summary["updated"] = {p.parameter: _plain(p) for p in update.parameters} | dict(update.choices)
+        summary["update_misfit"] = [update.misfit_before, update.misfit_after]
+        summary["update_eigenvalue_solutions"] = update.evaluations
+    if nonlinear is not None:
+        summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}
+        summary["nonlinear_misfit"] = [nonlinear.misfit_before, nonlinear.misfit]
+        summary["nonlinear_degrees_of_freedom"] = nonlinear.degrees_of_freedom
+        summary["periodic_responses"] = nonlinear.responses
+        summary["starts_agreeing"] = [nonlinear.starts_agreeing, nonlinear.starts]
+    summary["processor_time_s"] = spent
+    return summary
+
+
+def _plain(p: ParameterEstimate) -> dict[str, Any]:
+    return {
+        "value": p.value,
+        "before": p.before,
+        "standard_deviation": p.standard_deviation,
+        "interval": list(p.interval),
+    }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    from importlib.metadata import version
+
+    return {"python": platform.python_version(), **{name: version(name) for name in ("numpy", "scipy")}}

@@ -1,0 +1,548 @@
+r"""Damping and contact parameters from measured nonlinear vibrations (thesis, section 1.3.4).
+
+The harmonics :math:`m_{tk}` of test t (amplitude and phase) are compared with those of the exact periodic response,
+
+.. math:: \chi^2 = \sum_{t,k} \frac{|m_{tk} - c_{tk}(\theta)\, e^{i k \psi_t}|^2}{\sigma_{tk}^2},
+
+:math:`\psi_t` being the unknown delay between the measurement's clock and the excitation's. Every response is a
+solution of the shooting equations with the exact monodromy matrix, so it is smooth in the parameters down to
+round-off, and its derivatives come from differences of neighbouring exact responses. Minimised by a
+trust-region least-squares method from several starts.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.identify.model_updating import Sought, confounded, sought_numbers
+from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, Profile, TestFit
+from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
+from beamsim.errors import Problem, ScenarioError
+from beamsim.system.contact_change import with_changed_contacts
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["fit_nonlinear"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Place = tuple[str | int, ...]
+
+_STEP = 1e-5  # of the scaled parameters, for differences of exact responses
+_WIDEST_FACTOR = 30.0
+_UNKNOWN_NOISE = 0.01  # of the largest harmonic, where nothing tells the noise
+_GOOD = 1e-3  # probability below which chi^2 says that the model does not fit
+_FAR = 1e6  # residual where there is no steady vibration
+_PROFILE_POINTS = 7
+_PROFILE_WIDTH = 2.5
+_HARMONICS_KEPT = 3.0  # times the highest harmonic used: modes of a fit without `reduction`
+_UNITS = {
+    "absolute_acceleration": "m/s^2", "displacement": "m", "absolute_displacement": "m", "velocity": "m/s",
+}  # fmt: skip
+
+
+def fit_nonlinear(
+    scenario: Scenario,
+    section: IdentifyStiffness,
+    signals: Sequence[MeasuredSignal],
+    progress: Callable[[float], None] | None = None,
+) -> NonlinearEstimate:
+    """Fit ``section.nonlinear.estimate`` to measured signals, one a test, in SI units.
+
+    Raises
+    ------
+    ScenarioError
+        Where a signal cannot be used, there are more unknowns than measured numbers, or the scenario's values lead to
+        no steady vibration to start from.
+    """
+    begin = clock.process_time()
+    nonlinear = section.nonlinear
+    assert nonlinear is not None
+    tests = _tests(scenario, nonlinear.tests, signals)
+    numbers, _ = sought_numbers(scenario, nonlinear.estimate)
+    measured = sum(test.size for test in tests)
+    free = sum(1 for number in numbers if np.isnan(number.prior))
+    unknowns = free + sum(1 for test in tests if test.free_phase)
+    if unknowns > measured:
+        raise ScenarioError(
+            Problem(
+                "identify_stiffness.nonlinear.estimate",
+                f"asks for {len(numbers)} parameters (and {unknowns - free} delays) from {measured} measured numbers",
+                "measure more tests or use more harmonics, seek fewer parameters, or give them a prior",
+            )
+        )
+    fit = _Fit(scenario, numbers, tests)
+    fit.prepare()
+    start = np.zeros(len(numbers))
+    first = fit.with_phases(start)
+    misfit_before = float(np.sum(fit.residuals(first) ** 2))
+    before = [h.copy() for h in fit.last]
+    generator = np.random.default_rng(nonlinear.seed)
+    found: list[Any] = []
+    for index in range(nonlinear.starts):
+        offset = start if index == 0 else _random_start(fit, nonlinear.spread, generator)
+        try:
+            found.append(_solve(fit, fit.with_phases(offset)))
+        except NoSteadyVibrationError:
+            continue
+        if progress is not None:
+            progress((index + 1) / (nonlinear.starts + 1))
+    if not found:
+        raise ScenarioError(
+            Problem(
+                "identify_stiffness.nonlinear",
+                "found no parameters with which every test has a steady vibration",
+                "start from better values, or leave tests with irregular motion out",
+            )
+        )
+    best = min(found, key=lambda r: float(r.cost))
+    misfit = float(2 * best.cost)
+    agreeing = sum(1 for r in found if 2 * r.cost <= misfit + max(0.5, 1e-3 * misfit))
+    x = best.x
+    jacobian = fit.jacobian(x, central=True)
+    fit.residuals(x)
+    freedom = measured + sum(1 for number in numbers if np.isfinite(number.prior)) - x.size
+    scale, warnings = _scatter(fit, misfit, freedom)
+    covariance = _covariance(jacobian, len(numbers)) * scale
+    deviation = np.sqrt(np.diag(covariance))
+    z = NormalDist().inv_cdf(0.5 + section.coverage / 2)
+    parameters = tuple(_estimate(fit, i, float(x[i]), float(deviation[i]), z) for i in range(len(numbers)))
+    warnings += confounded([n.parameter for n in numbers], _without_phases(jacobian, len(numbers)), covariance)
+    warnings += [f"{p.parameter} ended on its bound, {p.value:g}" for p in parameters if p.at_bound]
+    warnings += fit.doubts(x)
+    if agreeing < len(found) and agreeing == 1 and len(found) > 1:
+        warnings.append("only one start reached the lowest misfit: there are other minima; give better starting values")
+    predicted = [h.copy() for h in fit.last]
+    profiles = _profiles(fit, x, covariance, misfit, scale) if nonlinear.profiles else ()
+    with np.errstate(all="ignore"):
+        correlation = covariance / np.outer(deviation, deviation)
+    return NonlinearEstimate(
+        parameters=parameters,
+        correlation=np.asarray(correlation),
+        tests=tuple(
+            _test_fit(test, before[t], predicted[t], fit.phase(x, t), fit.phase(first, t))
+            for t, test in enumerate(tests)
+        ),
+        misfit_before=misfit_before,
+        misfit=misfit,
+        degrees_of_freedom=freedom,
+        starts=nonlinear.starts,
+        starts_agreeing=agreeing,
+        profiles=profiles,
+        responses=fit.responses,
+        processor_time_s=clock.process_time() - begin,
+        coverage=section.coverage,
+        warnings=tuple(warnings),
+    )
+
+
+@dataclass(frozen=True)
+class _Test:
+    """One measured vibration, ready to be compared."""
+
+    name: str
+    probe: str
+    probe_index: int
+    quantity: str
+    frequency_hz: float
+    level: float
+    harmonics: Harmonics
+    sigma: Floats  # (h,)
+    noise_known: bool
+    free_phase: bool
+
+    @property
+    def size(self) -> int:
+        """Number of real measured values."""
+        return self.harmonics.order.size * (2 if self.harmonics.has_phase else 1)
+
+    @property
+    def omega(self) -> float:
+        """Of the excitation, rad/s."""
+        return 2 * np.pi * self.frequency_hz
+
+
+def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[MeasuredSignal]) -> list[_Test]:
+    if len(signals) != len(given):
+        raise ScenarioError(
+            Problem(
+                "identify_stiffness.nonlinear.tests",
+                f"lists {len(given)} tests, and {len(signals)} measured signals were handed over",
+                "hand over one signal a test",
+            )
+        )
+    probes = [probe.name for probe in scenario.effective_probes]
+    tests, problems = [], []
+    excitation: Any = scenario.excitation
+    for index, (test, signal) in enumerate(zip(given, signals, strict=True)):
+        frequency = excitation.frequency if test.frequency is None else test.frequency
+        at = f"identify_stiffness.nonlinear.tests[{index}]"
+        if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
+            problems.append(Problem(f"{at}.file", f"= {test.file} holds values that are no numbers", "cut them out"))
+            continue
+        try:
+            harmonics = harmonics_of(signal, frequency, test.harmonics, test.last)
+        except ValueError as error:
+            problems.append(
+                Problem(f"{at}.file", f"= {test.file} {error}", "check frequency, harmonics and last of this test")
+            )
+            continue
+        largest = float(np.max(np.abs(harmonics.value)))
+        if largest == 0.0:
+            problems.append(
+                Problem(
+                    f"{at}.file",
+                    f"= {test.file} has nothing at {frequency:g} Hz and its harmonics",
+                    "check channel and frequency",
+                )
+            )
+            continue
+        known = test.noise is not None or bool(harmonics.noise.all())
+        sigma = harmonics.noise
+        if test.noise is not None:
+            sigma = np.full(harmonics.order.size, max(test.noise, 1e-12) * largest)
+        elif not known:
+            sigma = np.full(harmonics.order.size, _UNKNOWN_NOISE * largest)
+        probe = probes[0] if test.probe is None else test.probe
+        tests.append(
+            _Test(
+                name=signal.name if not test.file else test.file,
+                probe=probe,
+                probe_index=probes.index(probe),
+                quantity=test.quantity,
+                frequency_hz=frequency,
+                level=float(excitation.level if test.level is None else test.level),
+                harmonics=harmonics,
+                sigma=np.maximum(sigma, 1e-12 * largest),
+                noise_known=known,
+                free_phase=harmonics.has_phase and test.phase == "free",
+            )
+        )
+    if problems:
+        raise ScenarioError(problems)
+    return tests
+
+
+@dataclass
+class _Fit:
+    """Residuals of all tests as a function of scaled parameters followed by the free phases."""
+
+    scenario: Scenario
+    numbers: list[Sought]
+    tests: list[_Test]
+    responses: int = 0
+    last: list[Complexes] = field(default_factory=list)  # predicted harmonics of each test
+    _cases: list[Scenario] = field(default_factory=list)
+    _guesses: list[Floats | None] = field(default_factory=list)
+    _vibrations: list[SteadyVibration] = field(default_factory=list)
+    _systems: list[StructuralSystem] = field(default_factory=list)  # with the scenario's own values
+    _linear: list[bool] = field(default_factory=list)
+    _scale: list[float] = field(default_factory=list)
+
+    def prepare(self) -> None:
+        """A scenario for each test, and the scaling of every parameter: a factor, or a length for what may be zero."""
+        from beamsim.scenario.run import Reduction
+
+        highest = max(test.frequency_hz * test.harmonics.order[-1] for test in self.tests)
+        reduction = self.scenario.reduction
+        if reduction is None and self.scenario.beam is not None:
+            reduction = Reduction(highest_frequency=_HARMONICS_KEPT * highest)
+        for test in self.tests:
+            excitation = self.scenario.excitation.model_copy(
+                update={"frequency": test.frequency_hz, "level": test.level}
+            )
+            self._cases.append(
+                self.scenario.model_copy(
+                    update={"excitation": excitation, "run": None, "reduction": reduction, "sweep": None, "nnm": None}
+                )
+            )
+        self._guesses = [None] * len(self.tests)
+        try:
+            self._vibrations = [steady_vibration(case) for case in self._cases]
+        except NoSteadyVibrationError as error:
+            raise ScenarioError(
+                Problem(
+                    "identify_stiffness.nonlinear.tests",
+                    f"cannot be compared with the scenario's values: {error}",
+                    "start from better values, or leave tests with irregular motion out",
+                )
+            ) from error
+        self._guesses = [vibration.start for vibration in self._vibrations]
+        self._systems = [vibration.system for vibration in self._vibrations]
+        self.last = [np.zeros(test.harmonics.order.size, dtype=complex) for test in self.tests]
+        size = max(
+            (v.largest_deflection(j) for v in self._vibrations for j in range(len(v.system.snubbers))), default=1e-3
+        )
+        for number in self.numbers:
+            length = any(place[-1] == "gap" for place in number.places)
+            self._linear.append(length or number.start <= 0)
+            self._scale.append(max(0.3 * size, abs(number.start)) if length else 0.01)
+
+    def factor_of(self, i: int) -> tuple[bool, float]:
+        """Whether parameter i is shifted (else multiplied by e^x), and by how much for x = 1."""
+        return self._linear[i], self._scale[i]
+
+    def value(self, i: int, x: float) -> float:
+        """SI value of parameter i (its first place)."""
+        start = self.numbers[i].start
+        return start + self._scale[i] * x if self._linear[i] else start * float(np.exp(x))
+
+    def values(self, x: Floats) -> dict[Place, object]:
+        """Values of all places."""
+        out: dict[Place, object] = {}
+        for i, number in enumerate(self.numbers):
+            for place, value in zip(number.places, number.values, strict=True):
+                out[place] = value + self._scale[i] * x[i] if self._linear[i] else value * float(np.exp(x[i]))
+        return out
+
+    def limits(self) -> tuple[Floats, Floats]:
+        """Bounds of the unknowns."""
+        count = len(self.numbers) + sum(test.free_phase for test in self.tests)
+        lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
+        for i, number in enumerate(self.numbers):
+            low, high = number.bounds
+            if self._linear[i]:
+                signed = any(place[-1] == "gap" for place in number.places)
+                low = low if signed else max(low, 0.0)
+                lower[i], upper[i] = (low - number.start) / self._scale[i], (high - number.start) / self._scale[i]
+            else:
+                lower[i] = np.log(max(low, number.start / _WIDEST_FACTOR) / number.start)
+                upper[i] = np.log(min(high, number.start * _WIDEST_FACTOR) / number.start)
+        return lower, upper
+
+    def predict(self, x: Floats) -> list[Complexes]:
+        """Harmonics of every test with the parameters x."""
+        from beamsim.scenario.parameters import with_values
+
+        values = self.values(x)
+        predicted = []
+        for t, (case, test) in enumerate(zip(self._cases, self.tests, strict=True)):
+            varied = with_values(case, values)
+            built = with_changed_contacts(self._systems[t], case, varied)
+            vibration = steady_vibration(varied, self._guesses[t], harmonics=test.harmonics.order.size, built=built)
+            self.responses += 1
+            self._guesses[t] = vibration.start
+            self._vibrations[t] = vibration
+            predicted.append(vibration.harmonics(test.probe_index, test.quantity, test.harmonics.order.size))
+        return predicted
+
+    def with_phases(self, theta: Floats) -> Floats:
+        """Parameters followed by the phases that suit them best."""
+        predicted = self.predict(theta)
+        phases = [
+            best_phase(test.harmonics, harmonics, test.sigma)
+            for test, harmonics in zip(self.tests, predicted, strict=True)
+            if test.free_phase
+        ]
+        return np.concatenate([theta, phases])
+
+    def phase(self, x: Floats, t: int) -> float:
+        """Phase of test t within the unknowns; 0 where it is not free."""
+        if not self.tests[t].free_phase:
+            return 0.0
+        return float(x[len(self.numbers) + sum(test.free_phase for test in self.tests[:t])])
+
+    def compare(self, x: Floats, predicted: list[Complexes]) -> Floats:
+        """Weighted residuals of predictions, then of priors."""
+        parts: list[Floats] = []
+        for t, (test, harmonics) in enumerate(zip(self.tests, predicted, strict=True)):
+            if test.harmonics.has_phase:
+                turned = harmonics * np.exp(1j * test.harmonics.order * self.phase(x, t))
+                difference = (turned - test.harmonics.value) / test.sigma
+                parts += [difference.real, difference.imag]
+            else:
+                parts.append((np.abs(harmonics) - np.abs(test.harmonics.value)) / test.sigma)
+        for i, number in enumerate(self.numbers):
+            if np.isfinite(number.prior):
+                size = abs(number.start) or self._scale[i]
+                parts.append(np.array([(self.value(i, float(x[i])) - number.start) / (number.prior * size)]))
+        return np.concatenate(parts)
+
+    def residuals(self, x: Floats) -> Floats:
+        """Of all tests and priors; far off where there is no steady vibration."""
+        try:
+            self.last = self.predict(x[: len(self.numbers)])
+        except (NoSteadyVibrationError, ScenarioError):
+            return np.full(self.compare(x, self.last).size, _FAR)
+        return self.compare(x, self.last)
+
+    def jacobian(self, x: Floats, *, central: bool = False) -> Floats:
+        """Derivatives of the residuals: differences for parameters, exact for phases."""
+        count = len(self.numbers)
+        base = self.last if not central else self.predict(x[:count])
+        here = self.compare(x, base)
+        out = np.empty((here.size, x.size))
+        lower, upper = self.limits()
+        kept = list(self._guesses)
+        for i in range(count):
+            room = {1.0: x[i] + _STEP <= upper[i], -1.0: x[i] - _STEP >= lower[i]}
+            there: dict[float, Floats] = {}
+            for sign in (1.0, -1.0):
+                if not room[sign] or (there and not central):
+                    continue
+                moved = x.copy()
+                moved[i] += sign * _STEP
+                self._guesses = list(kept)
+                try:
+                    there[sign] = self.compare(moved, self.predict(moved[:count]))
+                except (NoSteadyVibrationError, ScenarioError):
+                    continue
+            if len(there) == 2:
+                out[:, i] = (there[1.0] - there[-1.0]) / (2 * _STEP)
+            elif there:
+                ((sign, moved_residuals),) = there.items()
+                out[:, i] = sign * (moved_residuals - here) / _STEP
+            else:  # no neighbour has a steady vibration: leave this parameter alone
+                out[:, i] = 0.0
+        self._guesses = kept
+        column = count
+        for t, test in enumerate(self.tests):
+            if not test.free_phase:
+                continue
+            change = np.zeros(here.size)
+            first = sum(other.size for other in self.tests[:t])
+            h = test.harmonics.order
+            turned = 1j * h * base[t] * np.exp(1j * h * x[column]) / test.sigma
+            change[first : first + h.size], change[first + h.size : first + 2 * h.size] = turned.real, turned.imag
+            out[:, column] = change
+            column += 1
+        self.last = base
+        return out
+
+    def doubts(self, x: Floats) -> list[str]:
+        """Tests that say nothing about the contact."""
+        found = []
+        for test, vibration in zip(self.tests, self._vibrations, strict=True):
+            if not vibration.touching and vibration.system.snubbers:
+                found.append(
+                    f"{test.name}: contact is never made and lost, the vibration is linear and tells little about the "
+                    "snubber"
+                )
+        return found
+
+
+def _random_start(fit: _Fit, spread: float, generator: np.random.Generator) -> Floats:
+    lower, upper = fit.limits()
+    count = len(fit.numbers)
+    offset = spread * generator.standard_normal(count)
+    return np.asarray(np.clip(offset, lower[:count] + 1e-6, upper[:count] - 1e-6))
+
+
+def _solve(fit: _Fit, x: Floats) -> Any:
+    from scipy.optimize import least_squares
+
+    lower, upper = fit.limits()
+    x = np.clip(x, np.nextafter(lower, np.inf), np.nextafter(upper, -np.inf))
+    return least_squares(
+        fit.residuals, x, jac=fit.jacobian, bounds=(lower, upper), x_scale="jac", xtol=1e-8, ftol=1e-8,
+        gtol=1e-10, max_nfev=60,
+    )  # fmt: skip
+
+
+def _without_phases(jacobian: Floats, count: int) -> Floats:
+    """The parameters' columns with what the phases can imitate taken out."""
+    columns, phases = jacobian[:, :count], jacobian[:, count:]
+    if phases.shape[1] == 0:
+        return columns
+    q, _ = np.linalg.qr(phases)
+    return np.asarray(columns - q @ (q.T @ columns))
+
+
+def _covariance(jacobian: Floats, count: int) -> Floats:
+    reduced = _without_phases(jacobian, count)
+    size = np.linalg.norm(reduced, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    return np.asarray(
+        np.linalg.pinv(reduced.T @ reduced / np.outer(size, size), rcond=1e-14, hermitian=True) / np.outer(size, size)
+    )
+
+
+def _scatter(fit: _Fit, misfit: float, freedom: int) -> tuple[float, list[str]]:
+    """Factor on the covariance: chi^2 over its freedom where the noise is unknown or cannot explain the misfit."""
+    if freedom <= 0:
+        return 1.0, []
+    if not all(test.noise_known for test in fit.tests):
+        return misfit / freedom, []
+    from scipy.special import gammaincc
+
+    if float(gammaincc(freedom / 2, misfit / 2)) < _GOOD:
+        return misfit / freedom, [
+            f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with {freedom} "
+            "degrees of freedom): the intervals were widened accordingly"
+        ]
+    return 1.0, []
+
+
+def _estimate(fit: _Fit, i: int, x: float, deviation: float, z: float) -> ParameterEstimate:
+    number = fit.numbers[i]
+    linear, scale = fit.factor_of(i)
+    value = fit.value(i, x)
+    low, high = fit.limits()[0][i], fit.limits()[1][i]
+    return ParameterEstimate(
+        parameter=number.parameter,
+        before=number.start,
+        value=value,
+        standard_deviation=deviation * (scale if linear else value),
+        interval=(fit.value(i, x - z * deviation), fit.value(i, x + z * deviation)),
+        bounds=number.bounds,
+        prior=number.prior,
+        at_bound=bool(min(abs(x - low), abs(high - x)) < 1e-6),
+    )
+
+
+def _profiles(fit: _Fit, x: Floats, covariance: Floats, misfit: float, scale: float) -> tuple[Profile, ...]:
+    """chi^2 against each parameter, the others and the phases following: predicted linearly, then two corrections."""
+    count = len(fit.numbers)
+    lower, upper = fit.limits()
+    profiles = []
+    for i in range(count):
+        deviation = float(np.sqrt(covariance[i, i]))
+        if not 0 < deviation < 1:
+            continue
+        grid = x[i] + np.linspace(-_PROFILE_WIDTH, _PROFILE_WIDTH, _PROFILE_POINTS) * deviation
+        grid = grid[(grid > lower[i]) & (grid < upper[i])]
+        values = []
+        for at in grid:
+            y = x.copy()
+            y[:count] += covariance[:, i] / covariance[i, i] * (at - x[i])
+            y = np.clip(y, lower, upper)
+            r = fit.residuals(y)
+            for _ in range(1):
+                jacobian = np.delete(fit.jacobian(y), i, axis=1)
+                step = np.linalg.lstsq(jacobian, -r, rcond=None)[0]
+                y = np.clip(y + np.insert(step, i, 0.0), lower, upper)
+                r = fit.residuals(y)
+            values.append(max(float(r @ r) - misfit, 0.0) / scale)
+        profiles.append(
+            Profile(fit.numbers[i].parameter, np.array([fit.value(i, float(at)) for at in grid]), np.array(values))
+        )
+    fit.residuals(x)
+    return tuple(profiles)
+
+
+def _test_fit(test: _Test, before: Complexes, predicted: Complexes, phase: float, phase_before: float) -> TestFit:
+    order = test.harmonics.order
+    return TestFit(
+        name=test.name,
+        probe=test.probe,
+        quantity=test.quantity,
+        unit=_UNITS[test.quantity],
+        frequency_hz=test.frequency_hz,
+        order=order.astype(float),
+        measured=test.harmonics.value,
+        noise=test.sigma,
+        before=before * np.exp(1j * order * phase_before),
+        predicted=predicted * np.exp(1j * order * phase),
+        delay_s=float(np.angle(np.exp(1j * phase))) / test.omega,
+    )

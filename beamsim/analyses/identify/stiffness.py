@@ -1,0 +1,239 @@
+r"""Snubber stiffness from natural frequencies with permanent contact.
+
+One mode: the secular equation read backwards gives k in closed form (`beamsim.structures.secular`). Several modes: the
+k that minimises :math:`\sum_j ((f_j(k) - m_j) / \sigma_j)^2`, bracketed between the stiffnesses of the single modes
+because every f_j rises with k. The thesis's algorithm 1 is kept for comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.structures.secular import SpringPoint
+
+__all__ = ["LoopResult", "Measured", "check_reach", "fit_stiffness", "misfit", "thesis_loop"]
+
+Floats = NDArray[np.float64]
+
+_PATH = "identify_stiffness.measured_with"
+# A mode that no stiffness moves by more than this part of its frequency doesn't feel the spring.
+_STILL = 1e-9
+_GRID = 241
+_WIDEST = 1e9  # stiffness sought within this factor of what balances the structure's own compliance
+GROWTH = 1.01  # thesis, algorithm 1
+FIRST_STIFFNESS = 0.01  # N/m; thesis, algorithm 1
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Frequencies of chosen modes with their standard deviations."""
+
+    mode: tuple[int, ...]  # numbers, from 1, rigid-body modes included
+    omega: Floats  # (m,) rad/s
+    sigma: Floats  # (m,) relative standard deviations; all zero when unknown
+    still: int = 0  # rigid-body modes that the snubber leaves, before the first measured frequency
+
+    @property
+    def weight(self) -> Floats:
+        """(m,) one over the absolute standard deviation, s/rad (equal relative weights when unknown)."""
+        sigma = self.sigma if self.sigma.all() else np.ones(self.omega.size)
+        return np.asarray(1.0 / (sigma * self.omega))
+
+
+def fit_stiffness(point: SpringPoint, measured: Measured) -> float:
+    """Stiffness, N/m, that explains the measured frequencies; 0 or infinity where they lie beyond all stiffnesses."""
+    single = _individual(point, measured)
+    if len(measured.mode) == 1:
+        return float(single[0])
+    low, high = float(single.min()), float(single.max())
+    if low == high:
+        return low
+    # Beyond a mode out of reach, search as far as the structure can tell.
+    unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, measured.omega[0]) ** 2))
+    low, high = max(low, unit / _WIDEST), min(high, unit * _WIDEST)
+    if low >= high:
+        return low
+    x = np.linspace(np.log(low), np.log(high), _GRID)
+    value = misfit(point, measured, np.exp(x))
+    best = int(np.argmin(value))
+    from scipy.optimize import minimize_scalar, root_scalar
+
+    left, right = x[max(best - 1, 0)], x[min(best + 1, x.size - 1)]
+    if _descent(point, measured, left) < 0 < _descent(point, measured, right):
+        found = root_scalar(lambda y: _descent(point, measured, y), bracket=(left, right), xtol=1e-15, rtol=1e-15)
+        return float(np.exp(found.root))
+    nearest = minimize_scalar(
+        lambda y: float(misfit(point, measured, np.exp(np.array([y])))[0]), bounds=(left, right), method="bounded",
+        options={"xatol": 1e-12},
+    )  # fmt: skip
+    return float(np.exp(nearest.x))
+
+
+def misfit(point: SpringPoint, measured: Measured, stiffness: Floats) -> Floats:
+    """(s,) chi^2 at stiffnesses (s,)."""
+    predicted = point.frequencies(stiffness, max(measured.mode))[:, np.array(measured.mode) - 1]
+    return np.asarray(np.sum(((predicted - measured.omega) * measured.weight) ** 2, axis=1))
+
+
+def _descent(point: SpringPoint, measured: Measured, log_stiffness: float) -> float:
+    """Half the derivative of chi^2 with respect to ln k."""
+    k = float(np.exp(log_stiffness))
+    predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
+    return float(np.sum((predicted - measured.omega) * measured.weight**2 * point.slope(predicted) * k))
+
+
+def _individual(point: SpringPoint, measured: Measured) -> Floats:
+    """Stiffness behind each frequency alone: 0 below what it can reach, infinity above."""
+    k = point.stiffness(measured.omega)
+    for i, mode in enumerate(measured.mode):
+        low, high = point.reach(mode)
+        if measured.omega[i] <= low:
+            k[i] = 0.0
+        elif measured.omega[i] >= high:
+            k[i] = np.inf
+    return np.asarray(k)
+
+
+def check_reach(point: SpringPoint, measured: Measured, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
+    """Refuse frequencies that no stiffness reaches; with several modes, warn unless none is within reach.
+
+    Raises
+    ------
+    ScenarioError
+        With the reachable interval, what the number may have been meant for, and a remedy.
+    """
+    problems: list[Problem] = []
+    for i, mode in enumerate(measured.mode):
+        if mode > point.omega.size:
+            problems.append(
+                Problem(
+                    f"{_PATH}[{mode - 1 - measured.still}]",
+                    f"is mode {mode}, but the model has {point.omega.size} modes",
+                    "leave it out of fit_to",
+                )
+            )
+            continue
+        problem = _out_of_reach(point, mode, float(measured.omega[i]), without_hz, measured.still)
+        if problem is not None:
+            problems.append(problem)
+    if problems and (len(problems) == len(measured.mode) or any("node" in p.message for p in problems)):
+        raise ScenarioError(problems)
+    return tuple(f"{problem}" for problem in problems)
+
+
+def _out_of_reach(
+    point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...], still: int
+) -> Problem | None:
+    low, high = point.reach(mode)
+    hz = 2 * np.pi
+    at = f"{_PATH}[{mode - 1 - still}]"
+    if point.on_node(mode) or high - low <= _STILL * high:
+        return Problem(
+            at,
+            f"= {omega / hz:.6g} Hz says nothing about the snubber: it sits on a node of mode {mode}, where the beam "
+            f"does not move, so no stiffness changes that frequency from {low / hz:.6g} Hz",
+            f"leave mode {mode} out of fit_to and use one that moves at the snubber",
+        )
+    if low < omega < high:
+        return None
+    limit = (
+        f"the frequency without the snubber, {low / hz:.6g} Hz"
+        if omega <= low
+        else f"that with the point pinned, {high / hz:.6g} Hz"
+    )
+    side = "not above" if omega <= low else "not below"
+    reach = "upwards without limit" if np.isinf(high) else f"to {high / hz:.6g} Hz"
+    return Problem(
+        at,
+        f"= {omega / hz:.6g} Hz is {side} {limit}: a spring there can bring mode {mode} from {low / hz:.6g} Hz {reach}",
+        _remedy(point, mode, omega, without_hz),
+    )
+
+
+def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...]) -> str:
+    """The likeliest slip behind a frequency out of reach."""
+    low, high = point.reach(mode)
+    hz = 2 * np.pi
+    if mode <= len(without_hz) and omega <= low < hz * without_hz[mode - 1] < high:
+        return "were measured_with and measured_without swapped?"
+    hints = []
+    if (number := _fits(point, mode, omega)) is not None:
+        hints.append(f"it fits mode {number}: list the frequencies from the first mode on")
+    for factor, unit in ((1 / hz, "rad/s"), (1000.0, "kHz"), (1 / 60, "1/min")):
+        if low < omega * factor < high:
+            hints.append(f"was the unit forgotten? write {omega / hz:g} {unit} if that was meant")
+            break
+    if hints:
+        return "; or ".join(hints)
+    return (
+        "check the measurement, the beam's own parameters (measured_without compares them, update: fits them) and the "
+        "units of its dimensions"
+    )
+
+
+def _fits(point: SpringPoint, mode: int, omega: float) -> int | None:
+    """Another mode that could have this frequency."""
+    number = point.mode_number(omega)
+    if number in (0, mode) or number > point.omega.size:
+        return None
+    low, high = point.reach(number)
+    return number if low < omega < high else None
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """How the thesis's loop ended."""
+
+    stiffness: float  # N/m, of the last step
+    solutions: int  # eigenvalue solutions
+    status: str  # "converged" or a sentence
+
+
+def thesis_loop(
+    point: SpringPoint, mode: int, omega: float, *, tolerance: float, most_solutions: int, rigid: int = 0
+) -> LoopResult:
+    """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the mode's frequency fits within a tolerance.
+
+    Every step solves the whole eigenvalue problem. A step can jump over a narrow tolerance; because the
+    frequency never falls with k, the loop then ends and says so, instead of running for ever.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    mode, omega : number and measured angular frequency.
+    tolerance : relative difference in frequency at which the loop ends.
+    most_solutions : cap.
+    rigid : rigid-body modes among them.
+    """
+    from beamsim.structures.modes import closed_frequencies
+
+    k, previous = FIRST_STIFFNESS, np.nan
+    for count in range(1, most_solutions + 1):
+        found = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
+        if abs(found - omega) <= tolerance * omega:
+            return LoopResult(k, count, "converged")
+        if found > omega:
+            return LoopResult(
+                k, count,
+                f"one step of 1 % from {previous:.6g} to {k:.6g} N/m jumped over the tolerance of "
+                f"{100 * tolerance:g} % of the frequency: widen identify_stiffness.tolerance, or use method: secular",
+            )  # fmt: skip
+        previous = k
+        k *= GROWTH
+    return LoopResult(
+        previous, most_solutions,
+        f"{most_solutions} eigenvalue solutions were not enough: raise identify_stiffness.most_solutions, or use "
+        "method: secular",
+    )  # fmt: skip
+
+
+def individual_stiffness(point: SpringPoint, measured: Measured) -> Mapping[int, float]:
+    """Stiffness from each mode alone, N/m; nan where it is out of reach."""
+    k = _individual(point, measured)
+    usable = np.isfinite(k) & (k > 0)
+    return {mode: float(value) if ok else np.nan for mode, value, ok in zip(measured.mode, k, usable, strict=True)}

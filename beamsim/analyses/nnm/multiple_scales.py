@@ -1,0 +1,384 @@
+"""A nonlinear normal mode by multiple scales, compared with the exact motion as the stiffness factor vanishes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.contacts.equilibrium import find_equilibrium
+from beamsim.contacts.snubbers import springs_of
+from beamsim.errors import NotTrustedError, Problem, ScenarioError
+from beamsim.flow.smooth_flow import CubicStiffness
+from beamsim.orbits.continuation import BranchPoint, Settings, solve_at
+from beamsim.orbits.multiple_scales import (
+    HARMONICS,
+    ModeExpansion,
+    expand_mode_at_energy,
+    observed_orders,
+    potential_energy,
+)
+from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.system.equations import PiecewiseLinearSystem
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = [
+    "ExactModes",
+    "ExpansionComparison",
+    "ExpansionPath",
+    "compare_expansion",
+    "default_factors",
+    "exact_modes",
+    "exact_points",
+    "expand_nnm",
+    "expansion_path",
+    "modes_of",
+    "nothing_near",
+]
+
+Floats = NDArray[np.float64]
+
+ORDERS = (0, 1, 2)
+BEYOND_THE_MODES = 1.5
+MOST_HARMONICS = 4000
+NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
+SAFELY = 3.0  # factors this much below the expansion's reach count as small
+LEAST_SHARE = 0.5  # of the energy in the mode asked for, for an exact motion to count as its continuation
+FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
+
+
+@dataclass(frozen=True)
+class ExpansionPath:
+    """Frequency and initial condition of a nonlinear normal mode against the stiffness factor, to orders 0, 1 and 2."""
+
+    mode: int  # from 1
+    energy: float  # J, from static equilibrium
+    linear_frequency_hz: float
+    first_hz: float  # change of the frequency per factor, Hz, at the linear mode's amplitude
+    second_hz: float  # per squared factor
+    factor: Floats  # (E,)
+    frequency_hz: Floats  # (E, 3) to order 0, 1, 2
+    coordinates: Floats  # (E, 3, n) initial vector: the shape at rest at t = 0
+    initial_displacement: Floats  # (E, 3, nx) m, at the stations
+    position: Floats  # (nx,) m, or mass numbers
+    partner: int  # mode (from 1) with the largest first-order component
+    harmonic: int  # and its harmonic
+    reach: float  # factors should be well below this one
+    uniform_coordinates: Floats  # (E, 3, n) initial vector of the uniform expansion
+    pole: float  # factor above which the initial vector is not yet at its asymptotic order
+    pole_mode: int  # the mode (from 1; 0 for none) whose coordinate it is
+    pole_harmonic: int  # and the harmonic that is close to it
+
+    @property
+    def small(self) -> float:
+        """Factors up to this one count as small."""
+        return self.reach / SAFELY * (1.0 + 1e-9)
+
+
+@dataclass(frozen=True)
+class ExactModes:
+    """Exact motions at the same energy (shooting); nan where none was found near the expansion."""
+
+    factor: Floats  # (E,)
+    frequency_hz: Floats  # (E,)
+    coordinates: Floats  # (E, n)
+    initial_displacement: Floats  # (E, nx) m, at the stations
+    residual: Floats  # (E,)
+
+
+@dataclass(frozen=True)
+class ExpansionComparison:
+    """Expansion against exact motion."""
+
+    path: ExpansionPath
+    exact: ExactModes
+    frequency_difference: Floats  # (E, 3) relative to the exact frequency
+    initial_difference: Floats  # (E, 3) relative, in the norm of the linear strain energy
+    frequency_orders: Floats  # (E - 1, 3) observed, between neighbouring factors
+    initial_orders: Floats  # (E - 1, 3)
+    expected_orders: Floats  # (E - 1, 3) of the initial vector, from the uniform expansion instead of the exact motion
+    uniform_difference: Floats  # (E, 3) of the uniform expansion's initial vector
+    uniform_orders: Floats  # (E - 1, 3)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What an expansion needs of a structure."""
+
+    structure: StructuralSystem
+    mode: int  # from 0
+    energy: float
+    sign: float
+
+    @property
+    def dynamics(self) -> PiecewiseLinearSystem:
+        return self.structure.dynamics
+
+    @property
+    def harmonics(self) -> int:
+        """Where series are cut: beyond the harmonics that are close to the highest modes."""
+        omega = np.sqrt(self.dynamics.stiffness)
+        highest = int(BEYOND_THE_MODES * float(omega.max() / max(float(omega[self.mode]), 1e-300)))
+        return min(max(HARMONICS, highest), MOST_HARMONICS)
+
+    def equilibrium(self, system: PiecewiseLinearSystem) -> Floats:
+        """The static shape."""
+        found = find_equilibrium(
+            system.stiffness,
+            int(np.count_nonzero(system.stiffness == 0)),
+            springs_of(system.contacts),
+            system.constant_load[None, :],
+        )
+        if found.q is None:
+            raise ScenarioError(Problem("nnm", f"has no static equilibrium: {found.reason}", "support the structure"))
+        return found.q
+
+    def rests_at_zero(self) -> bool:
+        return not np.any(self.dynamics.constant_load) and not np.any(self.dynamics.contacts.gap < 0)
+
+    def rest_energy(self, factor: float) -> float:
+        if self.rests_at_zero():
+            return 0.0
+        from dataclasses import replace
+
+        c = self.dynamics.contacts
+        weak = replace(self.dynamics, contacts=replace(c, stiffness=max(factor, 1e-300) * c.stiffness))
+        return potential_energy(self.dynamics, self.equilibrium(weak), factor)
+
+    def expansion(self, factor: float, order: int, uniform: bool = False) -> ModeExpansion:
+        cubic = self.structure.cubic if self.structure.cubic.count else None
+        return expand_mode_at_energy(
+            self.dynamics,
+            self.mode,
+            self.energy,
+            factor,
+            order,
+            self.sign,
+            harmonics=self.harmonics,
+            cubic=cubic,
+            rest_energy=self.rest_energy(factor),
+            uniform=uniform,
+        )
+
+    def family(self) -> ContactStiffness | CubicStiffness:
+        if self.structure.cubic.count:
+            if not self.rests_at_zero():
+                raise ScenarioError(
+                    Problem("nnm", "follows cubic springs only from rest at zero", "leave out prestress and dead loads")
+                )
+            return CubicStiffness(self.dynamics, self.structure.cubic.shape, self.structure.cubic.stiffness)
+        return ContactStiffness(self.dynamics, None if self.rests_at_zero() else self.equilibrium)
+
+
+def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case:
+    dynamics, cubic = structure.dynamics, structure.cubic
+    c = dynamics.contacts
+    if np.any(dynamics.damping) or np.any(c.dashpot):
+        raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
+    if c.count == 0 and cubic.count == 0:
+        raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))
+    if not 1 <= mode <= structure.modes.kept_modes:
+        raise ScenarioError(
+            Problem(
+                "nnm.mode",
+                f"= {mode} is not among the {structure.modes.kept_modes} modes of the model",
+                "choose a lower mode, or raise reduction.modes or beam.elements",
+            )
+        )
+    depends = bool(np.any(c.gap)) or bool(np.any(dynamics.constant_load)) or cubic.count > 0
+    if energy is None and depends:
+        raise ScenarioError(
+            Problem(
+                "nnm.energy",
+                "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
+                "add for example `energy: 0.1 J`",
+            )
+        )
+    away = float((c.sign @ c.shape)[mode - 1]) if c.count else 1.0
+    return _Case(structure, mode - 1, 1.0 if energy is None else energy, -1.0 if away < 0 else 1.0)
+
+
+def _field(structure: StructuralSystem) -> Floats:
+    """(nx, n) deflection at the stations for a unit of each coordinate."""
+    return structure.beam.deflection if structure.beam is not None else np.asarray(structure.modes.shapes.T)
+
+
+def default_factors(reach: float, most: float = 1.0, count: int = 7) -> Floats:
+    """(count,) falling by halves from a third of the expansion's reach."""
+    return np.asarray(min(most, reach / SAFELY) * 0.5 ** np.arange(count))
+
+
+def factors_from(largest: float, reach: float) -> Floats:
+    """From the factor asked for by halves into the expansion's reach, and on from there."""
+    small = largest
+    above = []
+    while small > reach / SAFELY:
+        above.append(small)
+        small *= 0.5
+    return np.concatenate([above, default_factors(reach, small)])
+
+
+def expansion_path(
+    structure: StructuralSystem,
+    mode: int,
+    energy: float | None = None,
+    factors: Floats | None = None,
+    largest: float | None = None,
+) -> ExpansionPath:
+    """Expand mode ``mode`` (from 1) at one energy for several stiffness factors.
+
+    Parameters
+    ----------
+    structure : without damping (see :func:`beamsim.analyses.nnm.analysis.conservative_system`).
+    energy : J; may be left out where the motion doesn't depend on it (no gaps, loads or cubic springs).
+    factors : of all nonlinear springs' stiffness (default: :func:`default_factors`).
+    largest : the factor to begin with instead, by halves down into the expansion's reach and on from there.
+
+    Raises
+    ------
+    ScenarioError : at internal resonances, without nonlinear springs, or where the energy is missing.
+    """
+    case = _case(structure, mode, energy)
+    linear = case.expansion(0.0, 0)
+    if factors is None:
+        chosen = default_factors(linear.reach) if largest is None else factors_from(largest, linear.reach)
+    else:
+        chosen = np.atleast_1d(np.asarray(factors, dtype=float))
+    position = structure.beam.position if structure.beam is not None else structure.modes.position
+    n = case.dynamics.size
+    frequency = np.empty((chosen.size, 3))
+    shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
+    for i, factor in enumerate(chosen):
+        for order in ORDERS:
+            expansion = case.expansion(float(factor), order)
+            frequency[i, order] = expansion.frequency(float(factor), order) / (2 * np.pi)
+            shape[i, order] = expansion.initial(float(factor), order)
+            uniform[i, order] = case.expansion(float(factor), order, uniform=True).initial(float(factor), order)
+    return ExpansionPath(
+        mode=mode,
+        energy=case.energy,
+        linear_frequency_hz=linear.omega / (2 * np.pi),
+        first_hz=linear.omega1 / (2 * np.pi),
+        second_hz=linear.omega2 / (2 * np.pi),
+        factor=chosen,
+        frequency_hz=frequency,
+        coordinates=shape,
+        initial_displacement=shape @ _field(structure).T,
+        position=np.asarray(position),
+        partner=linear.partner + 1,
+        harmonic=linear.harmonic,
+        reach=linear.reach,
+        uniform_coordinates=uniform,
+        pole=linear.pole,
+        pole_mode=linear.pole_mode + 1,
+        pole_harmonic=linear.pole_harmonic,
+    )
+
+
+def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[BrakeOrbits, list[BranchPoint | None]]:
+    """The exact motion at each factor of an expansion, by half-period shooting from the expansion itself.
+
+    None where Newton's method ends on another motion (in the tongue of an internal resonance).
+    """
+    case = _case(structure, path.mode, path.energy)
+    orbits = BrakeOrbits(case.family(), energy=path.energy)
+    found: list[BranchPoint | None] = [None] * path.factor.size
+    weight = np.sqrt(case.dynamics.stiffness)
+    for i in np.argsort(path.factor):
+        factor = float(path.factor[i])
+        guess = path.coordinates[i, 2]
+        period = 1.0 / path.frequency_hz[i, 2] if path.frequency_hz[i, 2] > 0 else 1.0 / path.linear_frequency_hz
+        point = solve_at(orbits, orbits.unknowns(guess, period, factor), Settings(iterations=15), factor)
+        if point is None:
+            continue
+        mode = orbits.mode(point)
+        far = np.linalg.norm(weight * (mode.shape - guess)) > FURTHEST * np.linalg.norm(weight * mode.shape)
+        if not far and mode.share[case.mode] > LEAST_SHARE:
+            found[i] = point
+    return orbits, found
+
+
+def modes_of(
+    structure: StructuralSystem, path: ExpansionPath, orbits: BrakeOrbits, points: list[BranchPoint | None]
+) -> ExactModes:
+    """Exact motions beside an expansion, as a table."""
+    count = path.factor.size
+    frequency, residual = np.full(count, np.nan), np.full(count, np.nan)
+    shape = np.full((count, orbits.n), np.nan)
+    for i, point in enumerate(points):
+        if point is not None:
+            mode = orbits.mode(point)
+            frequency[i], shape[i], residual[i] = mode.frequency, mode.shape, mode.residual
+    return ExactModes(path.factor, frequency, shape, shape @ _field(structure).T, residual)
+
+
+def nothing_near(path: ExpansionPath) -> str:
+    """What to say where no exact motion was found beside an expansion."""
+    return (
+        f"no exact motion was found near the expansion of mode {path.mode}; "
+        f"use smaller factors, well below {path.reach:.3g}"
+    )
+
+
+def exact_modes(structure: StructuralSystem, path: ExpansionPath) -> ExactModes:
+    """The exact motions at the factors of an expansion (see :func:`exact_points`).
+
+    Raises
+    ------
+    NotTrustedError : where there is none.
+    """
+    found = modes_of(structure, path, *exact_points(structure, path))
+    if not np.any(np.isfinite(found.frequency_hz)):
+        raise NotTrustedError(nothing_near(path))
+    return found
+
+
+def compare_expansion(
+    structure: StructuralSystem, path: ExpansionPath, exact: ExactModes | None = None
+) -> ExpansionComparison:
+    """Differences from the exact motion and the orders in which they vanish with the factor.
+
+    ``exact`` may come from a stored backbone with the same energy and factors (default: :func:`exact_modes`).
+    """
+    found = exact_modes(structure, path) if exact is None else exact
+    if found.factor.shape != path.factor.shape or not np.allclose(found.factor, path.factor, rtol=1e-12, atol=0.0):
+        raise ValueError("the exact motions belong to other factors than the expansion")
+    weight = np.sqrt(structure.dynamics.stiffness)
+    frequency = np.abs(path.frequency_hz / found.frequency_hz[:, None] - 1.0)
+    size = np.linalg.norm(found.coordinates * weight, axis=1)
+
+    def away(shapes: Floats, reference: Floats) -> Floats:
+        return np.asarray(np.linalg.norm((shapes - reference[:, None, :]) * weight, axis=2) / size[:, None])
+
+    def orders(difference: Floats) -> Floats:
+        known = np.where(difference > NOISE, difference, np.nan)
+        return np.array([observed_orders(path.factor, known[:, k]) for k in ORDERS]).T
+
+    initial = away(path.coordinates, found.coordinates)
+    uniform = away(path.uniform_coordinates, found.coordinates)
+    expected = away(path.coordinates, path.uniform_coordinates[:, 2])
+    return ExpansionComparison(
+        path, found, frequency, initial, orders(frequency), orders(initial), orders(expected), uniform, orders(uniform)
+    )
+
+
+def expand_nnm(scenario: Scenario, factors: Floats | None = None) -> ExpansionComparison:
+    """What a scenario's ``nnm`` section asks for, by multiple scales, compared with the exact motion as the factor
+    vanishes from ``continue_in.to`` on.
+
+    Raises
+    ------
+    ScenarioError : where the scenario asks for no mode, or the expansion does not exist.
+    """
+    from beamsim.analyses.nnm.analysis import conservative_system
+
+    if scenario.nnm is None:
+        raise ScenarioError(Problem("nnm", "is missing", "add for example `nnm: {mode: 1, method: multiple_scales}`"))
+    structure, settings = conservative_system(scenario), scenario.nnm
+    largest = float(getattr(settings.continue_in, "to", 1.0))
+    return compare_expansion(structure, expansion_path(structure, settings.mode, settings.energy, factors, largest))

@@ -1,0 +1,361 @@
+"""What ``beamsim nnm`` follows: the backbone of a scenario's mode in stiffness, energy or frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.interruption import Stop, never, until
+from beamsim.analyses.nnm.phase_resonance import refuse_phase_resonance
+from beamsim.analyses.nnm.result import BranchJump
+from beamsim.contacts.equilibrium import find_equilibrium
+from beamsim.contacts.snubbers import springs_of
+from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.smooth_flow import CubicStiffness
+from beamsim.orbits.backbone import LEAST_SHARE, Backbone, Tongue
+from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
+from beamsim.orbits.reversible import BrakeOrbits, Conservative, ContactStiffness, follow_modes, linear_mode
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.system.equations import PiecewiseLinearSystem
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["Followed", "ModePath", "alike", "mode_path"]
+
+Floats = NDArray[np.float64]
+
+POINTS = 100  # of a backbone
+MOST_POINTS = 3000  # in frequency
+MOST_ENERGY = 1e8  # times that of the first point, in frequency
+_PLACES = {"stiffness_factor": "stiffness factor {:.6g}", "energy": "{:.6g} J", "frequency": "{:.6g} Hz"}
+START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
+START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion is linear
+LEFT_OVER = 0.6  # share of the energy at a backbone's end below which the mode has lost it bit by bit, not to a tongue
+
+
+@dataclass
+class Followed:
+    """A backbone with what was found beside it."""
+
+    orbits: BrakeOrbits
+    points: list[BranchPoint]
+    status: str
+    tongues: tuple[Tongue, ...] = ()
+    jumps: tuple[BranchJump, ...] = ()
+
+
+@dataclass
+class ModePath:
+    """What to follow, from where to where."""
+
+    family: Conservative
+    mode: int  # from 0
+    parameter: str
+    first: float
+    last: float
+    energy: float
+    basis: tuple[Floats, Floats] | None
+    away_from: Floats | None
+
+    def follow(self, progress: Callable[[float], None] | None, stop: Stop = never) -> Followed:
+        """The backbone, with what was found beside it, as far as it goes until ``stop`` says so.
+
+        Raises
+        ------
+        ScenarioError
+            Where it has nowhere to begin.
+        """
+        if self.parameter == "stiffness_factor":
+            return self._in_factor(progress, stop)
+        if self.parameter == "energy":
+            return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
+        return self._in_frequency(progress, stop)
+
+    def _in_factor(self, progress: Callable[[float], None] | None, stop: Stop) -> Followed:
+        orbits = BrakeOrbits(self.family, energy=self.energy)
+        start = solve_at(orbits, linear_mode(orbits, self.mode, 0.0, self.away_from), Settings(), 0.0)
+        if start is None:
+            raise ScenarioError(
+                Problem("nnm.mode", f"= {self.mode + 1} gives no motion to begin with", "ask for another")
+            )
+        if self.first != 0.0:
+            way = Backbone(orbits, start, self.first, self.mode, points=40)
+            start = list(way)[-1]
+            if not way.status.startswith("complete"):
+                raise ScenarioError(
+                    Problem(
+                        "nnm.continue_in.from",
+                        f"= {self.first:g} was not reached: {self.told(way.status, start)}",
+                        "begin at 0",
+                    )
+                )
+        return self._backbone(orbits, start, self.last, progress, stop)
+
+    def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
+        """A motion so small that it is linear, or nearly so."""
+        orbits = BrakeOrbits(self.family, "energy", basis=self.basis)
+        value = np.log(self.first if self.parameter == "energy" else self.energy)
+        for _ in range(START_ATTEMPTS):
+            guess = linear_mode(orbits, self.mode, value, self.away_from)
+            point = solve_at(orbits, guess, Settings(), value)
+            if point is not None:
+                mode = orbits.mode(point)
+                shift = abs(mode.period * float(orbits.omega[self.mode]) / (2 * np.pi) - 1.0)
+                if shift < 1e-3 and float(mode.share[self.mode]) > 0.9:
+                    return orbits, point
+            value -= np.log(10.0)
+        for share in START_SHARES:
+            grown = self._grown(orbits, share * (self.first if self.parameter == "energy" else self.energy))
+            if grown is not None:
+                return orbits, grown
+        raise ScenarioError(
+            Problem(
+                "nnm.continue_in.from",
+                f"= {self.first:g} has no nearly linear motion below it to begin with",
+                "give a lower energy, or a gap or preload that leaves small motions linear",
+            )
+        )
+
+    def _grown(self, orbits: BrakeOrbits, energy: float) -> BranchPoint | None:
+        """The motion of an energy, its springs grown from nothing: where even small motions are not linear.
+
+        So it is with some gaps zero and others not.
+        """
+        away = self.away_from if self.basis is None or self.away_from is None else -self.away_from
+        by_factor = BrakeOrbits(self.family, energy=energy)
+        linear = solve_at(by_factor, linear_mode(by_factor, self.mode, 0.0, away), Settings(), 0.0)
+        if linear is None:
+            return None
+        way = Backbone(by_factor, linear, 1.0, self.mode, points=POINTS)
+        q, period, _, _ = by_factor.split(list(way)[-1].u)
+        if not way.status.startswith("complete"):
+            return None
+        value = float(np.log(energy))
+        point = solve_at(orbits, orbits.unknowns(q, period, value), Settings(), value)
+        if point is None or float(orbits.mode(point).share[self.mode]) <= LEAST_SHARE:
+            return None
+        return point
+
+    def _in_energy(self, first: float, last: float, progress: Callable[[float], None] | None, stop: Stop) -> Followed:
+        orbits, start = self._small()
+        if abs(start.parameter - first) > 1e-12:
+            way = Backbone(orbits, start, first, self.mode, points=60)
+            start = list(way)[-1]
+            if not way.status.startswith("complete"):
+                raise ScenarioError(
+                    Problem(
+                        "nnm.continue_in.from",
+                        f"was not reached: {self.told(way.status, start)}",
+                        "give a lower energy to begin with",
+                    )
+                )
+        return self._backbone(orbits, start, last, progress, stop)
+
+    def _in_frequency(self, progress: Callable[[float], None] | None, stop: Stop) -> Followed:
+        orbits, start = self._small()
+        first, last = 2 * np.pi * self.first, 2 * np.pi * self.last
+        low, high = sorted((first, last))
+        way = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=200)
+        before: BranchPoint | None = None
+        found: BranchPoint | None = None
+        by_frequency = BrakeOrbits(self.family, "frequency", basis=self.basis)
+        passed: list[float] = []
+        for point in way:
+            omega = 2 * np.pi / float(point.u[-2])
+            passed.append(omega / (2 * np.pi))
+            if before is not None and (2 * np.pi / float(before.u[-2]) - first) * (omega - first) <= 0:
+                found = _at_frequency(by_frequency, before, point, first, last - first)
+                if found is not None:
+                    break
+            before = point
+        if found is None:
+            raise ScenarioError(
+                Problem(
+                    "nnm.continue_in.from",
+                    f"= {self.first:g} Hz is not reached by mode {self.mode + 1}",
+                    f"choose one between {min(passed):.6g} and {max(passed):.6g} Hz, which its backbone passes (with "
+                    "gaps at internal resonances)",
+                )
+            )
+        branch = follow_modes(by_frequency, found, low, high, Settings(most_points=MOST_POINTS))
+        points: list[BranchPoint] = []
+        status = ""
+        for point in until(_reporting(branch, found.parameter, last, progress), stop):
+            points.append(point)
+            if not 1.0 / MOST_ENERGY < point.data.energy / found.data.energy < MOST_ENERGY:
+                status = (
+                    f"stopped at {point.parameter / (2 * np.pi):.6g} Hz: the energy is {point.data.energy:.3g} J and "
+                    "runs away at nearly constant frequency (a tongue of internal resonance); follow the energy instead"
+                )
+                break
+        return Followed(by_frequency, points, status or self.told(branch.status, points[-1]))
+
+    def _backbone(
+        self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Callable[[float], None] | None, stop: Stop
+    ) -> Followed:
+        backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
+        points = list(until(_reporting(backbone, start.parameter, last, progress), stop))
+        jumps = tuple(BranchJump(self.shown(j.start), self.shown(j.end), j.mode + 1, j.ratio) for j in backbone.jumps)
+        status = self.told(backbone.status, points[-1])
+        if not status.startswith(("complete", INTERRUPTED)):
+            status += "; " + self._remedy(float(orbits.mode(points[-1]).share[self.mode]))
+        return Followed(orbits, points, status, tuple(backbone.tongues), jumps)
+
+    def _remedy(self, share: float) -> str:
+        """What may help a backbone that ended with a share of the energy left in its mode."""
+        if share > LEFT_OVER:
+            return "steps are a hundredth of the range, so that a nearer nnm.continue_in.to may go on"
+        others = ""
+        if self.parameter == "energy":
+            others = ", or follow the frequency, which asks for no share"
+        elif getattr(self.family, "equilibrium", None) is not None:
+            others = ", or follow the energy at full stiffness, where modes are those about rest, its contacts closed"
+        return (
+            f"{100 * share:.0f} % of the energy was left in that mode at the last point, the rest has gone over to "
+            f"others: ask for a mode that keeps its energy{others}"
+        )
+
+    def shown(self, value: float) -> float:
+        """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""
+        if self.parameter == "energy":
+            return float(np.exp(value))
+        return value / (2 * np.pi) if self.parameter == "frequency" else value
+
+    def told(self, status: str, last: BranchPoint) -> str:
+        """Why a path ended, its parameter as people read it."""
+        place = _PLACES[self.parameter].format(self.shown(last.parameter))
+        if status.startswith("complete: reached"):
+            return f"complete: reached {place}"
+        if status.startswith("stopped at parameter"):
+            return f"stopped at {place}{status[status.index(':') :]}"
+        return f"{INTERRUPTED} at {place}" if status == INTERRUPTED else status
+
+
+def _at_frequency(
+    orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, omega: float, forward: float
+) -> BranchPoint | None:
+    """The motion of a frequency between two motions; never the rest, which has every frequency."""
+    wa, wb = 2 * np.pi / float(a.u[-2]), 2 * np.pi / float(b.u[-2])
+    share = 0.0 if wa == wb else (omega - wa) / (wb - wa)
+    for s in (share, 1.0, 0.0):
+        q = (1 - s) * a.u[: orbits.n] + s * b.u[: orbits.n]
+        guess = orbits.unknowns(q, 2 * np.pi / omega, omega)
+        point = solve_at(orbits, guess, Settings(iterations=15), omega, forward)
+        if point is not None and 0.5 * a.data.energy < point.data.energy < 2.0 * b.data.energy:
+            return point
+    return None
+
+
+def _reporting(
+    points: Iterable[BranchPoint], first: float, last: float, progress: Callable[[float], None] | None
+) -> Iterable[BranchPoint]:
+    for point in points:
+        if progress is not None:
+            progress((point.parameter - first) / (last - first))
+        yield point
+
+
+def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
+    """What a scenario asks to follow in its structure without damping and excitation.
+
+    Raises
+    ------
+    ScenarioError
+        Where the mode doesn't exist, or nothing would change along the path.
+    """
+    settings = scenario.nnm
+    assert settings is not None
+    mode = settings.mode - 1
+    dynamics = system.dynamics
+    contacts = dynamics.contacts
+    if mode >= system.modes.kept_modes:
+        raise ScenarioError(
+            Problem(
+                "nnm.mode",
+                f"= {settings.mode} is not among the {system.modes.kept_modes} modes of the model",
+                "choose a lower mode, or raise reduction.modes or beam.elements",
+            )
+        )
+    if dynamics.stiffness[mode] <= 0:
+        raise ScenarioError(
+            Problem(
+                "nnm.mode", f"= {settings.mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode"
+            )
+        )
+    if contacts.count == 0 and system.cubic.count == 0:
+        raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))
+    loaded = bool(np.any(dynamics.constant_load))
+    touching = alike(system)
+    going = settings.continue_in
+    if settings.phase_resonance is not None:
+        refuse_phase_resonance(going.kind, alike=touching)
+    energy = settings.energy
+    if going.kind != "stiffness_factor" and touching:
+        raise ScenarioError(
+            Problem(
+                "nnm.continue_in.kind",
+                f"= {going.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
+                "use stiffness_factor, or give a gap",
+            )
+        )
+    if going.kind == "stiffness_factor" and energy is None:
+        if not touching:
+            raise ScenarioError(
+                Problem(
+                    "nnm.energy",
+                    "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
+                    "add for example `energy: 0.1 J`",
+                )
+            )
+        energy = 1.0
+    family: ContactStiffness | CubicStiffness
+    basis = None
+    if system.cubic.count:
+        if np.any(contacts.gap < 0) or loaded:
+            raise ScenarioError(
+                Problem(
+                    "nnm", "follows structures with cubic springs that rest at zero deflection only",
+                    "leave out prestress, gravity and constant forces",
+                )
+            )  # fmt: skip
+        family = CubicStiffness(dynamics, system.cubic.shape, system.cubic.stiffness)
+    elif np.any(contacts.gap < 0) or loaded:
+        family = ContactStiffness(dynamics, _equilibrium(system))
+        if going.kind != "stiffness_factor":
+            basis = family.modes_at_rest()
+    else:
+        family = ContactStiffness(dynamics)
+    away = (contacts.sign @ contacts.shape) if contacts.count else None
+    if away is not None and basis is not None:
+        away = -away  # at rest with the contacts closed, where the closed structure's modes share out all the energy
+    first = getattr(going, "from_", 0.0)
+    return ModePath(
+        family, mode, going.kind, float(first), float(going.to), 1e-6 if energy is None else float(energy), basis, away
+    )
+
+
+def _equilibrium(system: StructuralSystem) -> Callable[[PiecewiseLinearSystem], Floats]:
+    rigid = int(np.count_nonzero(system.dynamics.stiffness == 0))
+
+    def rest(dynamics: PiecewiseLinearSystem) -> Floats:
+        springs = springs_of(dynamics.contacts)
+        acting = springs.take(springs.stiffness != 0)  # none at a factor of zero
+        found = find_equilibrium(dynamics.stiffness, rigid, acting, dynamics.constant_load[None, :])
+        if found.q is None:
+            raise ScenarioError(
+                Problem("nnm", f"has no static equilibrium to vibrate about: {found.reason}", "support the structure")
+            )
+        return found.q
+
+    return rest
+
+
+def alike(system: StructuralSystem) -> bool:
+    """Whether motions of all energies are the same up to a factor: no gap, no load, no smooth spring."""
+    dynamics = system.dynamics
+    return not (np.any(dynamics.contacts.gap) or np.any(dynamics.constant_load) or system.cubic.count)

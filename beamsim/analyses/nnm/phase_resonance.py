@@ -1,0 +1,525 @@
+"""A damped structure excited on its nonlinear normal mode: level predicted, exact motion, response about it.
+
+The prediction is energy balance along the backbone (:mod:`beamsim.orbits.forced_from_free`); the exact motion at
+phase resonance comes from shooting (:mod:`beamsim.orbits.phase_resonance`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.nnm.phase_resonance_results import (
+    HeldMotion,
+    PhaseResonance,
+    PredictedLevels,
+    ResonantMotion,
+    ResponseCurve,
+)
+from beamsim.analyses.response.analysis import periodic_forcing
+from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.smooth_flow import SmoothFlow
+from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, locate, solve_at
+from beamsim.orbits.forced_from_free import Appropriation, appropriate_force
+from beamsim.orbits.phase_resonance import find_phase_resonance, quadrature, turned_back
+from beamsim.orbits.shooting import ForcedOrbits, follow_orbits
+from beamsim.scenario.excitation import Harmonic
+from beamsim.system.build import build_system
+
+if TYPE_CHECKING:
+    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.orbits.reversible import BrakeOrbits
+    from beamsim.scenario import Scenario
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["UNITS", "hold_mode", "refuse_phase_resonance"]
+
+Floats = NDArray[np.float64]
+
+UNITS = {"force": "N", "acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+SAMPLES = 512  # of a period
+MOST_POINTS = 600  # of a response curve, on either side
+HALVINGS = 4  # of a step of the backbone, in search of a level
+SCALED_POINTS = 25  # of a backbone whose motions are all alike
+ATTEMPTS = 8  # at other levels, to come to one by way of them
+FARTHEST_LEVEL = 3.0  # ratio of such a level
+BACK = 5  # points of the backbone between two attempts along its stiffness factor
+LEVEL_STEP = 0.1  # of its logarithm
+BEYOND = 1.5  # how far it is drawn over the highest level
+
+
+def refuse_phase_resonance(parameter: str, *, alike: bool) -> None:
+    """Refuse a backbone along which the structure changes, unless its motions are alike at every amplitude.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    if parameter == "stiffness_factor" and not alike:
+        raise ScenarioError(
+            Problem(
+                "nnm.phase_resonance",
+                "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
+                "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
+            )
+        )
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A motion of the backbone, multiplied by ``scale``, with the force that holds it."""
+
+    flow: Any
+    whole: Any
+    energy: float
+    share: float  # of the energy in the mode asked for, at rest
+    force: Appropriation
+    scale: float = 1.0
+
+    @property
+    def level(self) -> float:
+        return self.scale * self.force.level
+
+    @property
+    def frequency_hz(self) -> float:
+        return self.force.omega / (2 * np.pi)
+
+    def states(self, times: Floats) -> Floats:
+        """(nt, 2n) at any times from where the force's clock begins."""
+        inside = (times + self.force.shift) % self.whole.duration
+        order = np.argsort(inside, kind="stable")
+        out = np.empty((times.size, 2 * self.flow.system.size))
+        out[order] = self.scale * self.flow.states_at(self.whole, inside[order])
+        return out
+
+    def scaled(self, by: float) -> _Motion:
+        return replace(self, scale=self.scale * by, energy=self.energy * by**2)
+
+
+@dataclass(frozen=True)
+class _Held:
+    """What all levels share."""
+
+    orbits: BrakeOrbits
+    points: Sequence[BranchPoint]
+    damped: StructuralSystem
+    loads: PeriodicForcing
+    mode: int  # from 0
+    factor: float  # of the nonlinear springs where the backbone ended
+    alike: bool
+    unit: str  # of the level
+
+    @cached_property
+    def motions(self) -> list[_Motion]:
+        """The backbone from its lowest energy to its highest."""
+        return [self.motion(p) for p in self.ascending]
+
+    @cached_property
+    def ascending(self) -> list[BranchPoint]:
+        """Its points in that order."""
+        return sorted(self.points, key=lambda p: float(p.data.energy))
+
+    def motion(self, point: BranchPoint) -> _Motion:
+        """The force that a motion of the backbone needs."""
+        flow, whole = self.orbits.cycle(point)
+        load = self.loads.at(2 * np.pi / whole.duration, 1.0)[0].sum(axis=0)
+        try:
+            force = appropriate_force(self.damped.dynamics, flow, whole, load)
+        except ValueError as error:
+            raise ScenarioError(Problem("excitation.applied_to", f": {error}", "apply it elsewhere")) from None
+        if force.dissipated <= 0:
+            raise ScenarioError(
+                Problem(
+                    "nnm.phase_resonance",
+                    "has no damping to pay for: without any, every level lets the motion grow",
+                    "give the structure or a snubber damping",
+                )
+            )
+        q, _, factor, _ = self.orbits.split(point.u)
+        share = float(self.orbits.share(q, factor)[self.mode])
+        return _Motion(flow, whole, float(point.data.energy), share, force)
+
+    def amplitudes(self, motion: _Motion) -> dict[str, float]:
+        """Largest deflection of a period at each probe."""
+        times = motion.whole.duration * np.arange(SAMPLES) / SAMPLES
+        return self.largest(motion.states(times))
+
+    def largest(self, states: Floats) -> dict[str, float]:
+        """Largest deflection at each probe, of states over a period at equal steps."""
+        n = self.damped.dynamics.size
+        return {
+            p.name: max(_peak(states[:, :n] @ p.shape), _peak(-states[:, :n] @ p.shape)) for p in self.damped.probes
+        }
+
+    def at(self, wanted: float, measure: Callable[[_Motion], float]) -> _Motion | None:
+        """The motion with this level (or amplitude); None where the backbone has none.
+
+        In the tongue of an internal resonance the level rises without end: of several motions the one that is most the
+        mode asked for is taken.
+        """
+        if self.alike:
+            one = self.motion(self.points[-1])
+            return one.scaled(wanted / measure(one))
+        off = [measure(m) - wanted for m in self.motions]
+        crossings: list[_Motion] = []
+        shores: list[_Motion] = []
+        for k, (a, b) in enumerate(pairwise(self.ascending)):
+            if off[k] * off[k + 1] > 0:
+                continue
+            found = self._crossing(a, b, lambda p: measure(self.motion(p)) - wanted, (off[k], off[k + 1]))
+            if found is not None:
+                crossings.append(self.motion(found))
+            else:  # across a tongue there is no motion between: the nearer of its shores
+                shores.append(self.motions[k if abs(off[k]) <= abs(off[k + 1]) else k + 1])
+        return max(crossings or shores, key=lambda m: m.share, default=None)
+
+    def _crossing(
+        self, a: BranchPoint, b: BranchPoint, off: Callable[[BranchPoint], float], values: tuple[float, float],
+        halvings: int = HALVINGS,
+    ) -> BranchPoint | None:  # fmt: skip
+        """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
+        found = locate(self.orbits, a, b, off, Settings(iterations=12), values, 1e-10)
+        if found is not None or halvings == 0:
+            return found
+        halfway = 0.5 * (a.parameter + b.parameter)
+        middle = solve_at(self.orbits, 0.5 * (a.u + b.u), Settings(iterations=12), halfway)
+        if middle is None:
+            return None
+        value = off(middle)
+        if value * values[0] <= 0:
+            return self._crossing(a, middle, off, (values[0], value), halvings - 1)
+        return self._crossing(middle, b, off, (value, values[1]), halvings - 1)
+
+    def problem(self, level: float, omega: float, factor: float | None = None) -> ForcedOrbits:
+        """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""
+        system, factor = self.damped.dynamics, self.factor if factor is None else factor
+        weaker = replace(system, contacts=replace(system.contacts, stiffness=factor * system.contacts.stiffness))
+        flow: Any
+        if self.damped.cubic.count:
+            cubic = self.damped.cubic
+            flow = SmoothFlow(weaker, cubic.shape, factor * cubic.stiffness, self.loads, omega, level, cubic.on_ground)
+        else:
+            flow = VariationalFlow(weaker, self.loads, omega, level)
+        return ForcedOrbits(flow)
+
+
+def hold_mode(
+    scenario: Scenario,
+    orbits: BrakeOrbits,
+    points: Sequence[BranchPoint],
+    *,
+    alike: bool,
+    progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
+) -> PhaseResonance:
+    """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
+
+    Parameters
+    ----------
+    orbits, points : the backbone, of the structure without damping but built for this excitation.
+    alike : whether motions of all amplitudes are the same up to a factor (no gap, no load, no cubic spring).
+
+    Raises
+    ------
+    ScenarioError
+        Where the force acts at a node, nothing is damped, or a level lies beyond the backbone.
+    """
+    settings, excitation = scenario.nnm, scenario.excitation
+    assert settings is not None
+    assert isinstance(excitation, Harmonic)
+    section = settings.phase_resonance
+    assert section is not None
+    refuse_phase_resonance(settings.continue_in.kind, alike=alike)
+    damped = build_system(scenario.model_copy(update={"run": None}))
+    factor = orbits.split(points[-1].u)[2]
+    loads, unit = periodic_forcing(scenario, damped), UNITS[str(excitation.quantity)]
+    held = _Held(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
+    levels = [float(level) for level in section.levels] or [excitation.level]
+    predicted, probe = _predicted(held, levels)
+    motions = []
+    for index, level in enumerate(levels):
+        at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
+        motion = held.at(level, lambda m: m.level)
+        if motion is None:
+            raise ScenarioError(_beyond(held, predicted, level, at))
+        motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
+        if progress is not None:
+            progress((index + 1) / len(levels))
+        if stop():
+            break
+    status = _status([m.level for m in motions if not m.found], held.unit)
+    if len(motions) < len(levels):
+        status = f"{INTERRUPTED} after {len(motions)} of {len(levels)} levels of nnm.phase_resonance"
+    return PhaseResonance(
+        status,
+        str(excitation.quantity),
+        held.unit,
+        probe,
+        alike,
+        predicted,
+        tuple(motions),
+    )
+
+
+def _status(missing: list[float], unit: str) -> str:
+    if not missing:
+        return "complete"
+    which = f"level{'s' if len(missing) > 1 else ''} {', '.join(f'{x:.6g}' for x in missing)} {unit}"
+    return (
+        f"no forced motion at phase resonance was found for the {which} near the motion predicted: the damping is too "
+        "strong for one harmonic force to hold the mode, or an internal resonance is close; try another level"
+    )
+
+
+def _predicted(held: _Held, levels: list[float]) -> tuple[PredictedLevels, str]:
+    """Levels along the backbone, and the probe that moves most."""
+    if held.alike:
+        one = held.motion(held.points[-1])
+        wanted = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
+        motions = [one.scaled(level / one.level) for level in wanted]
+    else:
+        motions = held.motions
+    amplitudes = [held.amplitudes(m) for m in motions]
+    names = list(amplitudes[0])
+    table = PredictedLevels(
+        np.array([m.energy for m in motions]),
+        np.array([m.frequency_hz for m in motions]),
+        np.array([m.level for m in motions]),
+        np.array([m.scale**2 * m.force.dissipated for m in motions]),
+        np.array([m.force.by_contacts / m.force.dissipated for m in motions]),
+        {name: np.array([a[name] for a in amplitudes]) for name in names},
+    )
+    return table, max(names, key=lambda name: float(table.amplitude[name].max()))
+
+
+def _beyond(held: _Held, predicted: PredictedLevels, level: float, at: str) -> Problem:
+    """Why a level is not met, and the energy that it would need: extrapolated as a power of the level."""
+    unit, e, levels = held.unit, predicted.energy, predicted.level
+    above = level > levels.max()
+    k = slice(-2, None) if above else slice(0, 2)
+    slope = float(np.diff(np.log(levels[k]))[0] / np.diff(np.log(e[k]))[0]) if e.size > 1 else 0.5
+    slope = slope if 0.1 < slope < 10.0 else 0.5
+    end = -1 if above else 0
+    needed = e[end] * (level / levels[end]) ** (1.0 / slope)
+    return Problem(
+        at,
+        f"= {level:g} {unit} lies {'beyond' if above else 'below'} the backbone, whose motions from {e[0]:.3g} to "
+        f"{e[-1]:.3g} J need {levels.min():.4g} to {levels.max():.4g} {unit}",
+        f"follow it to about {needed:.2g} J (nnm.continue_in: {{kind: energy, …}}), or ask for another level",
+    )
+
+
+def _resonance(held: _Held, motion: _Motion, level: float, probe: str, span: float, periods: int) -> ResonantMotion:
+    """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
+    problem = held.problem(level, motion.force.omega)
+    point = _found(held, problem, motion, level)
+    carried = _carried(held, problem, motion, periods)
+    own: dict[str, Any] = {
+        "level": level,
+        "predicted_frequency_hz": motion.frequency_hz,
+        "predicted_energy": motion.energy,
+        "predicted_amplitude": held.amplitudes(motion),
+        "held": carried,
+    }
+    if point is None:
+        nothing = dict.fromkeys(own["predicted_amplitude"], np.nan)
+        return ResonantMotion(
+            **own, found=False, frequency_hz=np.nan, amplitude=nothing, level_for_amplitude=np.nan, stable=False,
+            floquet_multipliers=np.zeros(0, dtype=complex), residual=np.nan, quadrature=np.nan, curve=None,
+        )  # fmt: skip
+    orbit = problem.orbit(point)
+    cosine = quadrature(problem, point)[0]
+    amplitude = _forced_amplitudes(held, problem, point)
+    balanced = held.at(amplitude[probe], lambda m: held.amplitudes(m)[probe])
+    return ResonantMotion(
+        **own,
+        found=True,
+        frequency_hz=orbit.omega / (2 * np.pi),
+        amplitude=amplitude,
+        level_for_amplitude=np.nan if balanced is None else balanced.level,
+        stable=orbit.stable,
+        floquet_multipliers=orbit.multipliers,
+        residual=orbit.residual,
+        quadrature=cosine,
+        curve=_curve(held, problem, point, span),
+    )
+
+
+def _found(held: _Held, problem: ForcedOrbits, motion: _Motion, level: float) -> BranchPoint | None:
+    """The exact motion at phase resonance: from the prediction, or by way of other levels of the same backbone.
+
+    Damping fills thin tongues of internal resonance, in which the undamped mode is no guide.
+    """
+    point = find_phase_resonance(problem, motion.states(np.zeros(1))[0], motion.force.omega)
+    if point is not None:
+        return point
+    if held.alike:
+        return _by_way_of_factors(held, problem, level)
+    near = [m for m in held.motions if 1.0 / FARTHEST_LEVEL < m.level / level < FARTHEST_LEVEL]
+    near.sort(key=lambda m: abs(np.log(m.level / level)) - m.share)
+    for other in near[:ATTEMPTS]:
+        problem.level = other.level
+        point = find_phase_resonance(problem, other.states(np.zeros(1))[0], other.force.omega)
+        count = 1 + int(abs(np.log(level / other.level)) / LEVEL_STEP)
+        for step in np.geomspace(other.level, level, count + 1)[1:]:
+            if point is None:
+                break
+            z = problem.full(point.u)[: 2 * held.damped.dynamics.size]
+            problem.level = float(step)
+            point = find_phase_resonance(problem, z, point.parameter)
+        if point is not None:
+            return point
+    problem.level = level
+    return None
+
+
+def _by_way_of_factors(held: _Held, problem: ForcedOrbits, level: float) -> BranchPoint | None:
+    """The same along a backbone in the stiffness factor: from where the mode is a guide, on to its end."""
+    n, last = held.damped.dynamics.size, len(held.points) - 1
+    for begin in range(last - BACK, max(last - ATTEMPTS * BACK, -1), -BACK):
+        motion = held.motion(held.points[begin])
+        z, omega = motion.scaled(level / motion.level).states(np.zeros(1))[0], motion.force.omega
+        point: BranchPoint | None = None
+        for k in range(begin, last + 1):
+            factor = held.orbits.split(held.points[k].u)[2]
+            here = problem if k == last else held.problem(level, omega, factor)
+            point = find_phase_resonance(here, z, omega)
+            if point is None:
+                break
+            z, omega = here.full(point.u)[: 2 * n], point.parameter
+        if point is not None:
+            return point
+    return None
+
+
+def _forced_amplitudes(held: _Held, problem: ForcedOrbits, point: BranchPoint) -> dict[str, float]:
+    flow, passage = problem.cycle(point)
+    return held.largest(flow.states_at(passage, passage.duration * np.arange(SAMPLES) / SAMPLES))
+
+
+def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseCurve:
+    """The response on both sides of a resonance."""
+    low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
+    down: list[BranchPoint] = []
+    up: list[BranchPoint] = []
+    status = []
+    first = point if point.tangent[-1] < 0 else turned_back(point)
+    for side, start in ((down, first), (up, turned_back(first))):
+        branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
+        side += list(branch)
+        if branch.status == "complete: closed curve":
+            break
+        if not branch.status.startswith("complete"):
+            status.append(branch.status)
+    points = [*reversed(down), *up[1:]]
+    rows = [_forced_amplitudes(held, problem, p) for p in points]
+    return ResponseCurve(
+        "; ".join(status) or "complete",
+        np.array([p.parameter for p in points]) / (2 * np.pi),
+        {name: np.array([row[name] for row in rows]) for name in rows[0]},
+        np.array([problem.orbit(p).stable for p in points]),
+    )
+
+
+def _carried(held: _Held, problem: ForcedOrbits, motion: _Motion, periods: int) -> HeldMotion | None:
+    """The damped structure from the predicted start under the predicted force; None where it chatters."""
+    problem.flow.set(motion.force.omega, motion.level)
+    system = held.damped.dynamics
+    n, T = system.size, motion.whole.duration
+    times = T * np.arange(SAMPLES) / SAMPLES
+    mode = motion.states(times)
+    weight = np.concatenate([np.sqrt(system.stiffness), np.ones(n)])
+    size = float(np.sqrt(2.0 * motion.energy))
+    z = np.zeros(problem.flow.size)
+    z[: 2 * n] = mode[0]
+    states = np.empty((periods, SAMPLES, 2 * n))
+    for k in range(periods):
+        try:
+            passage = problem.flow.carry(z, T)
+        except ArithmeticError:
+            return None
+        states[k] = problem.flow.states_at(passage, times)
+        z = passage.end
+    departure = np.linalg.norm((states - mode) * weight, axis=2).max(axis=1) / size
+    # the mode is at rest where its own clock shows 0 and half a period
+    rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
+    field = _field(held.damped)
+    last = problem.flow.states_at(passage, rest)
+    count = periods * SAMPLES
+    whole = states.reshape(count, 2 * n)[:, :n]
+    displacement = {p.name: whole @ p.shape for p in held.damped.probes}
+    return HeldMotion(
+        np.arange(count) * (T / SAMPLES),
+        displacement,
+        np.arange(count // 2 + 1) / (periods * T),
+        {name: _lines(x) for name, x in displacement.items()},
+        departure,
+        (periods - 1) * T + rest,
+        last[:, :n] @ field.T,
+        motion.states(rest)[:, :n] @ field.T,
+    )
+
+
+def _lines(x: Floats) -> Floats:
+    """Amplitudes of the lines of a record of whole periods."""
+    c = np.abs(np.fft.rfft(x)) * (2.0 / x.size)
+    c[0] *= 0.5
+    return np.asarray(c)
+
+
+def _field(system: StructuralSystem) -> Floats:
+    """(nx, n) deflection at the stations for a unit of each coordinate."""
+    return system.beam.deflection if system.beam is not None else np.asarray(system.modes.shapes.T)
+
+
+def _peak(x: Floats) -> float:
+    """The largest value of periodic samples, by the parabola through the three about it."""
+    k = int(np.argmax(x))
+    a, b, c = x[k - 1], x[k], x[(k + 1) % x.size]
+    bend = a - 2 * b + c
+    return float(b) if bend >= 0 else float(b - (c - a) ** 2 / (8 * bend))
+
+
+def phase_resonance_summary(result: PhaseResonance) -> dict[str, Any]:
+    """Numbers for the table and for ``--json``."""
+    return {
+        "status": result.status,
+        "quantity": result.quantity,
+        "unit": result.unit,
+        "probe": result.probe,
+        "levels": list(_level_summaries(result)),
+    }
+
+
+def _level_summaries(result: PhaseResonance) -> Iterator[dict[str, Any]]:
+    for m in result.motions:
+        peak, at = np.nan, np.nan
+        if m.curve is not None:
+            k = int(np.argmax(m.curve.amplitude[result.probe]))
+            peak, at = float(m.curve.amplitude[result.probe][k]), float(m.curve.frequency_hz[k])
+        yield {
+            "level": m.level,
+            "predicted_frequency_hz": m.predicted_frequency_hz,
+            "predicted_energy_j": m.predicted_energy,
+            "predicted_amplitude_m": m.predicted_amplitude[result.probe],
+            "found": m.found,
+            "frequency_hz": m.frequency_hz,
+            "amplitude_m": m.amplitude[result.probe],
+            "level_for_amplitude": m.level_for_amplitude,
+            "stable": m.stable,
+            "peak_frequency_hz": at,
+            "peak_amplitude_m": peak,
+            "curve": "" if m.curve is None else m.curve.status,
+            "periods": 0 if m.held is None else int(m.held.departure.size),
+            "departure_first_period": np.nan if m.held is None else float(m.held.departure[0]),
+            "departure_last_period": np.nan if m.held is None else float(m.held.departure[-1]),
+            "departure_largest": np.nan if m.held is None else float(m.held.departure.max()),
+        }

@@ -1,0 +1,155 @@
+"""What ``beamsim nnm`` prints, as plain values: the backbone, what leaves it, and what is laid beside it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.nnm.result import BranchJump, ModeBranch, OrbitMotion
+
+if TYPE_CHECKING:
+    from beamsim.analyses.nnm.multiple_scales import ExpansionComparison
+    from beamsim.analyses.nnm.paths import ModePath
+    from beamsim.analyses.nnm.thesis_method import RelaxedComparison
+
+__all__ = ["expansion_summary", "full_period_summary", "nnm_summary", "relaxed_summary"]
+
+Floats = NDArray[np.float64]
+
+
+def nnm_summary(
+    job: ModePath,
+    branches: tuple[ModeBranch, ...],
+    jumps: tuple[BranchJump, ...],
+    status: str,
+    processor_time_s: float,
+    linear_frequency_hz: float,
+    motion: OrbitMotion,
+) -> dict[str, Any]:
+    """The backbone and what it met."""
+    backbone = branches[0]
+    return {
+        "mode": job.mode + 1,
+        "continued_in": job.parameter,
+        "points": int(backbone.parameter.size),
+        "start": _end(backbone, 0),
+        "end": _end(backbone, -1),
+        "period_s": 1.0 / float(backbone.frequency_hz[-1]),
+        "stable_points": int(np.count_nonzero(backbone.stable)),
+        "largest_residual": float(backbone.residual.max()),
+        "smallest_share": float(backbone.share.min()),
+        "internal_resonances": [
+            {"mode": b.mode, "ratio": b.ratio, "parameter": float(b.parameter[0]), "points": int(b.parameter.size)}
+            for b in branches
+            if b.kind == "tongue"
+        ],
+        "jumps": [{"start": j.start, "end": j.end, "mode": j.mode or None, "ratio": j.ratio or None} for j in jumps],
+        "grazings": sum(1 for event in backbone.special if event.kind == "grazing"),
+        "linear_frequency_hz": float(linear_frequency_hz),
+        "motion_frequency_hz": 1.0 / float(motion.time[-1]),
+        "motion_drift": motion.drift,
+        "motion_periods": motion.periods,
+        "processor_time_s": processor_time_s,
+        "status": status,
+    }
+
+
+def _end(branch: ModeBranch, index: int) -> dict[str, float]:
+    return {
+        "parameter": float(branch.parameter[index]),
+        "frequency_hz": float(branch.frequency_hz[index]),
+        "energy_j": float(branch.energy[index]),
+    }
+
+
+def full_period_summary(branches: tuple[ModeBranch, ...], differences: Floats) -> dict[str, Any]:
+    """How close full-period shooting came to half-period shooting, and the motions never at rest."""
+    return {
+        "largest_difference": float(differences.max(initial=0.0)),
+        "symmetry_breakings": [
+            {"parameter": e.parameter, "frequency_hz": e.frequency_hz}
+            for e in branches[0].special
+            if e.kind == "symmetry_breaking"
+        ],
+        "never_at_rest": [
+            {
+                "mode": b.mode,
+                "ratio": b.ratio,
+                "points": int(b.parameter.size),
+                "stable_points": int(np.count_nonzero(b.stable)),
+                "start": _end(b, 0),
+                "end": _end(b, -1),
+                "largest_least_kinetic": float(b.least_kinetic.max()),
+                "status": b.status,
+            }
+            for b in branches
+            if b.kind == "never_at_rest"
+        ],
+    }
+
+
+def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
+    """The thesis's method: how far, how close, at what cost."""
+    known = np.isfinite(relaxed.frequency_difference)
+    spent = float(relaxed.processor_time_s.sum())
+    return {
+        "steps": relaxed.steps,
+        "steps_reached": relaxed.steps_reached,
+        "tolerance": relaxed.tolerance,
+        "largest_functional": float(relaxed.functional.max(initial=0.0)),
+        "end": {
+            "parameter": float(relaxed.factor[-1]),
+            "frequency_hz": float(relaxed.frequency_hz[-1]),
+            "period_s": 1.0 / float(relaxed.frequency_hz[-1]),
+            "exact_frequency_hz": float(relaxed.exact_frequency_hz[-1]),
+        },
+        "largest_frequency_difference": float(relaxed.frequency_difference[known].max(initial=0.0)),
+        "largest_shape_difference": float(relaxed.shape_difference[known].max(initial=0.0)),
+        "followed": {fate: relaxed.fate.count(fate) for fate in dict.fromkeys(relaxed.fate)},
+        "silent_jumps": relaxed.factor[relaxed.jumped].tolist(),
+        "passages": int(relaxed.passages.sum()),
+        "shooting_passages": relaxed.shooting_passages,
+        "processor_time_s": spent,
+        "shooting_processor_time_s": relaxed.shooting_processor_time_s,
+        "cost_ratio": relaxed.cost_ratio,
+        "status": relaxed.status,
+    }
+
+
+def expansion_summary(comparison: ExpansionComparison) -> dict[str, Any]:
+    """The expansion's coefficients, its errors, and the orders in which they vanish (medians over small factors)."""
+    path = comparison.path
+    small = path.factor <= path.small
+    if small.sum() < 3:
+        small[:] = True
+    steps = small[:-1]
+    return {
+        "mode": path.mode,
+        "linear_frequency_hz": path.linear_frequency_hz,
+        "first_order_hz": path.first_hz,
+        "second_order_hz": path.second_hz,
+        "factors_well_below": path.reach,
+        "factor": path.factor.tolist(),
+        "frequency_hz": path.frequency_hz[:, 1:].tolist(),
+        "exact_frequency_hz": comparison.exact.frequency_hz.tolist(),
+        "frequency_difference": comparison.frequency_difference[:, 1:].tolist(),
+        "initial_difference": comparison.initial_difference[:, 1:].tolist(),
+        "orders_from": float(path.factor[small].max()),
+        "orders_to": float(path.factor[small].min()),
+        "observed_order_frequency": [_order(comparison.frequency_orders[:, k], steps) for k in (1, 2)],
+        "observed_order_initial": [_order(comparison.initial_orders[:, k], steps) for k in (1, 2)],
+        "expected_order_initial": [_order(comparison.expected_orders[:, k], steps) for k in (1, 2)],
+        "observed_order_uniform": [_order(comparison.uniform_orders[:, k], steps) for k in (1, 2)],
+        "asymptotic_well_below": path.pole,
+        "nearest_pole": {"mode": path.pole_mode, "harmonic": path.pole_harmonic},
+    }
+
+
+def _order(orders: Floats, small: NDArray[np.bool_]) -> float:
+    """Median of the observed orders at small factors; where round-off has spoilt all of them, the last one it left."""
+    known = np.isfinite(orders)
+    if np.any(known & small):
+        return float(np.median(orders[known & small]))
+    return float(orders[known][-1]) if np.any(known) else float("nan")

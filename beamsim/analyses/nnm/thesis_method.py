@@ -1,0 +1,208 @@
+"""The thesis's relaxed minimisation beside exact shooting: where it gets to, how close, at what cost."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.interruption import Stop, never
+from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
+from beamsim.orbits.counted import CountedFamily
+from beamsim.orbits.relaxed_minimisation import RelaxedStep, relaxed_path
+from beamsim.orbits.reversible import BrakeOrbits
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from beamsim.analyses.nnm.paths import Followed, ModePath
+    from beamsim.scenario.nnm_method import ThesisMethod
+
+__all__ = ["FATES", "RelaxedComparison", "compare_relaxed"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+SAME = 1e-6  # relative distance of two shapes that are one motion's
+FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation
+FATES = {
+    "same": "Newton's method leads from it to the backbone's motion",
+    "other": "Newton's method leads from it to another motion",
+    "none": "there is no periodic motion near it",
+    "between": "the backbone has no motion there (a tongue cuts it)",
+}
+
+
+@dataclass(frozen=True)
+class RelaxedComparison:
+    """A path of relaxed minimisation, step by step, and the exact motions at the same factors."""
+
+    steps: int  # asked for
+    tolerance: float  # of the functional
+    status: str  # "complete" or why it ended early
+    factor: Floats  # (S,) of the steps taken; the last one may not have been reached
+    frequency_hz: Floats  # (S,)
+    functional: Floats  # (S,) what was minimised, at its end
+    passages: Ints  # (S,) motions computed
+    processor_time_s: Floats  # (S,)
+    reached: Bools  # (S,) whether the functional fell below the tolerance
+    coordinates: Floats  # (S, n) shape at rest
+    initial_displacement: Floats  # (S, nx) m
+    exact_frequency_hz: Floats  # (S,) of the backbone; nan where a tongue cuts it
+    frequency_difference: Floats  # (S,) relative to the exact one
+    shape_difference: Floats  # (S,) relative, in the norm of the linear strain energy
+    fate: tuple[str, ...]  # (S,) one of FATES
+    jumped: Bools  # (S,) steps that left the motion which the step before was on
+    shooting_passages: int  # motions computed for the backbone, its tongues and the same factors
+    shooting_processor_time_s: float
+
+    @property
+    def steps_reached(self) -> int:
+        """Number of steps whose functional fell below the tolerance."""
+        return int(np.count_nonzero(self.reached))
+
+    @property
+    def cost_ratio(self) -> float:
+        """Processor time over that of shooting."""
+        return float(self.processor_time_s.sum() / max(self.shooting_processor_time_s, 1e-9))
+
+
+def compare_relaxed(
+    job: ModePath,
+    followed: Followed,
+    counted: CountedFamily,
+    shooting_time_s: float,
+    settings: ThesisMethod,
+    field: Floats,
+    progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
+) -> RelaxedComparison:
+    """Take the thesis's steps along a backbone that shooting has followed, and compare.
+
+    Parameters
+    ----------
+    job, followed : the backbone in the stiffness factor; ``followed`` with the family ``counted``.
+    counted : counts the motions computed so far (by shooting).
+    shooting_time_s : processor time of shooting so far.
+    settings : steps, tolerance and iterations.
+    field : (nx, n) deflection at the stations for a unit of each coordinate.
+    """
+    orbits = followed.orbits
+    factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
+    begin = clock.process_time()
+    gaps = {jump.start for jump in followed.jumps}
+    exact = [_exact_at(orbits, followed.points, gaps, float(factor)) for factor in factors]
+    shooting_passages = counted.passages
+    shooting_time_s += clock.process_time() - begin
+    steps: list[RelaxedStep] = []
+    status = "complete"
+    for step in relaxed_path(orbits, followed.points[0].u, factors, settings.tolerance, settings.iterations):
+        steps.append(step)
+        if progress is not None:
+            progress(len(steps) / settings.steps)
+        if not step.reached:
+            status = _why(step, settings)
+            break
+        if stop() and len(steps) < settings.steps:
+            status = f"{INTERRUPTED} at stiffness factor {step.factor:.6g}, in the thesis's method"
+            break
+    return _compared(orbits, steps, exact[: len(steps)], settings, status, field, shooting_passages, shooting_time_s)
+
+
+def _why(step: RelaxedStep, settings: ThesisMethod) -> str:
+    reason = "no further descent was found" if step.stalled else f"{settings.iterations} iterations were not enough"
+    remedy = (
+        "use more nnm.method.steps or a larger tolerance"
+        if step.stalled
+        else "raise nnm.method.iterations, steps or the tolerance"
+    )
+    return (
+        f"the thesis's method stopped at stiffness factor {step.factor:.6g}: its functional is {step.functional:.3g}, "
+        f"the tolerance {settings.tolerance:g}; {reason}; {remedy}"
+    )
+
+
+def _exact_at(
+    orbits: BrakeOrbits, points: Sequence[BranchPoint], gaps: set[float], factor: float
+) -> BranchPoint | None:
+    """The backbone's motion at a factor between its points; None where a jump crosses it."""
+    forward = points[-1].parameter >= points[0].parameter
+    for a, b in pairwise(points):
+        low, high = (a.parameter, b.parameter) if forward else (b.parameter, a.parameter)
+        if low <= factor <= high:
+            share = (factor - a.parameter) / (b.parameter - a.parameter)
+            if a.parameter in gaps and 0.0 < share < 1.0:
+                return None
+            return solve_at(orbits, (1.0 - share) * a.u + share * b.u, Settings(iterations=12), factor)
+    return None
+
+
+def _compared(
+    orbits: BrakeOrbits,
+    steps: list[RelaxedStep],
+    exact: list[BranchPoint | None],
+    settings: ThesisMethod,
+    status: str,
+    field: Floats,
+    shooting_passages: int,
+    shooting_time_s: float,
+) -> RelaxedComparison:
+    n = orbits.n
+    shapes = np.array([s.shape for s in steps]).reshape(len(steps), n)
+    frequency = np.array([1.0 / s.period for s in steps])
+    known = np.array([np.nan if e is None else 1.0 / float(e.u[-2]) for e in exact])
+    apart = np.full(len(steps), np.nan)
+    fates: list[str] = []
+    moved: list[bool] = []
+    last: Floats | None = None  # the exact motion that the step before was beside
+    for k, (step, point) in enumerate(zip(steps, exact, strict=True)):
+        if point is not None:
+            apart[k] = _distance(orbits, step.shape, point.u[:n])
+        near = solve_at(orbits, orbits.unknowns(step.shape, step.period, step.factor), Settings(iterations=15))
+        fates.append(_fate(orbits, near, point))
+        here = None if near is None else near.u[:n]
+        moved.append(fates[-1] in ("other", "none") and (k == 0 or fates[-2] in ("same", "between")))
+        if fates[-1] == "other" and not moved[-1] and last is not None and here is not None:
+            moved[-1] = _distance(orbits, here, last) > FAR
+        last = here
+    return RelaxedComparison(
+        steps=settings.steps,
+        tolerance=settings.tolerance,
+        status=status,
+        factor=np.array([s.factor for s in steps]),
+        frequency_hz=frequency,
+        functional=np.array([s.functional for s in steps]),
+        passages=np.array([s.passages for s in steps], dtype=np.int64),
+        processor_time_s=np.array([s.processor_time_s for s in steps]),
+        reached=np.array([s.reached for s in steps], dtype=bool),
+        coordinates=shapes,
+        initial_displacement=shapes @ field.T,
+        exact_frequency_hz=known,
+        frequency_difference=np.abs(frequency / known - 1.0),
+        shape_difference=apart,
+        fate=tuple(fates),
+        jumped=np.array(moved, dtype=bool),
+        shooting_passages=shooting_passages,
+        shooting_processor_time_s=shooting_time_s,
+    )
+
+
+def _distance(orbits: BrakeOrbits, shape: Floats, other: Floats) -> float:
+    """Of two shapes at rest, relative to the second, in the norm of the linear strain energy."""
+    w = orbits.family.omega
+    return float(np.linalg.norm(w * (shape - other)) / max(float(np.linalg.norm(w * other)), 1e-300))
+
+
+def _fate(orbits: BrakeOrbits, near: BranchPoint | None, exact: BranchPoint | None) -> str:
+    if near is None:
+        return "none"
+    if exact is None:
+        return "between"
+    same = _distance(orbits, near.u[: orbits.n], exact.u[: orbits.n]) < SAME
+    return "same" if same and abs(near.u[-2] / exact.u[-2] - 1.0) < SAME else "other"

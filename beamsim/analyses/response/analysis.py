@@ -1,0 +1,370 @@
+"""``beamsim sweep`` of kind continuation: curves of periodic motions against a parameter, stable and unstable."""
+
+from __future__ import annotations
+
+import re
+import time as clock
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.limits import margin_of
+from beamsim.analyses.orbit_events import OrbitEvent
+from beamsim.analyses.response.branches import (
+    Budget,
+    ShootingTracer,
+    Traced,
+    doubled,
+    missing,
+    progress_that_grows,
+    reach_of,
+    trace_range,
+)
+from beamsim.analyses.response.motion import Measured, measure, sampled_motion, sampled_orbit
+from beamsim.analyses.response.paths import ResponseModel, level_unit, periodic_forcing, response_model
+from beamsim.analyses.response.result import FoldCurveResult, FrequencyResponse, ResponseBranch
+from beamsim.errors import Problem, ScenarioError
+from beamsim.orbits.continuation import INTERRUPTED
+from beamsim.scenario.continuation import Continuation, HarmonicBalance
+
+if TYPE_CHECKING:
+    from beamsim.analyses.response.paths import Followed
+    from beamsim.scenario import Scenario
+
+__all__ = ["frequency_response", "periodic_forcing"]
+
+Floats = NDArray[np.float64]
+
+STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
+SHARE_OF_OVERLAY = 0.2  # of the progress bar
+NAMED = 3  # of what was not begun
+_NUMBER = re.compile(r"(reached|parameter|at) (-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?=[\s:;,]|$)")
+
+
+def frequency_response(
+    scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
+) -> FrequencyResponse:
+    """Follow the periodic motions of a scenario through its parameter, at all its levels.
+
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind continuation and a harmonic excitation.
+    progress : called with the fraction that is done, which never falls.
+    stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario asks for none, or no periodic motion is found at all.
+    KeyboardInterrupt
+        Where it was time to stop before any was found.
+    """
+    begin, processor = clock.perf_counter(), clock.process_time()
+    model = response_model(scenario)
+    settings = scenario.sweep
+    assert isinstance(settings, Continuation)
+    limited = () if scenario.limits is None else tuple(scenario.limits.given)
+    levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
+    grown = progress_that_grows(progress)
+    curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
+    branches: list[ResponseBranch] = []
+    folds: list[FoldCurveResult] = []
+    statuses: list[str] = []
+    halted = False
+    for index, level in enumerate(levels):
+        part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
+        if branches and stop():
+            break
+        budget = Budget(settings.most_points, settings.longest_time, stop)
+        traced = _trace(model, settings, level, budget, part)
+        if not traced:
+            break
+        statuses.append(_status(model, traced, level if len(levels) > 1 else None))
+        if model.second is not None:
+            from beamsim.analyses.response.folds import follow_folds
+
+            folds += follow_folds(model, traced, level, budget)
+        halted = stop()
+        branches += [_response(model, t, level, limited) for t in traced]
+    if not branches:
+        raise KeyboardInterrupt
+    status = next((s for s in statuses if s != "complete"), "complete")
+    if isinstance(settings.method, HarmonicBalance):
+        status = _trusted(status, branches, settings.method.largest_error, model.followed)
+    overlay = {}
+    left = [f"level {level:.4g}" for level in levels[len(statuses) :]]
+    if settings.overlay is not None and stop():
+        left.append("sweep.overlay")
+    elif settings.overlay is not None:
+        from beamsim.analyses.response.overlay import swept_overlay
+
+        overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY))
+    if halted or left:
+        status = _interrupted(status, left)
+    f, second = model.followed, model.second
+    return FrequencyResponse(
+        scenario=scenario,
+        status=status,
+        branches=tuple(branches),
+        modes=model.system.modes,
+        summary=_summary(model, settings, status, branches, folds, clock.process_time() - processor),
+        warnings=(*scenario.warnings, *model.system.warnings),
+        wall_time_s=clock.perf_counter() - begin,
+        parameter=f.kind,
+        unit=f.unit,
+        snubber=f.snubber,
+        level_unit=level_unit(scenario),
+        method=settings.method.kind,  # type: ignore[union-attr]
+        fold_curves=tuple(folds),
+        second_parameter="" if second is None else second.kind,
+        second_unit="" if second is None else second.unit,
+        second_snubber="" if second is None else second.snubber,
+        overlay=overlay,
+    )
+
+
+def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
+    return lambda fraction: progress(first + share * fraction)
+
+
+def _trace(
+    model: ResponseModel, settings: Continuation, level: float, budget: Budget, report: Callable[[float], None]
+) -> list[Traced]:
+    """The branches of one level, those of the excitation's own period first; none where it was time to end."""
+    f = model.followed
+    first, last = f.inward(f.first), f.inward(f.last)
+    reach = reach_of(first, last, beyond=f.moved is None)
+    if isinstance(settings.method, HarmonicBalance):
+        from beamsim.analyses.response.balance import balance_tracer
+
+        found = trace_range(balance_tracer(model, settings.method.harmonics, level, reach), first, last, budget, report)
+    else:
+        tracer = ShootingTracer(model.orbits(level), lambda x: model.orbits_at(float(f.outward(x)), level), reach)
+        found = trace_range(tracer, first, last, budget, report)
+    if not found and budget.spent() != INTERRUPTED:
+        at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
+        raise model.scenario.located(
+            ScenarioError(
+                Problem(
+                    at,
+                    f"= {f.first:g} {f.unit} has no periodic motion that a transient comes to, nor has any other value "
+                    "that was tried",
+                    "begin elsewhere, or sweep with kind: stepped to see what the motions are",
+                )
+            )
+        )
+    if isinstance(settings.method, HarmonicBalance):
+        return found
+    aside: list[Traced] = []
+    for branch in found:
+        aside += doubled(branch, reach, settings.longest_period, budget)
+    return [*found, *aside]
+
+
+def _status(model: ResponseModel, traced: list[Traced], level: float | None) -> str:
+    """Complete, or what was not reached and why."""
+    f = model.followed
+    gaps = missing([t for t in traced if t.problem.multiple == 1], f.inward(f.first), f.inward(f.last))
+    if not gaps:
+        return "complete"
+    texts = [f"{f.outward(a):.6g} to {f.outward(b):.6g} {f.unit}" for a, b in gaps]
+    why = next((t.status for t in reversed(traced) if not t.status.startswith("complete")), traced[0].status)
+    of = "" if level is None else f" at level {level:.4g}"
+    return f"not reached{of}: {', '.join(texts)}; {_told(why, f)}"
+
+
+def _interrupted(status: str, left: list[str]) -> str:
+    """The status of what was ended early, with what was not begun."""
+    texts = [INTERRUPTED] if status == "complete" else [INTERRUPTED, status]
+    if left:
+        more = f" and {len(left) - NAMED} more" if len(left) > NAMED else ""
+        texts.append(f"not begun: {', '.join(left[:NAMED])}{more}")
+    return "; ".join(texts)
+
+
+def _told(status: str, f: Followed) -> str:
+    """A branch's status with its parameter in the user's unit."""
+    return _NUMBER.sub(lambda m: f"{m[1]} {float(f.outward(float(m[2]))):.6g} {f.unit}".rstrip(), status)
+
+
+def _trusted(status: str, branches: list[ResponseBranch], largest: float, f: Followed) -> str:
+    """The status, with a word on neglected harmonics where they are worth more than allowed."""
+    worst = max(
+        ((float(b.neglected_harmonics[k]), float(b.parameter[k])) for b in branches
+         if b.neglected_harmonics is not None and b.neglected_harmonics.size
+         for k in [int(np.argmax(b.neglected_harmonics))]), default=(0.0, 0.0),
+    )  # fmt: skip
+    if worst[0] <= largest:
+        return status
+    doubt = (
+        f"not to be trusted: at {worst[1]:.6g} {f.unit} the neglected harmonics are worth {100 * worst[0]:.3g} % of "
+        f"the motion (sweep.method.largest_error = {100 * largest:g} %); use more harmonics, or shooting"
+    )
+    return doubt if status == "complete" else f"{status}; {doubt}"
+
+
+def _response(model: ResponseModel, traced: Traced, level: float, limited: Collection[str]) -> ResponseBranch:
+    """Peaks, harmonics, forces and stability along a branch."""
+    f, system, problem = model.followed, model.system, traced.problem
+    by_balance = not hasattr(problem, "flow")
+    measured: list[Measured] = []
+    spectra = []
+    for point in traced.points:
+        if by_balance:
+            omega, own = problem.at(point.parameter)
+            motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, own)
+        else:
+            motion = sampled_orbit(problem, point)
+        measured.append(measure(system, model.loads, model.base, motion, limited))
+        spectra.append(problem.multipliers(point))
+    count = min((mu.size for mu in spectra), default=0)
+    multipliers = np.array([mu[:count] for mu in spectra])
+    unknown = traced.values
+    parameter = np.asarray(f.outward(unknown), dtype=float)
+    probes, names = [p.name for p in system.probes], [s.name for s in system.snubbers]
+    high, low = np.array([m.high for m in measured]), np.array([m.low for m in measured])
+
+    def by_name(values: list[Any], of: list[str]) -> dict[str, Any]:
+        table = np.array(values)
+        return {name: table[:, k] for k, name in enumerate(of)}
+
+    from_balance = None
+    if by_balance:
+        from beamsim.analyses.response.balance import neglected
+
+        from_balance = neglected(traced)
+    return ResponseBranch(
+        level=float("nan") if f.kind == "level" else level,
+        period_multiple=problem.multiple,
+        status=_told(traced.status, f),
+        frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
+        peak_displacement=by_name(list(np.maximum(np.abs(high), np.abs(low))), probes),
+        max_displacement=by_name(list(high), probes),
+        min_displacement=by_name(list(low), probes),
+        harmonics=by_name([m.harmonics for m in measured], probes),
+        peak_force=by_name([m.force for m in measured], names),
+        stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
+        floquet_multipliers=multipliers,
+        residual=np.array([p.residual for p in traced.points]),
+        special=tuple(_event(model, s) for s in traced.special),
+        parameter=parameter,
+        peak_acceleration=by_name([m.acceleration for m in measured], probes),
+        contact_share=by_name([m.contact_share for m in measured], names),
+        limited={name: np.array([m.limited[name] for m in measured]) for name in measured[0].limited},
+        neglected_harmonics=from_balance,
+    )
+
+
+def _event(model: ResponseModel, special: Any) -> OrbitEvent:
+    f = model.followed
+    value = float(f.outward(special.parameter))
+    names = model.system.contact_names
+    return OrbitEvent(
+        special.kind, value, value if f.kind == "frequency" else model.frequency_hz,
+        names[special.contact] if special.contact >= 0 else "", special.time,
+    )  # fmt: skip
+
+
+def _summary(
+    model: ResponseModel,
+    settings: Continuation,
+    status: str,
+    branches: list[ResponseBranch],
+    folds: list[FoldCurveResult],
+    processor_time_s: float,
+) -> dict[str, Any]:
+    summary: dict[str, Any] = {
+        "parameter": model.followed.kind,
+        "method": settings.method.kind,  # type: ignore[union-attr]
+        "points": int(sum(b.parameter.size for b in branches)),
+        "branches": len(branches),
+        "peaks": [
+            {
+                "frequency_hz": float(b.frequency_hz[k]),
+                "parameter": float(b.parameter[k]),
+                "value_m": float(values[k]),
+                "kind": "stable" if b.stable[k] else "unstable",
+                "direction": "continuation",
+                "level": b.level,
+                "probe": name,
+            }
+            for b, name, values, k in _highest(model, branches)
+        ],
+        "special_points": [
+            {"kind": e.kind, "frequency_hz": e.frequency_hz, "parameter": e.parameter, "snubber": e.snubber,
+             "level": b.level, "period_multiple": b.period_multiple}
+            for b in branches
+            for e in b.special
+        ],
+        "margins": _margins(model, branches),
+        "processor_time_s": processor_time_s,
+        "status": status,
+    }  # fmt: skip
+    if model.second is not None:
+        summary["second_parameter"] = model.second.kind
+        summary["fold_curves"] = [
+            {
+                "start_hz": c.start_hz,
+                "touching": c.touching,
+                "points": int(c.frequency_hz.size),
+                "smallest_parameter": float(c.parameter.min(initial=np.inf)),
+                "largest_parameter": float(c.parameter.max(initial=-np.inf)),
+                "smallest_hz": float(c.frequency_hz.min(initial=np.inf)),
+                "largest_hz": float(c.frequency_hz.max(initial=-np.inf)),
+                "status": c.status,
+            }
+            for c in folds
+        ]
+    worth = [float(b.neglected_harmonics.max()) for b in branches if b.neglected_harmonics is not None]
+    if worth:
+        summary["neglected_harmonics"] = max(worth)
+    return summary
+
+
+def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:
+    """Of every level and probe the highest point of the motions of the excitation's own period."""
+    found = []
+    for level in dict.fromkeys(repr(b.level) for b in branches):
+        own = [b for b in branches if repr(b.level) == level and b.period_multiple == 1]
+        for probe in model.system.probes:
+            best = max(own, key=lambda b: float(b.peak_displacement[probe.name].max()))
+            values = best.peak_displacement[probe.name]
+            found.append((best, probe.name, values, int(np.argmax(values))))
+    return found
+
+
+def _margins(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
+    """Margins against the allowables: the worst of all stable motions."""
+    limits = model.scenario.limits
+    if limits is None:
+        return {}
+    f = model.followed
+    found: dict[str, tuple[float, str]] = {}
+    for branch in branches:
+        stable = np.flatnonzero(branch.stable)
+        if stable.size == 0:
+            continue
+        sources: list[tuple[str, str, Floats]] = [
+            *(("peak_force", name, x) for name, x in branch.peak_force.items()),
+            *(("peak_displacement", name, x) for name, x in branch.peak_displacement.items()),
+            *(("peak_acceleration", name, x) for name, x in branch.peak_acceleration.items()),
+            *((name.partition(" ")[0], name.partition(" ")[2], x) for name, x in branch.limited.items()),
+        ]
+        for limit, name, values in sources:
+            k = stable[int(np.argmax(values[stable]))]
+            at = f"{name}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
+            found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
+    return {
+        name: {
+            "limit": allowed,
+            "value": found[name][0],
+            "margin": margin_of(allowed, found[name][0]),
+            "at": found[name][1],
+            "exceeded": found[name][0] > allowed,
+        }
+        for name, allowed in limits.given.items()
+        if name in found
+    }

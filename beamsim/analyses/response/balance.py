@@ -1,0 +1,77 @@
+"""A response by harmonic balance, in the terms of :mod:`beamsim.analyses.response.branches`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.response.branches import Traced, first_orbit
+from beamsim.orbits.balance_stability import BalancedOrbits
+from beamsim.orbits.continuation import Branch, BranchPoint, Settings
+from beamsim.orbits.harmonic_balance import truncation
+from beamsim.orbits.shooting import special_points
+
+if TYPE_CHECKING:
+    from beamsim.analyses.response.paths import ResponseModel
+    from beamsim.orbits.grazing import SpecialPoint
+
+__all__ = ["BalanceTracer", "balance_tracer", "neglected"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BalanceTracer:
+    """Finds and follows sums of harmonics."""
+
+    problem: BalancedOrbits
+    reach: tuple[float, float]
+
+    def begin(self, value: float, forward: float) -> BranchPoint | None:
+        """A motion at a value, of a stable orbit where a transient comes to one."""
+        try:
+            return self.problem.first_motion(value, forward, first_orbit)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return None
+
+    def branch(self, start: BranchPoint, settings: Settings) -> Branch:
+        """What goes on from a motion."""
+        return Branch(self.problem, start, *self.reach, settings)
+
+    def special(self, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+        """Folds, period doublings, Neimark–Sacker and branch points; sums of harmonics have no corners."""
+        try:
+            return special_points(self.problem, a, b, settings)  # type: ignore[arg-type]  # has what it asks for
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return []
+
+
+def balance_tracer(model: ResponseModel, harmonics: int, level: float, reach: tuple[float, float]) -> BalanceTracer:
+    """The tracer of one level (or of the level, where that is followed).
+
+    Raises
+    ------
+    ScenarioError : where the snubbers' law is beyond the method.
+    """
+    f = model.followed
+    omega = 2 * np.pi * (f.first if f.kind == "frequency" else model.frequency_hz)
+    cubic = model.system.cubic if model.system.cubic.count else None
+    problem = BalancedOrbits(
+        model.system.dynamics, model.loads, harmonics, "frequency" if f.kind == "frequency" else "level", omega, level,
+        1, cubic,
+    )  # fmt: skip
+    return BalanceTracer(problem, reach)
+
+
+def neglected(branch: Traced) -> Floats:
+    """(np,) what the neglected harmonics are worth at each point, against the motion."""
+    errors = np.empty(len(branch.points))
+    for k, point in enumerate(branch.points):
+        try:
+            errors[k] = truncation(branch.problem, point, across=True).error
+        except (ArithmeticError, np.linalg.LinAlgError):
+            errors[k] = np.inf
+    return errors

@@ -1,0 +1,384 @@
+"""All branches of a response between two values of its parameter, whatever stops each of them.
+
+The main branch begins at the first value. Where it ends before the last (an isolated loop, a corner that the follower
+does not pass), another begins from a motion that a transient comes to where nothing is known yet: first at the far end,
+then in the middle of the longest stretch that is left. A branch that runs into a known one ends there.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.interruption import Stop, never
+from beamsim.orbits.continuation import INTERRUPTED, Branch, BranchPoint, Settings, solve_at
+from beamsim.orbits.grazing import SpecialPoint
+from beamsim.orbits.shooting import (
+    ForcedOrbits,
+    find_orbit,
+    follow_orbits,
+    special_points,
+    switch_at_period_doubling,
+)
+
+__all__ = [
+    "Budget",
+    "ShootingTracer",
+    "Traced",
+    "Tracer",
+    "along",
+    "covered",
+    "doubled",
+    "first_orbit",
+    "missing",
+    "progress_that_grows",
+    "reach_of",
+    "trace_range",
+]
+
+Floats = NDArray[np.float64]
+Report = Callable[[float], None]
+
+MOST_BEGINNINGS = 12  # of branches of one level
+MOST_POINTS_ASIDE = 300  # of a branch of doubled period
+EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
+COVERED = 1e-3  # of the range: stretches shorter than this count as covered
+COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
+SAME_FREQUENCY = 1e-4  # relative distance within which a period doubling belongs to a branch that is known
+SETTLED = (50, 250)  # periods of the transients before a motion is looked for
+
+
+@dataclass
+class Budget:
+    """Work that one level may cost."""
+
+    points: int
+    seconds: float
+    stop: Stop = never
+    begun: float = field(default_factory=clock.monotonic)
+
+    def spent(self) -> str:
+        """Why no more work is allowed; empty while it is."""
+        if self.stop():
+            return INTERRUPTED
+        if self.points <= 0:
+            return "the most points allowed (sweep.most_points)"
+        if clock.monotonic() - self.begun > self.seconds:
+            return f"the longest time allowed (sweep.longest_time = {self.seconds:g} s)"
+        return ""
+
+
+@dataclass(frozen=True)
+class Traced:
+    """One branch as it was followed."""
+
+    problem: Any
+    points: tuple[BranchPoint, ...]
+    status: str
+    special: tuple[SpecialPoint, ...]
+
+    @cached_property
+    def values(self) -> Floats:
+        """(np,) the parameter."""
+        return np.array([p.parameter for p in self.points])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest value of the parameter."""
+        return float(self.values.min()), float(self.values.max())
+
+
+class Tracer(Protocol):
+    """A way to find and follow motions: shooting, or harmonic balance."""
+
+    @property
+    def problem(self) -> Any:
+        """What is followed along the parameter."""
+
+    def begin(self, value: float, forward: float) -> BranchPoint | None:
+        """A motion at a value, its tangent pointing forward; stable where one can be come to."""
+
+    def branch(self, start: BranchPoint, settings: Settings) -> Branch:
+        """What goes on from a motion."""
+
+    def special(self, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+        """Special points between two neighbours."""
+
+
+def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
+    """Where branches may go: a loop of the curve may reach back beyond the first value before it goes on."""
+    low, high = sorted((first, last))
+    if not beyond:
+        return low, high
+    return (low / EXCURSION, high) if last > first else (low, high * EXCURSION)
+
+
+@dataclass(frozen=True)
+class ShootingTracer:
+    """By shooting.
+
+    Parameters
+    ----------
+    problem : along the parameter.
+    at : the system at one value of the parameter, to find a first motion with.
+    reach : values that a branch must not leave.
+    """
+
+    problem: ForcedOrbits
+    at: Callable[[float], ForcedOrbits]
+    reach: tuple[float, float]
+
+    def begin(self, value: float, forward: float) -> BranchPoint | None:
+        """A motion at a value: a stable one where a transient comes to one."""
+        try:
+            orbit = first_orbit(self.at(value))
+        except ArithmeticError:
+            return None
+        if orbit is None:
+            return None
+        return solve_at(self.problem, np.append(orbit.u[:-1], value), Settings(iterations=25), value, forward)
+
+    def branch(self, start: BranchPoint, settings: Settings) -> Branch:
+        """What goes on from a motion."""
+        return follow_orbits(self.problem, start, *self.reach, settings)
+
+    def special(self, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+        """Special points between two neighbours."""
+        return _special(self.problem, a, b, settings)
+
+
+def progress_that_grows(report: Report | None) -> Report:
+    """A report that never falls."""
+    best = 0.0
+
+    def grown(fraction: float) -> None:
+        nonlocal best
+        if report is not None and fraction > best:
+            best = fraction
+            report(min(best, 1.0))
+
+    return grown
+
+
+def covered(spans: Iterable[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
+    """The stretches of a range that the spans do not cover, long enough to matter."""
+    gaps, at = [], low
+    for a, b in sorted(spans):
+        if a - at > COVERED * (high - low):
+            gaps.append((at, a))
+        at = max(at, b)
+    if high - at > COVERED * (high - low):
+        gaps.append((at, high))
+    return gaps
+
+
+def missing(traced: Iterable[Traced], first: float, last: float) -> list[tuple[float, float]]:
+    """The stretches between two values that no branch reached."""
+    low, high = sorted((first, last))
+    return covered([t.span for t in traced], low, high)
+
+
+def trace_range(
+    tracer: Tracer, first: float, last: float, budget: Budget, report: Report | None = None
+) -> list[Traced]:
+    """Branches from the first value to the last, as many as it takes.
+
+    Parameters
+    ----------
+    tracer : how motions are found and followed.
+    first, last : values of the problem's unknown.
+    budget : points and time that may be spent.
+    report : called with the share of the range that is covered.
+    """
+    low, high = sorted((first, last))
+    grown = progress_that_grows(report)
+    found: list[Traced] = []
+    tried: list[float] = []
+
+    def tell(parameter: float) -> None:
+        spans = [t.span for t in found]
+        known = covered([*spans, (min(begin, parameter), max(begin, parameter))], low, high)
+        grown(1.0 - sum(b - a for a, b in known) / (high - low))
+
+    begin = first
+    for count in range(MOST_BEGINNINGS):
+        tried.append(begin)
+        start = tracer.begin(begin, last - first if count == 0 else first - last)
+        if start is not None:
+            # forward from the first value and back from the last, from anywhere else both ways
+            ways = [1.0] if begin in (first, last) else [1.0, -1.0]
+            found.append(_joined(tracer.problem, [_follow(tracer, start, way, budget, found, tell) for way in ways]))
+        gaps = missing(found, first, last)
+        if not gaps or budget.spent():
+            break
+        begin = _next(gaps, tried, last)
+    grown(1.0)
+    return found
+
+
+def _next(gaps: list[tuple[float, float]], tried: list[float], last: float) -> float:
+    """The far end if it was not tried, else the middle of the longest stretch between gaps' ends and failed places."""
+    if last not in tried and any(last in gap for gap in gaps):
+        return last
+    pieces = []
+    for a, b in gaps:
+        pieces += list(pairwise([a, *sorted(x for x in tried if a < x < b), b]))
+    a, b = max(pieces, key=lambda piece: piece[1] - piece[0])
+    return 0.5 * (a + b)
+
+
+def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
+    """A motion to begin with: from the linear response, or a stable one that a transient from rest comes to."""
+    try:
+        found = find_orbit(local)
+    except ArithmeticError:
+        found = None
+    if found is not None and local.orbit(found).stable:
+        return found
+    flow, period = local.flow, 2 * np.pi / local.omega
+    z = np.zeros(flow.size)
+    try:
+        for periods in SETTLED:
+            for _ in range(periods):
+                z = flow.carry(z, period).end
+            orbit = solve_at(local, np.append(z[local.kept], local.value), Settings(iterations=25), local.value)
+            if orbit is not None and local.orbit(orbit).stable:
+                return orbit
+    except ArithmeticError:
+        pass
+    return found
+
+
+def _follow(
+    tracer: Tracer, start: BranchPoint, way: float, budget: Budget, known: list[Traced], tell: Report
+) -> tuple[list[BranchPoint], str, list[SpecialPoint]]:
+    """Points, status and special points one way from a start."""
+    if way < 0:
+        start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
+    branch = tracer.branch(start, Settings(most_points=max(budget.points, 2)))
+    points: list[BranchPoint] = []
+    special: list[SpecialPoint] = []
+    close, status = 0, ""
+    for point in branch:
+        if points:
+            found = along(points[-1], point, tracer.special(points[-1], point, branch.settings))
+            special += found
+            points += [s.point for s in found]
+        points.append(point)
+        tell(point.parameter)
+        budget.points -= 1
+        close = close + 1 if _coincides(point, known) else 0
+        if close == 2:
+            status = f"complete: joined another branch at {point.parameter:.9g}"
+            break
+        if spent := budget.spent():
+            status = f"stopped at {point.parameter:.9g}: {spent}"
+            break
+    return points, status or branch.status, special
+
+
+def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
+    """Special points between two neighbours in the order of the branch: they become points of it."""
+    w = a.u / a.scale
+    chord = b.u / a.scale - w
+    return sorted(special, key=lambda s: float((s.point.u / a.scale - w) @ chord))
+
+
+def _special(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+    try:
+        return special_points(problem, a, b, settings)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return []
+
+
+def _coincides(point: BranchPoint, known: list[Traced]) -> bool:
+    """Whether a known branch passes through a point."""
+    p = point.parameter
+    for branch in known:
+        off = branch.values - p
+        for i in np.flatnonzero((off[:-1] * off[1:] <= 0) & (off[:-1] != off[1:])):
+            a, b = branch.points[i], branch.points[i + 1]
+            between = a.u + off[i] / (off[i] - off[i + 1]) * (b.u - a.u)
+            away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
+            apart = float(np.linalg.norm(((a.u - b.u) / point.scale)[:-1]))
+            if away < COINCIDES + 0.1 * apart**2:
+                return True
+    return False
+
+
+def _joined(problem: Any, halves: list[tuple[list[BranchPoint], str, list[SpecialPoint]]]) -> Traced:
+    """One branch of what was followed one way or both."""
+    points, status, special = halves[0]
+    if len(halves) == 2:
+        back = halves[1]
+        points = [*back[0][::-1][:-1], *points]
+        special = [*back[2][::-1], *special]
+        if back[1] != status:
+            status = f"{back[1]}; the other way: {status}"
+    return Traced(problem, tuple(points), status, tuple(special))
+
+
+def doubled(
+    branch: Traced, reach: tuple[float, float], longest: int, budget: Budget, known: list[Traced] | None = None
+) -> list[Traced]:
+    """The branches of doubled period that leave a branch, each once, and those that leave them."""
+    known = [] if known is None else known
+    if 2 * branch.problem.multiple > longest:
+        return known
+    own: list[Traced] = []
+    for event in (s for s in branch.special if s.kind == "period_doubling"):
+        if budget.spent() or any(_passes(b, event.parameter) for b in own):
+            continue
+        switched = switch_at_period_doubling(branch.problem, event)
+        if switched is None:
+            continue
+        own.append(_doubled_branch(*switched, reach, budget))
+    for branch_ in own:
+        known.append(branch_)
+        doubled(branch_, reach, longest, budget, known)
+    return known
+
+
+def _passes(branch: Traced, value: float) -> bool:
+    return any(abs(p.parameter - value) < SAME_FREQUENCY * abs(value) for p in (branch.points[0], branch.points[-1]))
+
+
+def _doubled_branch(problem: ForcedOrbits, start: BranchPoint, reach: tuple[float, float], budget: Budget) -> Traced:
+    """Follow it until its two halves are alike again: there it is back on the branch it left."""
+    branch = follow_orbits(problem, start, *reach, Settings(most_points=min(MOST_POINTS_ASIDE, max(budget.points, 2))))
+    points: list[BranchPoint] = []
+    special: list[SpecialPoint] = []
+    last: Floats | None = None
+    status = ""
+    for point in branch:
+        unlike = _unlike(problem, point)
+        if last is not None and float(last @ unlike) < 0:
+            # beyond it every motion comes again, half its period later
+            status = f"complete: back to period {problem.multiple // 2}"
+            break
+        last = unlike
+        if points:
+            found = along(points[-1], point, _special(problem, points[-1], point, branch.settings))
+            special += found
+            points += [s.point for s in found]
+        points.append(point)
+        budget.points -= 1
+        if spent := budget.spent():
+            status = f"stopped at {point.parameter:.9g}: {spent}"
+            break
+    return Traced(problem, tuple(points), status or branch.status, tuple(special))
+
+
+def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
+    """Difference of the states half a period apart, against the motion's size."""
+    flow, _ = problem.flow_at(point.parameter)
+    n2 = 2 * flow.system.size
+    half = flow.states_at(point.data, np.array([0.5 * point.data.duration]))[0]
+    return np.asarray((half - problem.full(point.u)[:n2]) / problem.scale(point.u)[0][:n2])

@@ -1,0 +1,166 @@
+"""Folds of a response followed in a second parameter: the border of the region with several motions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.response.motion import measure, sampled_orbit
+from beamsim.analyses.response.result import FoldCurveResult
+from beamsim.orbits.continuation import Branch, BranchPoint, Settings
+from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve
+from beamsim.orbits.grazing_curve import start_of_grazing_curve
+from beamsim.orbits.shooting import ForcedOrbits
+
+if TYPE_CHECKING:
+    from beamsim.analyses.response.branches import Budget, Traced
+    from beamsim.analyses.response.paths import ResponseModel
+    from beamsim.orbits.grazing import SpecialPoint
+
+__all__ = ["follow_folds"]
+
+Floats = NDArray[np.float64]
+
+SETTINGS = Settings(tolerance=1e-9)
+MOST_POINTS = 600  # of one curve, each way
+CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
+SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
+BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
+
+
+def follow_folds(model: ResponseModel, traced: list[Traced], level: float, budget: Budget) -> list[FoldCurveResult]:
+    """One curve for every fold of the branches of the excitation's own period, each fold on one curve only."""
+    found: list[FoldCurveResult] = []
+    for index, branch in enumerate(traced):
+        if branch.problem.multiple != 1:
+            continue
+        for fold in (s for s in branch.special if s.kind == "fold"):
+            if budget.spent() or any(_holds(curve, fold.parameter, _own(model, level)) for curve in found):
+                continue
+            touching = _grazing_at(branch, fold)
+            found.append(_curve(model, branch.problem, fold, touching, level, index, budget))
+    return found
+
+
+def _grazing_at(branch: Traced, fold: SpecialPoint) -> SpecialPoint | None:
+    """The grazing on which a fold lies: a stiff stop turns the curve back where it is first touched."""
+    for other in branch.special:
+        if other.kind == "grazing" and abs(other.parameter - fold.parameter) <= CORNER * fold.parameter:
+            off = np.linalg.norm(((other.point.u - fold.point.u) / fold.point.scale)[:-1])
+            if off <= np.sqrt(CORNER):
+                return other
+    return None
+
+
+def _own(model: ResponseModel, level: float) -> float:
+    """The scenario's own value of the second parameter."""
+    second = model.second
+    assert second is not None
+    if second.kind == "level":
+        return level
+    assert second.moved is not None
+    if second.kind == "position":
+        index = second.moved.index
+        return float(model.scenario.snubbers[index].position)
+    contacts = model.system.dynamics.contacts
+    return float((contacts.gap if second.kind == "gap" else contacts.stiffness)[second.moved.index])
+
+
+def _holds(curve: FoldCurveResult, omega: float, own: float) -> bool:
+    """Whether a curve passes a frequency at the scenario's own value of the second parameter."""
+    p, f = curve.parameter - own, curve.frequency_hz
+    crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
+    for i in crossing:
+        share = 0.0 if p[i] == p[i + 1] else p[i] / (p[i] - p[i + 1])
+        at = f[i] + share * (f[i + 1] - f[i])
+        off = SAME + 0.05 * abs(f[i + 1] - f[i]) / at
+        if abs(at - omega / (2 * np.pi)) <= off * at:
+            return True
+    return False
+
+
+def _curve(
+    model: ResponseModel,
+    orbits: ForcedOrbits,
+    fold: SpecialPoint,
+    touching: SpecialPoint | None,
+    level: float,
+    branch: int,
+    budget: Budget,
+) -> FoldCurveResult:
+    second = model.second
+    assert second is not None
+    own = _own(model, level)
+    path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
+    low, high = sorted((second.inward(second.first), second.inward(second.last)))
+    ways: list[list[BranchPoint]] = []
+    statuses: list[str] = []
+    for way in (1.0, -1.0):
+        edge = high if way > 0 else low
+        if abs(second.inward(own) - edge) < 1e-9 * max(abs(edge), 1.0):
+            continue
+        begun: tuple[TwoParameterCurve, BranchPoint] | None
+        try:
+            if touching is None:
+                begun = start_of_fold_curve(orbits, fold, path, second.inward(own), way)
+            else:
+                begun = start_of_grazing_curve(orbits, touching, path, second.inward(own), way)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            begun = None
+        if begun is None:
+            statuses.append("does not begin: the fold lies too close to a corner of the curve")
+            continue
+        curve, start = begun
+        points, status = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
+        ways.append(points)
+        statuses.append(status)
+    points = [*ways[1][::-1][:-1], *ways[0]] if len(ways) == 2 else ways[0] if ways else []
+    status = "; the other way: ".join(dict.fromkeys(reversed(statuses)))
+    names = [p.name for p in model.system.probes]
+    peak = np.empty((len(points), len(names)))
+    parameter = np.array([second.outward(p.parameter) for p in points])
+    for k, point in enumerate(points):
+        local = _at(model, orbits, path, point, level)
+        motion = sampled_orbit(local, BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual,
+                                                  point.orientation, point.iterations, point.data))  # fmt: skip
+        found = measure(model.system, model.loads, model.base, motion)
+        peak[k] = np.maximum(np.abs(found.high), np.abs(found.low))
+    orbits.flow.set(level=level)
+    return FoldCurveResult(
+        touching="" if touching is None else model.system.contact_names[touching.contact],
+        level=float("nan") if second.kind == "level" else level,
+        branch=branch,
+        start_hz=fold.parameter / (2 * np.pi),
+        status=status,
+        frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
+        parameter=parameter,
+        peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
+        residual=np.array([p.residual for p in points]),
+    )
+
+
+def _at(model: ResponseModel, orbits: ForcedOrbits, path: Any, point: BranchPoint, level: float) -> ForcedOrbits:
+    """The shooting problem at a point of a fold curve, in frequency."""
+    if path == "level":
+        flow, held = orbits.flow, point.parameter
+    else:
+        flow, held = path(point.parameter)[0], level
+    flow.set(level=held)
+    return ForcedOrbits(flow)
+
+
+def _follow(branch: Branch, omega: float, budget: Budget, second: Any) -> tuple[list[BranchPoint], str]:
+    points: list[BranchPoint] = []
+    for point in branch:
+        points.append(point)
+        budget.points -= 1
+        at = float(point.u[-2])
+        if not omega / BEYOND < at < omega * BEYOND:
+            return points, f"left at {at / (2 * np.pi):.6g} Hz, {BEYOND:g} times away from where it began"
+        spent = budget.spent()
+        if spent or len(points) >= MOST_POINTS:
+            why = spent or f"{MOST_POINTS} points, the most of one curve"
+            return points, f"stopped at {second.outward(point.parameter):.6g} {second.unit}: {why}"
+    return points, branch.status

@@ -1,0 +1,243 @@
+"""Forced multiple scales for a scenario's response curve: steady motions near a mode, stability, observed orders.
+
+With springs, damping and force all small, the motion is the mode's with an amplitude and a phase that change slowly
+(:mod:`beamsim.orbits.multiple_scales_forced`). How far that is from the case at hand is seen by comparing both while
+everything small is made smaller by a common factor, at the same detuning against this factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.response.analysis import periodic_forcing
+from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
+from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.multiple_scales import observed_orders, weakened
+from beamsim.orbits.multiple_scales_forced import ResonantForcing, SteadyMotion
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.scenario.continuation import Continuation, FrequencyPath
+from beamsim.scenario.excitation import Harmonic
+from beamsim.system.build import build_system
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["compare_forced_expansion"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+HALVINGS = 24  # of the factor, at most
+WANTED = 7  # factors at which the exact motion is found
+CURVE_POINTS = 61
+CURVE_HARMONICS = 48
+SAMPLES = 256  # of a period
+NEAR_TIP = 0.8  # of the largest amplitude: where orders are observed
+FARTHEST = 0.5  # from the expansion, against the motion, for an exact motion to belong to it
+
+
+def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionComparison, ...]:
+    """Expand the response that ``sweep: {kind: continuation}`` follows, at all its levels.
+
+    Raises
+    ------
+    ScenarioError
+        Where the loads are not those of one harmonic force, or the nonlinearity is no one-sided spring.
+    """
+    excitation, settings = scenario.excitation, scenario.sweep
+    if not isinstance(excitation, Harmonic) or not isinstance(settings, Continuation):
+        raise ScenarioError(
+            Problem("sweep.kind", "is not followed by continuation", "use --compare with sweep: {kind: continuation}")
+        )
+    path = settings.parameter
+    if not isinstance(path, FrequencyPath):
+        raise ScenarioError(
+            Problem(
+                "sweep.continue_in.kind",
+                f"= {path.kind}, and multiple scales goes along the frequency",
+                "leave --compare out, or follow the frequency",
+            )
+        )
+    system = build_system(scenario.model_copy(update={"run": None}))
+    _refuse(system)
+    low, high = sorted((path.from_, path.to))
+    loads = periodic_forcing(scenario, system)
+    levels = settings.levels or (excitation.level,)
+    mode = _mode(system, loads, 2 * np.pi * low, 2 * np.pi * high)
+    return tuple(_compare(system, loads, float(level), mode, low, high) for level in levels)
+
+
+def _refuse(system: StructuralSystem) -> None:
+    contacts = system.dynamics.contacts
+    why = ""
+    if system.cubic.count:
+        why = "is written for one-sided springs, and this structure has a cubic one"
+    elif contacts.count == 0:
+        why = "has no one-sided spring to work on"
+    elif system.forcing.base_displacement is not None and np.any(contacts.on_ground):
+        why = "is written for forces, and the base also pushes through a snubber on the ground"
+    elif np.any(contacts.no_tension & (contacts.dashpot > 0)):
+        why = "is written for the law of Kelvin and Voigt, and a snubber's dashpot never pulls here"
+    if why:
+        raise ScenarioError(Problem("sweep", f"--compare multiple_scales {why}", "leave --compare out"))
+
+
+def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: float) -> int:
+    """The mode (from 0) nearest the range; of several within, the one that would move most at its resonance."""
+    omega = np.sqrt(system.dynamics.stiffness[: system.modes.kept_modes])
+    best, score = -1, (np.inf, 0.0)
+    for j in np.flatnonzero(omega > 0):
+        w = float(omega[j])
+        away = max(low / w, w / high, 1.0)
+        force = abs(complex(loads.at(w, 1.0)[0].sum(axis=0)[j]))
+        moved = force / (w * max(float(system.dynamics.damping[j, j]), 1e-12 * w))
+        if (away, -moved) < score and force > 0:
+            best, score = int(j), (away, -moved)
+    if best < 0:
+        raise ScenarioError(
+            Problem("excitation.applied_to", ": the force works on no vibration mode", "apply it elsewhere")
+        )
+    return best
+
+
+@dataclass(frozen=True)
+class _Expansion:
+    """A mode under a force, and the probes."""
+
+    system: StructuralSystem
+    resonant: ResonantForcing
+    coarse: ResonantForcing  # with fewer harmonics, for pictures
+
+    def curve(self, low: float, high: float) -> list[SteadyMotion]:
+        """Steady motions at a factor of one, from one end of the range through the tip to the other (rad/s)."""
+        r = self.resonant
+        force = abs(complex(r.load[r.mode])) / (2 * r.omega)
+        tip = self.tip()
+        smallest = 0.2 * force / max(abs(low - r.omega), abs(high - r.omega), 1e-9 * r.omega)
+        near_tip = tip * np.sin(np.linspace(np.arcsin(min(smallest / tip, 0.5)), 0.5 * np.pi, CURVE_POINTS))
+        amplitudes = np.unique(np.concatenate([np.geomspace(min(smallest, 0.5 * tip), tip, CURVE_POINTS), near_tip]))
+        below, above = [], []
+        for a in amplitudes * (1.0 - 1e-12):
+            sides = r.detunings(float(a))
+            if sides:
+                below.append(r.motion(float(a), sides[0]))
+                above.append(r.motion(float(a), sides[1]))
+        return [m for m in [*below, *reversed(above)] if low <= r.omega + m.sigma <= high]
+
+    def tip(self) -> float:
+        """Largest amplitude: there the decay takes all that the force gives; far beyond the gaps without damping."""
+        from scipy.optimize import brentq
+
+        r = self.resonant
+        force = abs(complex(r.load[r.mode])) / (2 * r.omega)
+
+        def excess(log_a: float) -> float:
+            a = float(np.exp(log_a))
+            return float(np.log(max(a * r.backbone(a).imag, 1e-300) / force))
+
+        start = np.log(force / r.omega)
+        if excess(start + 30.0) < 0:
+            return float(np.exp(start + 7.0))
+        return float(np.exp(brentq(excess, start - 30.0, start + 30.0, xtol=1e-13)))
+
+    def peaks(self, coefficients: Complexes) -> dict[str, float]:
+        """Largest deflection of a period at each probe."""
+        phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+        wave = np.exp(1j * np.multiply.outer(phase, np.arange(coefficients.shape[0])))
+        x = (wave @ coefficients).real
+        return {p.name: float(np.abs(x @ p.shape).max()) for p in self.system.probes}
+
+
+def _compare(
+    system: StructuralSystem, loads: PeriodicForcing, level: float, mode: int, low: float, high: float
+) -> ForcedExpansionComparison:
+    omega = float(np.sqrt(system.dynamics.stiffness[mode]))
+    force = loads.at(omega, level)[0].sum(axis=0)
+    expansion = _Expansion(
+        system,
+        ResonantForcing(system.dynamics, mode, force),
+        ResonantForcing(system.dynamics, mode, force, CURVE_HARMONICS),
+    )
+    resonant = expansion.resonant
+    motions = expansion.curve(2 * np.pi * low, 2 * np.pi * high)
+    if not motions:
+        raise ScenarioError(
+            Problem(
+                "sweep",
+                f"holds no steady motion of mode {mode + 1} ({omega / (2 * np.pi):.6g} Hz) by multiple scales",
+                "sweep about that frequency",
+            )
+        )
+    leading = [expansion.peaks(expansion.coarse.response(m, 1.0, 0)) for m in motions]
+    first = [
+        expansion.peaks(expansion.coarse.with_correction(m.complex_amplitude, resonant.omega + m.sigma, 1.0))
+        for m in motions
+    ]
+    names = [p.name for p in system.probes]
+    amplitude = NEAR_TIP * expansion.tip()
+    reference = resonant.motion(amplitude, resonant.detunings(amplitude)[0])
+    factor, difference, agrees = _differences(system, resonant, reference)
+    return ForcedExpansionComparison(
+        level=level,
+        mode=mode + 1,
+        linear_frequency_hz=omega / (2 * np.pi),
+        frequency_hz=np.array([omega + m.sigma for m in motions]) / (2 * np.pi),
+        stable=np.array([m.stable for m in motions]),
+        leading={name: np.array([row[name] for row in leading]) for name in names},
+        first={name: np.array([row[name] for row in first]) for name in names},
+        backbone_hz=np.array([omega + resonant.backbone(m.amplitude).real for m in motions]) / (2 * np.pi),
+        factor=factor,
+        factor_frequency_hz=(omega + factor * reference.sigma) / (2 * np.pi),
+        difference=difference,
+        orders=np.array([observed_orders(factor, difference[:, k]) for k in (0, 1)]).T,
+        stability_agrees=agrees,
+    )
+
+
+def _differences(
+    system: StructuralSystem, resonant: ResonantForcing, motion: SteadyMotion
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Factors; the differences of leading and first order from the exact steady motion; whether stability agrees.
+
+    The factors are halved from one on until enough of them are small enough for the exact motion to be near.
+    """
+    rows: list[tuple[float, float, float, bool]] = []
+    for factor in 0.5 ** np.arange(HALVINGS):
+        omega = resonant.omega + factor * motion.sigma
+        found = _difference(system, resonant, motion, float(factor)) if omega > 0 else None
+        rows.append((float(factor), *(found or (np.nan, np.nan, False))))
+        if sum(np.isfinite(row[1]) for row in rows) == WANTED:
+            break
+    table = np.array([row[:3] for row in rows])
+    return table[:, 0], table[:, 1:], np.array([row[3] for row in rows])
+
+
+def _difference(
+    system: StructuralSystem, resonant: ResonantForcing, motion: SteadyMotion, factor: float
+) -> tuple[float, float, bool] | None:
+    """Of both orders at one factor; None where no exact motion is near."""
+    none, n = np.zeros(1), system.dynamics.size
+    omega = resonant.omega + factor * motion.sigma
+    load = np.array(factor * resonant.load[None, :], dtype=np.complex128)
+    loads = PeriodicForcing(np.ones(1, dtype=np.int64), load, none, none.astype(np.complex128), none, omega)
+    problem = ForcedOrbits(VariationalFlow(weakened(system.dynamics, factor, factor), loads, omega))
+    orders = [resonant.response(motion, factor, order) for order in (0, 1)]
+    guess = np.zeros(problem.flow.size)
+    guess[: 2 * n] = resonant.states(orders[1], omega, none)[0]
+    point = solve_at(problem, np.append(guess[problem.kept], omega), Settings(iterations=12), omega)
+    if point is None:
+        return None
+    t = point.data.duration * np.arange(SAMPLES) / SAMPLES
+    exact = problem.flow.states_at(point.data, t)[:, :n]
+    size = float(np.linalg.norm(exact - exact.mean(axis=0), axis=1).max())
+    off = [float(np.linalg.norm(resonant.states(c, omega, t)[:, :n] - exact, axis=1).max()) / size for c in orders]
+    if off[0] > FARTHEST:
+        return None
+    return off[0], off[1], problem.orbit(point).stable == motion.stable

@@ -1,0 +1,194 @@
+"""A periodic motion in samples, and what a response curve shows of it: extremes, harmonics, forces, allowables.
+
+Extremes are those of equidistant samples, refined by the parabola through the three about them, and of the instants at
+which a contact opens or closes, taken from both sides: there the force of a dashpot jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from beamsim.contacts.contacts import Contacts
+    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.orbits.continuation import BranchPoint
+    from beamsim.orbits.harmonic_balance import HarmonicMotion
+    from beamsim.orbits.shooting import ForcedOrbits
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["ORDERS", "BaseAcceleration", "Measured", "SampledMotion", "measure", "sampled_motion", "sampled_orbit"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
+Rows = Callable[[Floats], Floats]
+
+SAMPLES = 2048  # of a period: enough for the accelerations of the highest modes that are kept
+ORDERS = 6  # harmonics kept, the mean among them
+
+
+@dataclass(frozen=True)
+class BaseAcceleration:
+    """``level * Re(phasor (omega/reference)^power e^{i omega t})``, m/s^2; nothing under a point force."""
+
+    phasor: complex
+    power: float
+    reference: float  # rad/s
+
+    def at(self, omega: float, level: float, times: Floats) -> Floats:
+        """(nt,) m/s^2."""
+        amplitude = level * self.phasor * (omega / self.reference) ** self.power
+        return np.asarray((amplitude * np.exp(1j * omega * times)).real)
+
+
+@dataclass(frozen=True)
+class SampledMotion:
+    """States at equidistant times, then at both sides of every contact event; closed contacts with each."""
+
+    omega: float  # rad/s, of the excitation
+    level: float
+    times: Floats  # (S + E,) s, the first S equidistant over a period
+    q: Rows  # (k, n) rows -> (S + E, k) what they make of the displacement
+    v: Rows  # ... and of the velocity
+    penetration: Floats  # (S + E, m)
+    rate: Floats  # (S + E, m)
+    closed: Bools  # (S + E, m)
+    contact_share: Floats  # (m,)
+    contacts: Contacts
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is kept of one motion."""
+
+    high: Floats  # (probes,) m
+    low: Floats  # (probes,)
+    harmonics: Complexes  # (probes, ORDERS) of the motion's own frequency
+    acceleration: Floats  # (probes,) m/s^2, largest absolute
+    force: Floats  # (m,) N, largest
+    contact_share: Floats  # (m,)
+    limited: dict[str, float]  # "bending_stress" Pa, "gap <snubber>" m
+
+
+def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
+    """An orbit found by shooting."""
+    flow, _ = problem.flow_at(point.parameter)
+    passage = point.data
+    n = flow.system.size
+    even = np.arange(SAMPLES) * (passage.duration / SAMPLES)
+    flags = flow.closed_in(passage)
+    here = np.clip(np.searchsorted(passage.time, even, side="right") - 1, 0, passage.time.size - 1)
+    inner = np.arange(1, passage.time.size)  # segments that begin with an event
+    edge = passage.time[inner]
+    y = np.vstack([flow.states_at(passage, even), passage.y[inner], passage.y[inner]])
+    closed = np.vstack([flags[here], flags[inner - 1], flags[inner]])
+    times = np.concatenate([even, edge, edge])
+    delta, rate = flow.penetration_of(y, times)
+    share = passage.length @ flags / passage.duration
+    return SampledMotion(
+        flow.omega, flow.level, times, lambda rows: y[:, :n] @ rows.T,
+        lambda rows: y[:, n:] @ rows.T, delta, rate, closed, share, flow.system.contacts,
+    )  # fmt: skip
+
+
+def sampled_motion(
+    motion: HarmonicMotion, contacts: Contacts, loads: PeriodicForcing, omega: float, level: float
+) -> SampledMotion:
+    """A motion found by harmonic balance."""
+    m, w = contacts.count, motion.fundamental
+    even = np.arange(SAMPLES) * (motion.period / SAMPLES)
+    closed = np.zeros((SAMPLES, m), dtype=bool)
+    share = np.zeros(m)
+    edges: list[float] = []
+    for j, phases in enumerate(motion.closed):
+        share[j] = float(np.sum(phases[:, 1] - phases[:, 0])) / (2 * np.pi)
+        for begin, end in phases:
+            inside = (w * even - begin) % (2 * np.pi) < end - begin
+            closed[:, j] |= inside
+            if end - begin < 2 * np.pi:
+                edges += [begin / w, end / w]
+    edge = np.mod(np.array(edges), motion.period)
+    times = np.concatenate([even, edge, edge])
+    d, dv = loads.base_motion(omega, level, times)
+    iw = 1j * w * np.arange(motion.highest + 1)
+    turn = np.exp(np.multiply.outer(times, iw))
+
+    # projected before they are summed, so that the cost does not grow with the model
+    def q(rows: Floats) -> Floats:
+        return np.asarray((turn @ (motion.coordinates @ rows.T)).real)
+
+    def v(rows: Floats) -> Floats:
+        return np.asarray((turn @ (iw[:, None] * (motion.coordinates @ rows.T))).real)
+
+    ground = contacts.on_ground
+    delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
+    rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
+    both = np.zeros((2 * edge.size, m), dtype=bool)
+    both[edge.size :] = True  # the force just inside; just outside it is zero
+    both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)
+    return SampledMotion(omega, level, times, q, v, delta, rate, np.vstack([closed, both]), share, contacts)
+
+
+def measure(
+    system: StructuralSystem,
+    loads: PeriodicForcing,
+    base: BaseAcceleration | None,
+    motion: SampledMotion,
+    limited: Collection[str] = (),
+) -> Measured:
+    """Extremes, harmonics and forces of a motion."""
+    shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
+    c, x = motion.contacts, motion.q(shapes)
+    push = np.where(motion.closed, c.stiffness * motion.penetration + c.dashpot * motion.rate, 0.0)
+    own = np.zeros(motion.times.size) if base is None else base.at(motion.omega, motion.level, motion.times)
+    acceleration = _accelerations(system, loads, motion, push, shapes) + own[:, None]
+    extra: dict[str, float] = {}
+    if "gap" in limited:
+        for j, snubber in enumerate(system.snubbers):
+            extra[f"gap {snubber.name}"] = float(_top(-motion.penetration[:, j : j + 1])[0])
+    if "bending_stress" in limited and system.beam is not None:
+        beam = system.beam
+        moment = motion.q(beam.bending_moment) + np.multiply.outer(own, beam.base_moment)
+        extra["bending_stress"] = float(max(_top(moment).max(), _top(-moment).max())) * beam.stress_per_moment
+    spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[:ORDERS] / SAMPLES
+    spectrum[0] *= 0.5
+    return Measured(
+        _top(x), -_top(-x), spectrum.T, np.maximum(_top(acceleration), _top(-acceleration)),
+        np.maximum(_top(push), 0.0), motion.contact_share, extra,
+    )  # fmt: skip
+
+
+def _accelerations(
+    system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, push: Floats, shapes: Floats
+) -> Floats:
+    """(S + E, probes) from the equation of motion; with smooth springs from the harmonics of the velocity."""
+    dynamics, c = system.dynamics, motion.contacts
+    if system.cubic.count:
+        period = SAMPLES * motion.times[1]
+        order = 1j * np.fft.rfftfreq(SAMPLES, motion.times[1] / (2 * np.pi))
+        even = np.fft.irfft(order[:, None] * np.fft.rfft(motion.v(shapes)[:SAMPLES], axis=0), SAMPLES, axis=0)
+        nearest = np.round(motion.times[SAMPLES:] / period * SAMPLES).astype(int) % SAMPLES
+        return np.vstack([even, even[nearest]])
+    force = loads.at(motion.omega, motion.level)[0]
+    turning = np.exp(1j * np.multiply.outer(motion.times, loads.multiple * motion.omega))
+    load = shapes @ dynamics.constant_load + (turning @ (force @ shapes.T)).real
+    elastic = motion.q(shapes * dynamics.stiffness) + motion.v(shapes @ dynamics.damping)
+    return np.asarray(load - elastic + (push * c.sign) @ (c.shape @ shapes.T))
+
+
+def _top(x: Floats) -> Floats:
+    """(k,) largest values of columns: of the samples, refined by a parabola, and of the edges behind them."""
+    even = x[:SAMPLES]
+    k = np.argmax(even, axis=0)
+    column = np.arange(x.shape[1])
+    a, b, c = even[k - 1, column], even[k, column], even[(k + 1) % SAMPLES, column]
+    bend = a - 2 * b + c
+    refined = np.where(bend < 0, b - (c - a) ** 2 / (8 * np.where(bend < 0, bend, -1.0)), b)
+    # a corner between two samples is no parabola
+    refined = np.where(refined - b > np.abs(bend), b, refined)
+    return np.asarray(np.maximum(refined, x[SAMPLES:].max(axis=0, initial=-np.inf)))

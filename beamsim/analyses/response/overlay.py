@@ -1,0 +1,76 @@
+"""Swept and stepped sines laid over a response curve: computed with it, or taken from stored sweeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.continuation import Continuation
+from beamsim.scenario.sweep import SweptSine
+
+if TYPE_CHECKING:
+    from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+    from beamsim.scenario import Scenario
+
+__all__ = ["swept_overlay", "with_overlay"]
+
+
+def swept_overlay(scenario: Scenario, progress: Callable[[float], None] | None = None) -> dict[str, OverlayCurve]:
+    """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
+
+    Raises
+    ------
+    ScenarioError
+        Where the structure or the rate cannot be swept.
+    """
+    settings = scenario.sweep
+    assert isinstance(settings, Continuation)
+    assert settings.overlay is not None
+    path = settings.parameter
+    low, high = sorted((path.from_, path.to))
+    swept = SweptSine.model_construct(
+        from_=low, to=high, levels=settings.levels, rate=settings.overlay.rate, direction=settings.overlay.direction
+    )
+    result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress)
+    if not result.complete:
+        raise ScenarioError(Problem("sweep.overlay", f"was not computed: {result.status}", "leave it out"))
+    return {name: OverlayCurve("", result.title, curve) for name, curve in result.curves.items()}
+
+
+def with_overlay(result: FrequencyResponse, stored: SweepResult, source: str) -> FrequencyResponse:
+    """The response with the curves of a stored sweep laid over it.
+
+    Raises
+    ------
+    ScenarioError
+        Where the two have nothing in common to draw.
+    """
+    if result.parameter != "frequency":
+        raise ScenarioError(
+            Problem("--overlay", f"lays a sweep over a curve in frequency, and this one is in {result.parameter}",
+                    "leave it out, or follow the frequency")
+        )  # fmt: skip
+    probes = {name for branch in result.branches for name in branch.peak_displacement}
+    overlay = dict(result.overlay)
+    for curve in stored.curves.values():
+        if not probes & set(curve.displacement):
+            raise ScenarioError(
+                Problem(
+                    "--overlay", f"{source} has the probes {', '.join(curve.displacement)}, and the curve has "
+                    f"{', '.join(sorted(probes))}", "give a sweep with a probe of the same name",
+                )
+            )  # fmt: skip
+        name = _free_name(curve, overlay)
+        overlay[name] = OverlayCurve(source, stored.title, replace(curve, name=name))
+    return replace(result, overlay=overlay)
+
+
+def _free_name(curve: SweepCurve, taken: dict[str, OverlayCurve]) -> str:
+    index = curve.level_index
+    while f"{curve.direction}_{index}" in taken:
+        index += 1
+    return f"{curve.direction}_{index}"

@@ -1,0 +1,259 @@
+"""What a response is followed in: from a scenario to a continuation problem, and from its unknown to SI numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.response.motion import BaseAcceleration
+from beamsim.contacts.contact_rates import MovedContact
+from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.smooth_flow import SmoothFlow
+from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow
+from beamsim.orbits.contact_path import PathOfContacts
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.scenario.continuation import PositionPath, SnubberPath, snubber_index
+from beamsim.scenario.excitation import Harmonic
+from beamsim.system.build import build_system, build_with_moving_point
+
+if TYPE_CHECKING:
+    from beamsim.contacts.contacts import Contacts
+    from beamsim.inputs.signal import Signal
+    from beamsim.scenario import Scenario
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["Followed", "ResponseModel", "base_acceleration", "level_unit", "periodic_forcing", "response_model"]
+
+Floats = NDArray[np.float64]
+
+HELD = {"acceleration": 0.0, "velocity": 1.0, "displacement": 2.0}
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A parameter, from where to where, and how the continuation counts it.
+
+    The continuation's unknown is the angular frequency, the level, or for a snubber's number a coordinate that runs
+    from 1 to 2, so that steps relative to it fit whatever the number is (a gap of zero included).
+    """
+
+    kind: str  # frequency, level, gap, stiffness or position
+    first: float  # SI, frequencies in Hz
+    last: float
+    unit: str
+    snubber: str = ""
+    moved: MovedContact | None = None
+
+    def inward(self, value: float) -> float:
+        """The continuation's unknown at a value."""
+        if self.kind == "frequency":
+            return 2 * np.pi * value
+        return value if self.kind == "level" else 1.0 + (value - self.first) / (self.last - self.first)
+
+    def outward(self, unknown: Any) -> Any:
+        """The value at one unknown or many."""
+        if self.kind == "frequency":
+            return unknown / (2 * np.pi)
+        return unknown if self.kind == "level" else self.first + (unknown - 1.0) * (self.last - self.first)
+
+    def contacts_at(self, unknown: float) -> tuple[Contacts, ContactDirection]:
+        """The contacts, and their derivatives by the unknown."""
+        assert self.moved is not None
+        contacts, rates = self.moved(self.outward(unknown))
+        step = self.last - self.first
+        return contacts, ContactDirection(*(step * r for r in (rates.stiffness, rates.dashpot, rates.gap, rates.shape)))
+
+    def path(self, flow: VariationalFlow | SmoothFlow) -> PathOfContacts:
+        """The path of systems through a flow."""
+        return PathOfContacts(flow, self.contacts_at)
+
+
+@dataclass(frozen=True)
+class ResponseModel:
+    """A scenario ready to be followed."""
+
+    scenario: Scenario
+    system: StructuralSystem
+    loads: PeriodicForcing
+    base: BaseAcceleration | None
+    followed: Followed
+    second: Followed | None  # what folds are followed in
+    frequency_hz: float  # of the excitation, where it is held
+    levels: tuple[float, ...]
+
+    def flow(self, frequency_hz: float, level: float) -> VariationalFlow:
+        """A flow with its derivatives; of cubic springs by series.
+
+        Raises
+        ------
+        ScenarioError : where snubbers and cubic springs do not go together.
+        """
+        omega = 2 * np.pi * frequency_hz
+        if self.system.cubic.count == 0:
+            return VariationalFlow(self.system.dynamics, self.loads, omega, level)
+        try:
+            smooth = SmoothFlow(
+                self.system.dynamics, self.system.cubic.shape, self.system.cubic.stiffness, self.loads, omega, level,
+                self.system.cubic.on_ground,
+            )  # fmt: skip
+        except ValueError as error:
+            raise ScenarioError(
+                Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
+            ) from error
+        return smooth  # type: ignore[return-value]  # stands in for the closed-form flow
+
+    def orbits_at(self, value: float, level: float) -> ForcedOrbits:
+        """Shooting at one value of what is followed, with the frequency as unknown: to find a first motion with."""
+        f = self.followed
+        if f.kind == "frequency":
+            return ForcedOrbits(self.flow(value, level))
+        if f.kind == "level":
+            return ForcedOrbits(self.flow(self.frequency_hz, value))
+        flow, _ = f.path(self.flow(self.frequency_hz, level))(f.inward(value))
+        return ForcedOrbits(flow)
+
+    def orbits(self, level: float) -> ForcedOrbits:
+        """Shooting along what is followed."""
+        f = self.followed
+        if f.kind == "frequency":
+            return ForcedOrbits(self.flow(f.first, level))
+        if f.kind == "level":
+            return ForcedOrbits(self.flow(self.frequency_hz, f.first), "level")
+        flow = self.flow(self.frequency_hz, level)
+        return ForcedOrbits(flow, f.path(flow))
+
+
+def response_model(scenario: Scenario) -> ResponseModel:
+    """Build what a scenario's continuation needs.
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario has no continuation or no harmonic excitation, or cannot be built.
+    """
+    from beamsim.scenario.continuation import Continuation
+
+    settings, excitation = scenario.sweep, scenario.excitation
+    if not isinstance(settings, Continuation):
+        raise ScenarioError(
+            Problem("sweep.kind", "is not continuation", "write `sweep: {kind: continuation, from: …, to: …}`")
+        )
+    if not isinstance(excitation, Harmonic):
+        raise ScenarioError(Problem("excitation.kind", "has no frequency to follow", "use a harmonic excitation"))
+    levels = settings.levels or (excitation.level,)
+    for at, level in [(f"sweep.levels[{k}]", x) for k, x in enumerate(settings.levels)] or [
+        ("excitation.level", excitation.level)
+    ]:
+        if settings.parameter.kind != "level" and level == 0:
+            raise scenario.located(ScenarioError(Problem(at, "= 0 excites nothing", "give a positive level")))
+    parameter: Any = settings.parameter
+    highest = excitation.frequency
+    if parameter.kind == "frequency":
+        highest = max(parameter.from_, parameter.to)
+    level = excitation.level if excitation.level else 1.0
+    forced = scenario.model_copy(
+        update={"run": None, "excitation": excitation.model_copy(update={"frequency": highest, "level": level})}
+    )
+    moving = [p for p in (parameter, settings.follow_folds_in) if isinstance(p, PositionPath)]
+    shape_at = None
+    if moving:
+        ends = [float(x) for p in moving for x in (p.from_, p.to)]
+        assert scenario.beam is not None
+        system, shape_at = build_with_moving_point(forced, min(ends), min(max(ends), scenario.beam.length))
+    else:
+        system = build_system(forced)
+    loads = periodic_forcing(forced, system)
+    second = settings.follow_folds_in
+    return ResponseModel(
+        scenario,
+        system,
+        loads,
+        base_acceleration(forced, system),
+        _followed(scenario, system, parameter, shape_at),
+        None if second is None else _followed(scenario, system, second, shape_at),
+        excitation.frequency,
+        tuple(float(x) for x in levels),
+    )
+
+
+def level_unit(scenario: Scenario) -> str:
+    """SI unit of the excitation's level."""
+    units = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m", "force": "N"}
+    return units.get(str(getattr(scenario.excitation, "quantity", None)), "1")
+
+
+def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at: Any) -> Followed:
+    first, last = float(path.from_), float(path.to)
+    if not isinstance(path, SnubberPath):
+        unit = "Hz" if path.kind == "frequency" else level_unit(scenario)
+        return Followed(path.kind, first, last, unit)
+    index = snubber_index(scenario, path)
+    assert index is not None
+    snubber: Any = scenario.all_snubbers[index]
+    damping = snubber.damping
+    ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
+    if isinstance(path, PositionPath):
+        assert scenario.beam is not None
+        first, last = min(first, scenario.beam.length), min(last, scenario.beam.length)
+    kind = path.kind  # type: ignore[attr-defined]
+    if kind == "stiffness" and ratio and system.cubic.count:
+        raise scenario.located(
+            ScenarioError(
+                Problem(
+                    "chain.snubbers", "have a damping ratio, whose dashpot changes with the stiffness that is followed",
+                    "with cubic springs give the dashpot itself: damping: {kind: viscous, coefficient: …}",
+                )
+            )
+        )  # fmt: skip
+    rigid = int(np.sum(system.dynamics.stiffness == 0))
+    moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, index, kind, ratio, rigid, shape_at)
+    return Followed(kind, first, last, "N/m" if kind == "stiffness" else "m", snubber.name, moved)
+
+
+def _phasor(signal: Signal) -> complex:
+    """A of ``Re(A e^{i omega t})``."""
+    return complex(sum(c for nu, c in zip(signal.exponent, signal.coefficient[0, :, 0], strict=True) if nu != 0))
+
+
+def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicForcing:
+    """The loads of a scenario with harmonic excitation, as functions of frequency, for a level of one.
+
+    The excitation's own quantity is what stays the same: a base acceleration held moves the base by ``A / omega^2``.
+    """
+    excitation = scenario.excitation
+    assert isinstance(excitation, Harmonic)
+    omega, level = 2 * np.pi * excitation.frequency, excitation.level
+    n = system.dynamics.size
+    held = HELD.get(str(excitation.quantity), 0.0)
+    force, power, base, base_power = [], [], [], []
+    for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True):
+        # a displacement (springs to ground) changes by omega^-2 against an acceleration
+        is_displacement = system.base_displacement is not None and signal is system.base_displacement
+        force.append(load.astype(complex) * _phasor(signal) / level)
+        power.append(held - 2.0 if is_displacement else held)
+        base.append(0j)
+        base_power.append(0.0)
+    if system.forcing.base_displacement is not None:
+        force.append(np.zeros(n, dtype=complex))
+        power.append(0.0)
+        base.append(_phasor(system.forcing.base_displacement) / level)
+        base_power.append(held - 2.0)
+    return PeriodicForcing(
+        np.ones(len(force), dtype=np.int64), np.array(force).reshape(len(force), n), np.array(power), np.array(base),
+        np.array(base_power), omega,
+    )  # fmt: skip
+
+
+def base_acceleration(scenario: Scenario, system: StructuralSystem) -> BaseAcceleration | None:
+    """The base's own acceleration as a function of frequency, for a level of one; None where it is at rest."""
+    excitation = scenario.excitation
+    assert isinstance(excitation, Harmonic)
+    if system.base_acceleration is None:
+        return None
+    held = HELD.get(str(excitation.quantity), 0.0)
+    return BaseAcceleration(
+        _phasor(system.base_acceleration) / excitation.level, held, 2 * np.pi * excitation.frequency
+    )

@@ -1,0 +1,88 @@
+"""What the continuation of forced periodic motions hands back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.orbit_events import OrbitEvent
+from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
+from beamsim.analyses.sweep.result import SweepCurve
+from beamsim.system.structural import ModeTable
+
+__all__ = ["FoldCurveResult", "FrequencyResponse", "OverlayCurve", "ResponseBranch"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ResponseBranch:
+    """A branch of forced periodic motions at one level."""
+
+    level: float  # SI; nan where the level is what is followed
+    period_multiple: int  # periods of the excitation in one of the motion
+    status: str
+    frequency_hz: Floats  # (np,) of the excitation
+    peak_displacement: dict[str, Floats]  # probe -> (np,) m, largest absolute value
+    max_displacement: dict[str, Floats]  # probe -> (np,) m
+    min_displacement: dict[str, Floats]  # probe -> (np,) m
+    harmonics: dict[str, Complexes]  # probe -> (np, 6) amplitudes at the orders 0 to 5 of the motion's own frequency, m
+    peak_force: dict[str, Floats]  # snubber -> (np,) N
+    stable: Bools  # (np,)
+    floquet_multipliers: Complexes  # (np, N)
+    residual: Floats  # (np,)
+    special: tuple[OrbitEvent, ...] = ()
+    parameter: Floats = field(default_factory=lambda: np.zeros(0))  # (np,) what is followed: Hz, m/s^2, N, m or N/m
+    peak_acceleration: dict[str, Floats] = field(default_factory=dict)  # probe -> (np,) m/s^2, absolute
+    contact_share: dict[str, Floats] = field(default_factory=dict)  # snubber -> (np,)
+    # (np,) largest values of what limits ask for beyond the above: "bending_stress" Pa, "gap <snubber>" m
+    limited: dict[str, Floats] = field(default_factory=dict)
+    neglected_harmonics: Floats | None = None  # (np,) of harmonic balance: what they are worth, against the motion
+
+
+@dataclass(frozen=True)
+class FoldCurveResult:
+    """A fold of a curve in frequency, followed in a second parameter."""
+
+    level: float  # SI; nan where the level is the second parameter
+    branch: int  # the branch whose fold it is
+    start_hz: float  # where that fold is
+    touching: str  # the contact that is just touched all along, where the curve turns back at it; else empty
+    status: str
+    frequency_hz: Floats  # (np,)
+    parameter: Floats  # (np,) the second parameter, SI
+    peak_displacement: dict[str, Floats]  # probe -> (np,) m
+    residual: Floats  # (np,)
+
+
+@dataclass(frozen=True)
+class OverlayCurve:
+    """A swept or stepped sine laid over the curve."""
+
+    source: str  # the file it comes from; empty where it was computed with the curve
+    title: str
+    curve: SweepCurve
+
+
+@dataclass(frozen=True)
+class FrequencyResponse(Outcome):
+    """Everything `beamsim sweep` of kind continuation computes."""
+
+    branches: tuple[ResponseBranch, ...]
+    modes: ModeTable
+    parameter: str = "frequency"  # what is followed: frequency, level, gap, stiffness or position
+    unit: str = "Hz"
+    snubber: str = ""  # whose number is followed
+    level_unit: str = ""  # of the branches' levels
+    method: str = "shooting"
+    fold_curves: tuple[FoldCurveResult, ...] = ()
+    second_parameter: str = ""  # what folds are followed in; empty where they are not
+    second_unit: str = ""
+    second_snubber: str = ""
+    overlay: dict[str, OverlayCurve] = field(default_factory=dict)  # by the name of its group in the file
+    expansion: tuple[ForcedExpansionComparison, ...] = ()  # for weak springs, where it was asked for

@@ -1,0 +1,471 @@
+"""``beamsim run``: one structure under one excitation, from its start to the end of the run."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.limits import margins
+from beamsim.analyses.run.energy import balance_error, energy_history, stored_energy
+from beamsim.analyses.run.outputs import (
+    OutputSet,
+    accelerations,
+    bending_stress,
+    displacements,
+    stretches,
+    velocities,
+)
+from beamsim.analyses.run.result import (
+    BeamResult,
+    EnergyHistory,
+    EventLog,
+    ProbeHistory,
+    RunResult,
+    SnubberHistory,
+    Spectrum,
+    SpringHistory,
+    Work,
+)
+from beamsim.analyses.run.spectrum import spectrum
+from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
+
+if TYPE_CHECKING:
+    from beamsim.flow.contact_state import LinearOutput
+    from beamsim.flow.reference import ReferenceTrajectory
+    from beamsim.flow.trajectory import Trajectory
+    from beamsim.scenario import Run, Scenario
+
+__all__ = ["exact_flow", "run"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+MOST_SAMPLES = 50_000_000
+STEPS_A_PERIOD = 20  # of a structure with cubic springs and contacts, at least
+SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for their extremes
+SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
+
+
+def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> RunResult:
+    """Simulate the scenario.
+
+    Parameters
+    ----------
+    scenario : with a ``run`` section.
+    progress : called from time to time with the fraction of the duration that is done.
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
+    """
+    begin = clock.perf_counter()
+    if scenario.run is None:
+        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
+    settings = scenario.run
+    system = build_system(scenario)
+    times = _output_times(settings)
+    motion = _reference(system, settings, times, progress) if _steps_in_time(system, settings) else None
+    if motion is None:
+        motion = _exact(system, settings, times, progress)
+    spectra = _spectra(scenario, system, motion)
+    result = RunResult(
+        scenario=scenario,
+        method=motion.method,
+        status=motion.status,
+        time=motion.time,
+        probes=_probes(system, motion),
+        snubbers=_snubbers(system, motion),
+        springs=_springs(system, motion),
+        base_acceleration=_signal(system.base_acceleration, motion.time),
+        base_displacement=_signal(system.base_displacement, motion.time),
+        events=motion.events,
+        spectra=spectra,
+        beam=_beam(system, motion),
+        energy=motion.energy,
+        modes=system.modes,
+        work=motion.work,
+        summary=_with_margins(scenario, _summary(system, motion, spectra)),
+        warnings=(*scenario.warnings, *system.warnings, *motion.warnings),
+        wall_time_s=clock.perf_counter() - begin,
+    )
+    return _with_statistics(result, system) if scenario.excitation.kind in ("random", "sampled") else result
+
+
+def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
+    """Add densities, statistics and transmissibilities."""
+    from beamsim.analyses.run.random_response import random_response
+
+    force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
+    response = random_response(result, force)
+    if response is None:
+        return result
+    return replace(result, random=response, summary={**result.summary, "random": response.summary()})
+
+
+def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
+    """The exact flow of a built system; its first observer is the base's acceleration."""
+    observers = () if system.base_acceleration is None else (system.base_acceleration,)
+    return ExactFlow(system.dynamics, system.forcing, duration, observers)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """What either solver leaves behind, on the output times."""
+
+    method: str
+    status: str
+    time: Floats
+    values: dict[str, Floats]  # by output group
+    closed: Bools
+    energy: EnergyHistory
+    energy_error: float
+    events: EventLog
+    extremes: dict[str, tuple[Floats, Floats, Floats, Floats]]  # lowest, its time, highest, its time
+    extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
+    extreme_states: Floats  # (2, 2n) there
+    contact_share: Floats
+    work: Work
+    warnings: tuple[str, ...] = ()
+
+
+def _steps_in_time(system: StructuralSystem, settings: Run) -> bool:
+    return settings.method == "reference" or system.cubic.count > 0
+
+
+def _output_times(settings: Run) -> Floats:
+    rate = settings.output_rate
+    count = int(np.floor(settings.duration * rate * (1 + 1e-12))) + 1
+    if count > MOST_SAMPLES:
+        raise ScenarioError(
+            Problem(
+                "run.sample_rate",
+                f"= {rate:g} Hz over run.duration = {settings.duration:g} s gives {count:.3g} samples "
+                f"(at most {MOST_SAMPLES:.3g} are kept)",
+                "lower one of the two; contacts and peaks are exact whatever the sample rate",
+            )
+        )
+    return np.arange(count) / rate
+
+
+def _groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
+    """Everything that is sampled; the stress is only searched for extremes."""
+    probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
+    snubber_shapes = flow.system.contacts.shape
+    penetration, _ = flow.penetrations()
+    fixed: dict[str, LinearOutput] = {
+        "displacement": displacements(flow, probe_shapes),
+        "velocity": velocities(flow, probe_shapes),
+        "penetration": penetration,
+        "snubber_displacement": displacements(flow, snubber_shapes),
+        "snubber_velocity": velocities(flow, snubber_shapes),
+    }
+    if system.springs:
+        fixed["stretch"] = stretches(flow, system.springs)
+    groups = {name: _same_in_every_state(output) for name, output in fixed.items()}
+    groups["acceleration"] = lambda closed: accelerations(flow, probe_shapes, closed, absolute=True)
+    groups["force"] = flow.contact_forces
+    return OutputSet(groups)
+
+
+def _same_in_every_state(output: LinearOutput) -> Callable[[Bools], LinearOutput]:
+    return lambda closed: output
+
+
+def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None) -> _Motion:
+    flow = exact_flow(system, settings.duration)
+    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress)
+    times = times[times <= trajectory.end] if trajectory.status != "complete" else times
+    groups = _groups(system, flow)
+    closed = trajectory.closed_at(times)
+    nothing_closed = np.zeros(flow.system.contacts.count, dtype=bool)
+    values = groups.split(trajectory.sample(times, groups), nothing_closed)
+    energy, energy_error = energy_history(trajectory, times)
+
+    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
+    seeds = {name: (times, values[name]) for name in searched}
+    if system.beam is not None:
+        searched["stress"] = _same_in_every_state(bending_stress(flow, system.beam))
+        few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
+        seeds["stress"] = (few, trajectory.sample(few, searched["stress"]))
+    extremes = {}
+    for name, output_of in searched.items():
+        at, seed = seeds[name]
+        low, high = seed.argmin(axis=0), seed.argmax(axis=0)
+        column = np.arange(seed.shape[1])
+        highest, when, _ = trajectory.maxima(output_of, seed[high, column], at[high])
+        lowest, when_low, _ = trajectory.maxima(_negative(output_of), -seed[low, column], at[low])
+        extremes[name] = (-lowest, when_low, highest, when)
+    extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
+    order = np.argsort(extreme_times)
+    return _Motion(
+        method="exact",
+        status=trajectory.status,
+        time=times,
+        values=values,
+        closed=closed,
+        energy=energy,
+        energy_error=energy_error,
+        events=_events(system, trajectory),
+        extremes=extremes,
+        extreme_times=extreme_times,
+        extreme_states=trajectory.states_at(extreme_times[order])[order],
+        contact_share=trajectory.contact_share(),
+        work=Work(
+            events=trajectory.event_time.size,
+            evaluations=trajectory.evaluations,
+            segments=trajectory.time.size,
+            states=len(flow.states),
+            processor_time_s=trajectory.processor_time_s,
+        ),
+    )
+
+
+def _reference(
+    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None
+) -> _Motion:
+    """The same by time stepping; extremes are those of the samples."""
+    from beamsim.flow.reference import integrate
+
+    flow = exact_flow(system, settings.duration)
+    integrator, rtol = settings.integrator, settings.rtol
+    warnings: tuple[str, ...] = ()
+    longest = np.inf
+    if settings.method != "reference":
+        integrator, rtol = "DOP853", min(rtol, 1e-10)
+        longest = _longest_step(system)
+        warnings = (
+            f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
+            "contacts are found by sign changes between steps, without certificate",
+        )
+    trajectory = integrate(
+        flow, system.initial_state, times, integrator=integrator, rtol=rtol, atol=settings.atol,
+        max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress,
+    )  # fmt: skip
+    n = flow.system.size
+    groups = _groups(system, flow)
+    values = groups.split(trajectory.sample(groups), np.zeros(flow.system.contacts.count, dtype=bool))
+    if system.cubic.count:
+        q = trajectory.y[:, :n] @ system.cubic.shape.T
+        d = _signal(system.base_displacement, trajectory.time)[:, None] * system.cubic.felt
+        probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, n)
+        pull = (system.cubic.stiffness * (q + d) ** 3) @ (system.cubic.shape @ probe_shapes.T)
+        values["acceleration"] = values["acceleration"] - pull
+    for i, spring in enumerate(system.springs):
+        if spring.on_ground and flow.base_channel < 0:  # no contact feels the base's displacement
+            values["stretch"][:, i] += _signal(system.base_displacement, trajectory.time)
+    stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.closed, trajectory.face)
+    if system.cubic.count:
+        stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
+    energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
+    searched = {name: values[name] for name in SEARCHED if name in values}
+    if system.beam is not None:
+        searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.beam)))
+    at = trajectory.time
+    extremes = {
+        name: (x.min(axis=0), at[x.argmin(axis=0)], x.max(axis=0), at[x.argmax(axis=0)]) for name, x in searched.items()
+    }
+    return _Motion(
+        method=f"reference ({integrator}, rtol {rtol:g})",
+        status=trajectory.status,
+        time=at,
+        values=values,
+        closed=trajectory.closed,
+        energy=energy,
+        energy_error=balance_error(at, energy, trajectory.power_in),
+        events=_events(system, trajectory),
+        extremes=extremes,
+        extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
+        extreme_states=trajectory.y[[values["displacement"][:, 0].argmin(), values["displacement"][:, 0].argmax()]],
+        contact_share=trajectory.closed.mean(axis=0),
+        work=Work(
+            events=trajectory.event_time.size,
+            evaluations=trajectory.evaluations,
+            segments=trajectory.restarts,
+            states=len(np.unique(trajectory.closed, axis=0)),
+            processor_time_s=trajectory.processor_time_s,
+        ),
+        warnings=warnings,
+    )
+
+
+def _longest_step(system: StructuralSystem) -> float:
+    """A step in which hardly a contact begins and ends unseen: a part of the shortest period, all contacts closed."""
+    c = system.dynamics.contacts
+    if c.count == 0:
+        return np.inf
+    fastest = system.dynamics.stiffness.max() + np.abs(c.stiffness) @ (c.shape**2).sum(axis=1)
+    return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
+
+
+def _negative(output_of: Callable[[Bools], LinearOutput]) -> Callable[[Bools], LinearOutput]:
+    def negative(closed: Bools) -> LinearOutput:
+        return -output_of(closed)
+
+    return negative
+
+
+def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
+    return np.zeros(times.size) if signal is None else signal(times)
+
+
+def _probes(system: StructuralSystem, motion: _Motion) -> dict[str, ProbeHistory]:
+    base = _signal(system.base_displacement, motion.time)
+    return {
+        probe.name: ProbeHistory(
+            name=probe.name,
+            position=probe.position,
+            displacement=motion.values["displacement"][:, i],
+            absolute_displacement=motion.values["displacement"][:, i] + base,
+            velocity=motion.values["velocity"][:, i],
+            absolute_acceleration=motion.values["acceleration"][:, i],
+        )
+        for i, probe in enumerate(system.probes)
+    }
+
+
+def _snubbers(system: StructuralSystem, motion: _Motion) -> dict[str, SnubberHistory]:
+    return {
+        s.name: SnubberHistory(
+            name=s.name,
+            position=s.position,
+            side=s.side,
+            stiffness=s.stiffness,
+            dashpot=s.dashpot,
+            gap=s.gap,
+            preload=s.preload,
+            blocked_force=s.blocked_force,
+            stiffness_ratio=s.stiffness_ratio,
+            force=motion.values["force"][:, j],
+            penetration=motion.values["penetration"][:, j],
+            closed=motion.closed[:, j],
+            displacement=motion.values["snubber_displacement"][:, j],
+            velocity=motion.values["snubber_velocity"][:, j],
+        )
+        for j, s in enumerate(system.snubbers)
+    }
+
+
+def _springs(system: StructuralSystem, motion: _Motion) -> dict[str, SpringHistory]:
+    found = {}
+    for i, s in enumerate(system.springs):
+        stretch = motion.values["stretch"][:, i]
+        found[s.name] = SpringHistory(s.name, s.kind, s.masses, stretch, s.force(stretch))
+    return found
+
+
+def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
+    """The snubbers' events; those beyond are breakpoints of piecewise-linear springs."""
+    own = trajectory.event_contact < len(system.snubbers)
+    return EventLog(trajectory.event_time[own], trajectory.event_contact[own], trajectory.event_closing[own])
+
+
+def _beam(system: StructuralSystem, motion: _Motion) -> BeamResult | None:
+    beam = system.beam
+    if beam is None:
+        return None
+    low, _, high, _ = motion.extremes["stress"]
+    unknown = np.full(beam.position.size, np.nan)
+    equilibrium = system.static_equilibrium
+    return BeamResult(
+        position=beam.position,
+        peak_bending_stress=np.maximum(np.abs(low), np.abs(high)),
+        extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ beam.deflection.T,
+        extreme_times=motion.extreme_times,
+        static_shape=unknown if equilibrium is None else beam.deflection @ equilibrium,
+    )
+
+
+def _spectra(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> dict[tuple[str, str], Spectrum]:
+    assert scenario.run is not None
+    spectra = {}
+    for quantity, group, unit in (
+        ("absolute_acceleration", "acceleration", "m/s^2"),
+        ("displacement", "displacement", "m"),
+    ):
+        for i, probe in enumerate(system.probes):
+            spectra[probe.name, quantity] = spectrum(
+                motion.time, motion.values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz,
+                probe.name, quantity, unit,
+            )  # fmt: skip
+    return spectra
+
+
+def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str, str], Spectrum]) -> dict[str, Any]:
+    probes = [p.name for p in system.probes]
+    names = [s.name for s in system.snubbers]
+    count = len(names)
+    low, _, high, _ = motion.extremes["displacement"]
+    low_a, _, high_a, _ = motion.extremes["acceleration"]
+    closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(names))
+    summary: dict[str, Any] = {
+        "status": motion.status,
+        "method": motion.method,
+        "peak_displacement_m": _named(probes, np.maximum(np.abs(low), np.abs(high))),
+        "min_displacement_m": _named(probes, low),
+        "max_displacement_m": _named(probes, high),
+        "peak_acceleration_g": _named(probes, np.maximum(np.abs(low_a), np.abs(high_a)) / STANDARD_GRAVITY),
+        "peak_force_n": _named(names, motion.extremes["force"][2][:count]),
+        "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0][:count], 0.0)),
+        "contact_share": _named(names, motion.contact_share[:count]),
+        "contacts": {name: int(count) for name, count in zip(names, closings, strict=True)},
+        "events": int(motion.events.time.size),
+        "linear": motion.work.events == 0 and system.cubic.count == 0,
+        "energy_error": motion.energy_error,
+        "processor_time_s": motion.work.processor_time_s,
+        "static_force_n": {s.name: s.preload for s in system.snubbers},
+        "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
+        "gap_m": {s.name: s.gap for s in system.snubbers},
+        "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
+        "open_frequencies_hz": system.modes.open_frequencies_hz.tolist(),
+        "closed_frequencies_hz": system.modes.closed_frequencies_hz.tolist(),
+        "kept_modes": system.modes.kept_modes,
+        "static_vectors": system.modes.static_vectors,
+        "reduction_error": system.modes.reduction_error,
+        "spectral_lines": [
+            {
+                "probe": s.probe,
+                "quantity": s.quantity,
+                "order": line.order,
+                "frequency_hz": line.frequency_hz,
+                "amplitude": line.amplitude,
+                "amplitude_db": line.amplitude_db,
+                "kind": line.kind,
+            }
+            for s in spectra.values()
+            for line in s.lines
+        ],
+    }
+    if system.springs:
+        ends = np.array(motion.extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
+        springs = [s.name for s in system.springs]
+        summary["breakpoints_passed"] = motion.work.events - motion.events.time.size
+        summary["peak_stretch_m"] = _named(springs, np.abs(ends).max(axis=1))
+        forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
+        summary["peak_spring_force_n"] = _named(springs, np.array(forces))
+    if system.beam is not None:
+        low_s, _, high_s, _ = motion.extremes["stress"]
+        stress = np.maximum(np.abs(low_s), np.abs(high_s))
+        where = int(stress.argmax())
+        summary["largest_bending_stress_pa"] = float(stress[where])
+        summary["largest_bending_stress_position_m"] = float(system.beam.position[where])
+    return summary
+
+
+def _with_margins(scenario: Scenario, summary: dict[str, Any]) -> dict[str, Any]:
+    found = margins(scenario.limits, summary)
+    return {**summary, "margins": found} if found else summary
+
+
+def _named(names: list[str], values: Floats) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}

@@ -1,0 +1,106 @@
+"""The quantities a run reports, as linear outputs of the state and the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
+from beamsim.system.structural import BeamRecovery, SpringInfo
+
+__all__ = [
+    "OutputSet",
+    "accelerations",
+    "bending_stress",
+    "displacements",
+    "first_rows",
+    "stack",
+    "stretches",
+    "velocities",
+]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+OutputOf = Callable[[Bools], LinearOutput]
+
+
+def displacements(flow: ExactFlow, shape: Floats) -> LinearOutput:
+    """``shape @ q`` for every row of ``shape`` (k, n)."""
+    output = flow.empty_output(shape.shape[0])
+    output.row[:, : flow.system.size] = shape
+    return output
+
+
+def stretches(flow: ExactFlow, springs: Sequence[SpringInfo]) -> LinearOutput:
+    """Stretch of nonlinear springs; to the ground absolute, as far as the flow knows the base's displacement."""
+    output = displacements(flow, np.array([s.shape for s in springs]).reshape(-1, flow.system.size))
+    if flow.base_channel >= 0:
+        base = flow.sources.channel == flow.base_channel
+        output.direct[:, base] += np.array([s.on_ground for s in springs], dtype=float)[:, None]
+    return output
+
+
+def first_rows(output: LinearOutput, count: int) -> LinearOutput:
+    """The first rows: of contacts those that are snubbers."""
+    return LinearOutput(*(part[:count] for part in (output.row, output.direct, output.direct_slope, output.face)))
+
+
+def velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
+    """``shape @ q'`` for every row of ``shape`` (k, n)."""
+    output = flow.empty_output(shape.shape[0])
+    output.row[:, flow.system.size :] = shape
+    return output
+
+
+def accelerations(flow: ExactFlow, shape: Floats, closed: Bools, *, absolute: bool) -> LinearOutput:
+    """``shape @ q''`` from the equation of motion; with the base's own acceleration, observer 0, where ``absolute``."""
+    output = flow.empty_output(shape.shape[0])
+    n = flow.system.size
+    stiffness, damping, load, load_slope = flow.equation_of_motion(closed)
+    output.row[:, :n] = -shape @ stiffness
+    output.row[:, n:] = -shape @ damping
+    output.direct[:] = shape @ load.T
+    output.direct_slope[:] = shape @ load_slope.T
+    if absolute and flow.observers:
+        output.direct[:, flow.sources.channel == flow.first_observer] += 1.0
+    return output
+
+
+def bending_stress(flow: ExactFlow, beam: BeamRecovery) -> LinearOutput:
+    """Stress at the extreme fibre at every station of the beam, Pa, from the base's acceleration (observer 0) too."""
+    output = displacements(flow, beam.stress_per_moment * beam.bending_moment)
+    if flow.observers:
+        base = flow.sources.channel == flow.first_observer
+        output.direct[:, base] += (beam.stress_per_moment * beam.base_moment)[:, None]
+    return output
+
+
+def stack(*outputs: LinearOutput) -> LinearOutput:
+    """One output with the rows of several."""
+    return LinearOutput(
+        np.vstack([o.row for o in outputs]),
+        np.vstack([o.direct for o in outputs]),
+        np.vstack([o.direct_slope for o in outputs]),
+        np.vstack([o.face for o in outputs]),
+    )
+
+
+@dataclass(frozen=True)
+class OutputSet:
+    """Named groups of outputs, evaluated together; called with the closed contacts, all rows at once."""
+
+    groups: dict[str, OutputOf]
+
+    def __call__(self, closed: Bools) -> LinearOutput:
+        """All groups' rows, stacked."""
+        return stack(*(output_of(closed) for output_of in self.groups.values()))
+
+    def split(self, values: Floats, closed: Bools) -> dict[str, Floats]:
+        """The columns of ``values`` (nt, k) of each group."""
+        sizes = [output_of(closed).row.shape[0] for output_of in self.groups.values()]
+        parts = np.split(values, np.cumsum(sizes)[:-1], axis=1)
+        return dict(zip(self.groups, parts, strict=True))

@@ -1,0 +1,131 @@
+"""Response to random and measured inputs: spectral densities, RMS, statistics of peaks, transmissibility.
+
+Densities are one-sided, by Welch's method (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967) with Hann windows
+and half overlap. The transmissibility is :math:`H_1 = S_{xy} / S_{xx}`; the coherence says where it means something:
+it is 1 for a linear structure, and below 1 where contact scatters energy to other frequencies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from beamsim.analyses.run.result import RunResult
+
+__all__ = ["RandomResponse", "SignalStatistics", "random_response"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+SEGMENTS = 16  # of the record, overlapping by half
+LEAST_SAMPLES = 64
+
+
+@dataclass(frozen=True)
+class SignalStatistics:
+    """One signal of the run."""
+
+    name: str  # "input", a probe's or a snubber's
+    quantity: str
+    unit: str
+    mean: float
+    rms: float  # mean included
+    standard_deviation: float
+    highest: float
+    lowest: float
+    crest_factor: float  # largest distance from the mean over the standard deviation
+    kurtosis: float  # 3 for a Gaussian signal
+    crossing_rate_hz: float  # upward crossings of the mean a second
+    peaks_over_2_sigma: float  # share of the maxima more than so many standard deviations above the mean
+    peaks_over_3_sigma: float
+    density: Floats  # (F,) unit^2/Hz
+
+
+@dataclass(frozen=True)
+class RandomResponse:
+    """Statistics of a run, after its first part."""
+
+    start_s: float  # what comes before is left out
+    frequency_hz: Floats  # (F,)
+    input: SignalStatistics
+    signals: tuple[SignalStatistics, ...]
+    transmissibility: dict[str, Complexes]  # by probe, absolute acceleration (displacement for a force) over input
+    coherence: dict[str, Floats]  # by probe
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers, by name and quantity."""
+        keys = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
+        return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in (self.input, *self.signals)}
+
+
+def random_response(result: RunResult, force: Floats | None = None, skip: float = 0.1) -> RandomResponse | None:
+    """Analyse a run; None where it is too short.
+
+    Parameters
+    ----------
+    force : (nt,) N, the force where a force drives the structure, not the base.
+    skip : share of the run that is left out at its beginning.
+    """
+    from scipy.signal import csd, welch
+
+    first = int(skip * result.time.size)
+    count = result.time.size - first
+    if count < LEAST_SAMPLES:
+        return None
+    rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
+    length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
+
+    def density(x: Floats) -> tuple[Floats, Floats]:
+        f, p = welch(x, rate, nperseg=length, detrend="constant")
+        return np.asarray(f), np.asarray(p)
+
+    def statistics(name: str, quantity: str, unit: str, values: Floats) -> SignalStatistics:
+        x = values[first:]
+        return _statistics(name, quantity, unit, x, rate, density(x)[1])
+
+    given = result.base_acceleration if force is None else force
+    frequency, _ = density(given[first:])
+    signals = []
+    transmissibility, coherence = {}, {}
+    for probe in result.probes.values():
+        signals.append(statistics(probe.name, "absolute_acceleration", "m/s^2", probe.absolute_acceleration))
+        signals.append(statistics(probe.name, "displacement", "m", probe.displacement))
+        output = (probe.absolute_acceleration if force is None else probe.displacement)[first:]
+        _, cross = csd(given[first:], output, rate, nperseg=length, detrend="constant")
+        sxx, syy = density(given[first:])[1], density(output)[1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            transmissibility[probe.name] = np.asarray(cross / sxx)
+            coherence[probe.name] = np.asarray(np.abs(cross) ** 2 / (sxx * syy))
+    signals += [statistics(snubber.name, "force", "N", snubber.force) for snubber in result.snubbers.values()]
+    quantity, unit = ("acceleration", "m/s^2") if force is None else ("force", "N")
+    entered = statistics("input", quantity, unit, given)
+    return RandomResponse(float(result.time[first]), frequency, entered, tuple(signals), transmissibility, coherence)
+
+
+def _statistics(name: str, quantity: str, unit: str, x: Floats, rate: float, density: Floats) -> SignalStatistics:
+    mean, deviation = float(x.mean()), float(x.std())
+    unknown = float("nan")
+    y = (x - mean) / deviation if deviation > 0 else np.zeros(x.size)
+    inner = y[1:-1]
+    maxima = inner[(inner >= y[:-2]) & (inner > y[2:])]
+    ups = int(np.sum((y[:-1] < 0) & (y[1:] >= 0)))
+    return SignalStatistics(
+        name=name,
+        quantity=quantity,
+        unit=unit,
+        mean=mean,
+        rms=float(np.sqrt(np.mean(x**2))),
+        standard_deviation=deviation,
+        highest=float(x.max()),
+        lowest=float(x.min()),
+        crest_factor=float(np.abs(y).max()) if deviation > 0 else unknown,
+        kurtosis=float(np.mean(y**4)) if deviation > 0 else unknown,
+        crossing_rate_hz=ups * rate / (x.size - 1),
+        peaks_over_2_sigma=float(np.mean(maxima > 2.0)) if maxima.size else unknown,
+        peaks_over_3_sigma=float(np.mean(maxima > 3.0)) if maxima.size else unknown,
+        density=density,
+    )

@@ -1,0 +1,324 @@
+"""Signals: single-sided spectra and the table of harmonics of a sampled time history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.run.result import SpectralLine, Spectrum
+
+if TYPE_CHECKING:
+    from beamsim.scenario import SpectrumSettings
+
+__all__ = ["FLOOR_DB", "amplitude_db", "cosine_window", "line_kind", "project", "spectrum"]
+
+Floats = NDArray[np.float64]
+
+FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
+
+# Coefficients of w_k = sum_j (-1)^j a_j cos(2 pi j k / N); importing scipy.signal would cost most of a second.
+_COSINE_SUMS = {
+    "rectangular": (1.0,),
+    "hann": (0.5, 0.5),
+    "hamming": (0.54, 0.46),
+    "blackman": (0.42, 0.50, 0.08),
+    "blackmanharris": (0.35875, 0.48829, 0.14128, 0.01168),
+    "flattop": (0.21557895, 0.41663158, 0.277263158, 0.083578947, 0.006947368),
+}
+
+# The rule for a line, see `spectrum`.
+_WORTH_LISTING = 1e-3  # of the largest line: 60 dB
+_OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
+_OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
+_ROUND_OFF = 1e-12  # of max |x|
+_DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
+_LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
+_MOST_LINES = 50
+_ORDERS_OF_A_SHORT_RECORD = 10
+
+
+def cosine_window(name: str, length: int) -> Floats:
+    """Periodic window of ``length`` samples; the names are those of a scenario's ``run.spectrum.window``."""
+    angle = 2.0 * np.pi * np.arange(length) / length
+    window = np.zeros(length)
+    for j, a in enumerate(_COSINE_SUMS[name]):
+        window += (-1.0) ** j * a * np.cos(j * angle)
+    return window
+
+
+def amplitude_db(amplitude: Floats, peak: float) -> Floats:
+    """``20 log10(amplitude / peak)``, dB; `FLOOR_DB` where the amplitude (or the whole signal) is zero."""
+    ratio = np.asarray(amplitude, dtype=float) / peak if peak > 0 else np.zeros_like(amplitude, dtype=float)
+    level: Floats = 20.0 * np.log10(np.maximum(ratio, 10.0 ** (FLOOR_DB / 20.0)))
+    return level
+
+
+def line_kind(order: Fraction) -> str:
+    """Name of an order of the excitation frequency: every order that is not whole is a subharmonic one."""
+    if order == 0:
+        return "mean"
+    if order.denominator > 1:
+        return "subharmonic"
+    return "fundamental" if order == 1 else "superharmonic"
+
+
+def project(
+    time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None
+) -> tuple[float, NDArray[np.complex128]]:
+    r"""Least-squares projection on a mean and sinusoids of known frequencies, without leakage.
+
+    Minimises :math:`\sum w (x - m - \sum_k \mathrm{Im}\, c_k e^{2 \pi i f_k t})^2`, so that
+    :math:`c_k = A_k e^{i \varphi_k}` stands for :math:`A_k \sin(2 \pi f_k t + \varphi_k)`.
+
+    Parameters
+    ----------
+    time, x : (n,) s, any unit.
+    frequency_hz : (k,) distinct, above zero, below half the sample rate.
+    weight : (n,) 1 by default.
+
+    Returns
+    -------
+    mean, c : the mean and (k,) complex amplitudes in the unit of x.
+    """
+    frequency = np.asarray(frequency_hz, dtype=float)
+    size = 1 + 2 * frequency.size
+    gram = np.zeros((size, size))
+    right = np.zeros(size)
+    block = max(1, 4_000_000 // size)  # bounds the memory of a long record
+    for first in range(0, x.size, block):
+        angle = 2.0 * np.pi * (time[first : first + block, None] - time[0]) * frequency
+        basis = np.concatenate([np.ones((angle.shape[0], 1)), np.sin(angle), np.cos(angle)], axis=1)
+        weighted = basis if weight is None else basis * weight[first : first + block, None]
+        gram += weighted.T @ basis
+        right += weighted.T @ x[first : first + block]
+    fit = np.linalg.lstsq(gram, right, rcond=None)[0]
+    c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
+    return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])
+
+
+def spectrum(
+    time: Floats,
+    x: Floats,
+    settings: SpectrumSettings,
+    excitation_hz: float,
+    probe: str,
+    quantity: str,
+    unit: str,
+) -> Spectrum:
+    r"""Single-sided peak-amplitude spectrum of the last part of a record, and its table of lines.
+
+    With the window :math:`w` of the N samples analysed and :math:`\bar x` their weighted mean,
+
+    .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
+              A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
+
+    (the line at half the sample rate is not doubled). The division by :math:`\sum w` corrects the
+    window's coherent gain: a sinusoid on a bin shows its own amplitude with every window; the mean is
+    taken out first because it would otherwise leak into the first bins.
+
+    *Part analysed*: ``settings.periods`` excitation periods (nearest whole number of samples; as many
+    whole periods as there are if the record is shorter), else ``settings.last`` seconds, else
+    everything. Always the end of the record.
+
+    *Lines*. The record is examined once more with a Blackman–Harris window (side lobes at -92 dB),
+    whatever window was asked for. A local maximum is a line when it lies less than 60 dB below the
+    largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
+    floor around it: the lower quartile of the spectrum within one excitation frequency, at least
+    32 bins, on either side. It belongs to the order m/n (n up to 4, as long as the excitation frequency
+    over n is at least 4 bins) when its interpolated frequency is within half a bin of it and it is
+    locked to the excitation: its complex amplitudes in the two halves of the record differ by less than
+    half. The fundamental need not be locked. What belongs to no order (a decaying transient, or
+    everything when there is no excitation frequency) is of the kind "other". Amplitude and phase come
+    from the least-squares projection on the exact frequencies of all lines together, so no line leaks
+    into another, weighted by the Blackman–Harris window, so that nothing else leaks into them. A record
+    of 1 to 8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise
+    floor; below one period only the mean is known. The mean is always listed, at most 50 lines beside it.
+
+    Samples are taken of the motion as it is, without a low-pass filter: what a jump of the acceleration
+    holds beyond half the sample rate folds back, and shows up as lines of the kind "other".
+
+    Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
+    0 or 180 degrees, its sign.
+
+    Parameters
+    ----------
+    time : (n,) s, equally spaced.
+    x : (n,) the signal, in ``unit``.
+    settings : part and window.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    probe, quantity, unit : labels carried into the result.
+
+    Raises
+    ------
+    ValueError
+        When the record is empty or its two arrays differ in length.
+    """
+    time = np.asarray(time, dtype=float)
+    x = np.asarray(x, dtype=float)
+    if x.ndim != 1 or x.size == 0 or time.shape != x.shape:
+        raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
+    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+    length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
+    time, x = time[-length:], x[-length:]
+    peak = float(np.max(np.abs(x)))
+    amplitude = _windowed_amplitude(x, cosine_window(settings.window, length))
+    return Spectrum(
+        probe=probe,
+        quantity=quantity,
+        unit=unit,
+        frequency_hz=np.arange(amplitude.size) * rate / length,
+        amplitude=amplitude,
+        amplitude_db=amplitude_db(amplitude, peak),
+        excitation_hz=excitation_hz,
+        window=settings.window,
+        start_s=float(time[0]),
+        duration_s=length / rate,
+        lines=_lines(time, x, rate, excitation_hz, peak) if np.isfinite(peak) else (),
+    )
+
+
+def _samples_analysed(
+    available: int, rate: float, last: float | None, periods: int | None, excitation_hz: float
+) -> int:
+    known = np.isfinite(excitation_hz) and excitation_hz > 0
+    if periods is not None and known:
+        whole = min(periods, int(available * excitation_hz / rate * (1 + _ROUND_OFF)))
+        if whole >= 1:
+            return min(available, max(1, round(whole * rate / excitation_hz)))
+    elif last is not None:
+        return min(available, max(1, round(last * rate)))
+    if not known or available == 1:
+        return available
+    # A record sampled at both of its ends holds one sample more than its periods do.
+    return min(
+        (available - 1, available), key=lambda n: abs(n * excitation_hz / rate - round(n * excitation_hz / rate))
+    )
+
+
+def _windowed_amplitude(x: Floats, window: Floats) -> Floats:
+    total = float(np.sum(window))
+    if total <= 0:  # a window of one or two samples may be nothing but its zero
+        window, total = np.ones(x.size), float(x.size)
+    mean = float(window @ x) / total
+    amplitude = 2.0 * np.abs(np.fft.rfft(window * (x - mean))) / total
+    if x.size % 2 == 0:
+        amplitude[-1] /= 2.0
+    amplitude[0] = abs(mean)
+    return amplitude
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    order: Fraction | None  # None: belongs to no order
+    frequency_hz: float  # exact for an order, interpolated otherwise
+    peak_hz: float  # interpolated
+
+
+def _lines(time: Floats, x: Floats, rate: float, excitation_hz: float, peak: float) -> tuple[SpectralLine, ...]:
+    forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
+    bins = excitation_hz * x.size / rate if forced else np.nan  # excitation frequency in bins
+    weight = None
+    if forced and bins < 2 * _LOBE:
+        candidates = _orders_of_short_record(time, x, rate, excitation_hz, peak) if bins >= 1 - _ROUND_OFF else []
+    else:
+        candidates = _peaks(x, rate, excitation_hz, peak)
+        weight = cosine_window("blackmanharris", x.size) if candidates else None
+        if forced and candidates:
+            candidates = _only_locked(time, x, candidates)
+    candidates = sorted(candidates, key=lambda c: c.frequency_hz)
+    mean, c = project(time, x, np.array([k.frequency_hz for k in candidates]), weight)
+
+    def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
+        return SpectralLine(
+            order, frequency, amplitude, float(amplitude_db(np.array(amplitude), peak)), phase_deg, kind
+        )
+
+    lines = [line(0.0 if forced else np.nan, 0.0, abs(mean), 180.0 if mean < 0 else 0.0, "mean")]
+    for k, value in zip(candidates, c, strict=True):
+        order = k.frequency_hz / excitation_hz if forced else np.nan
+        kind = "other" if k.order is None else line_kind(k.order)
+        lines.append(line(order, k.frequency_hz, float(np.abs(value)), float(np.degrees(np.angle(value))), kind))
+    return tuple(lines)
+
+
+def _peaks(x: Floats, rate: float, excitation_hz: float, peak: float) -> list[_Candidate]:
+    """Local maxima that are lines, strongest first, each with the order its frequency suggests."""
+    amplitude = _windowed_amplitude(x, cosine_window("blackmanharris", x.size))
+    inner = np.arange(_LOBE - 1, amplitude.size - 1)
+    if inner.size == 0:
+        return []
+    bin_hz = rate / x.size
+    forced = np.isfinite(excitation_hz)
+    top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
+    if top.size == 0:
+        return []
+    deviation = float(np.max(np.abs(x - np.mean(x))))
+    least = max(_WORTH_LISTING * float(np.max(amplitude[top])), _OVER_SIDE_LOBES * deviation, _ROUND_OFF * peak)
+    top = top[amplitude[top] >= least]
+    top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
+    reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
+    found: dict[Fraction | float, _Candidate] = {}
+    for j in top:
+        floor = float(np.percentile(amplitude[max(1, j - reach) : j + reach + 1], 25))
+        if amplitude[j] < _OVER_FLOOR * floor:
+            continue
+        frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
+        order = _nearest_order(frequency, excitation_hz, bin_hz) if forced else None
+        exact = frequency if order is None else float(order) * excitation_hz
+        found.setdefault(frequency if order is None else order, _Candidate(order, exact, frequency))
+        if len(found) == min(_MOST_LINES, (x.size - 1) // 4):
+            break
+    return list(found.values())
+
+
+def _parabola_top(around: Floats) -> float:
+    """Offset in bins of the top of a parabola through three logarithmic amplitudes."""
+    a, b, c = np.log(np.maximum(around, np.finfo(float).tiny))
+    curvature = a - 2 * b + c
+    return float(0.5 * (a - c) / curvature) if curvature < 0 else 0.0
+
+
+def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:
+    for n in _DENOMINATORS:
+        if excitation_hz / n < _LOBE * bin_hz:
+            break
+        m = round(frequency * n / excitation_hz)
+        if m >= 1 and abs(m * excitation_hz / n - frequency) <= 0.5 * bin_hz:
+            return Fraction(m, n)
+    return None
+
+
+def _only_locked(time: Floats, x: Floats, candidates: list[_Candidate]) -> list[_Candidate]:
+    """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
+    half = x.size // 2
+    frequency = np.array([k.frequency_hz for k in candidates])
+    _, early = project(time[:half], x[:half], frequency)
+    _, late = project(time[half:], x[half:], frequency)
+    locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
+    return [
+        k if k.order is None or k.order == 1 or steady else _Candidate(None, k.peak_hz, k.peak_hz)
+        for k, steady in zip(candidates, locked, strict=True)
+    ]
+
+
+def _orders_of_short_record(
+    time: Floats, x: Floats, rate: float, excitation_hz: float, peak: float
+) -> list[_Candidate]:
+    highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
+    frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
+    if frequency.size == 0:
+        return []
+    mean, c = project(time, x, frequency)
+    residual = x - mean - np.sin(2 * np.pi * time[:, None] * frequency + np.angle(c)) @ np.abs(c)
+    floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
+    amplitude = np.abs(c)
+    limit = max(_WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
+    return [
+        _Candidate(Fraction(m), float(f), float(f))
+        for m, f, a in zip(range(1, highest + 1), frequency, amplitude, strict=True)
+        if a >= limit
+    ]

@@ -1,0 +1,268 @@
+"""``beamsim sweep``: the answers of one structure as the frequency of its excitation changes."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.limits import margin_of
+from beamsim.analyses.sweep.linear_response import linear_curve
+from beamsim.analyses.sweep.peaks import find_peaks
+from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.sweep import SteppedSine, SweptSine
+from beamsim.system.build import build_system
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.system.structural import StructuralSystem
+
+__all__ = ["sweep", "sweep_system"]
+
+SAVED_EVERY_S = 1.0  # between two partial results
+
+
+def sweep(
+    scenario: Scenario,
+    progress: Callable[[float], None] | None = None,
+    *,
+    save: Callable[[SweepResult], object] | None = None,
+    resume: SweepResult | None = None,
+) -> SweepResult:
+    """Sweep a scenario through its frequencies, at all its levels.
+
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
+    progress : called with the fraction that is done.
+    save : called with what there is so far, after the first level and from time to time after others.
+    resume : what an earlier, interrupted sweep of the same scenario left; its levels are not computed again.
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario cannot be swept.
+    """
+    begin = clock.perf_counter()
+    next_save = begin
+    settings, excitation = scenario.sweep, scenario.excitation
+    if settings is None:
+        raise ScenarioError(
+            Problem(
+                "sweep",
+                "is missing",
+                "add for example `sweep: {kind: swept_sine, from: 20 Hz, to: 400 Hz, rate: 2 oct/min}`",
+            )
+        )
+    if not isinstance(settings, (SweptSine, SteppedSine)):
+        raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} is followed by another analysis", ""))
+    assert isinstance(excitation, Harmonic)
+    system = sweep_system(scenario)
+    if system.cubic.count:
+        raise ScenarioError(
+            Problem(
+                "chain",
+                "has cubic springs, whose motion has no closed form",
+                "use `beamsim run` with excitation: {kind: swept_sine, ...}, which steps through time",
+            )
+        )
+    levels = settings.levels or (
+        (1.0,) if isinstance(settings, SweptSine) and settings.profile else (excitation.level,)
+    )
+    limited = () if scenario.limits is None else tuple(scenario.limits.given)
+    curves: dict[str, SweepCurve] = {}
+    histories: dict[int, SweepHistory] = {}
+    known: dict[int, LevelWork] = {}
+
+    def result() -> SweepResult:
+        peaks = tuple(peak for curve in curves.values() for peak in _peaks(curve))
+        logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
+        work = _sum([known[index].work for index in sorted(known)])
+        truncation = max((level.truncation for level in known.values()), default=0.0)
+        status = next((level.status for level in known.values() if level.status != "complete"), "complete")
+        if len(known) < len(levels):
+            status = f"interrupted: {len(known)} of {len(levels)} levels"
+        return SweepResult(
+            scenario=scenario,
+            kind=settings.kind,
+            status=status,
+            curves=dict(curves),
+            linear=linear_curve(system, settings.from_, settings.to, logarithmic),
+            peaks=peaks,
+            modes=system.modes,
+            work=work,
+            summary=_summary(scenario, system, status, curves, peaks, work, truncation),
+            levels=dict(known),
+            histories=dict(histories),
+            truncation=truncation,
+            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario)),
+            wall_time_s=clock.perf_counter() - begin,
+        )
+
+    for index, level in enumerate(levels):
+        if resume is not None and index in resume.levels and resume.levels[index].status == "complete":
+            known[index] = resume.levels[index]
+            curves.update({name: curve for name, curve in resume.curves.items() if curve.level_index == index})
+            if index in resume.histories:
+                histories[index] = resume.histories[index]
+            continue
+        report = None if progress is None else _part(progress, index, len(levels))
+        if isinstance(settings, SweptSine):
+            from beamsim.analyses.sweep.swept_sine import run_level
+
+            run = run_level(system, settings, excitation, level, index, report, limited)
+            new, record, truncation = run.curves, run.record, run.truncation
+            if run.history is not None:
+                histories[index] = run.history
+            counted = SweepWork(
+                record.reached, record.events, record.segments, record.evaluations, len(record.flow.bare.states),
+                record.processor_time_s,
+            )  # fmt: skip
+            reached = record.status
+        else:
+            from beamsim.analyses.sweep.stepped import step_level
+
+            stepped = step_level(system, settings, excitation, level, index, report, limited)
+            new, counted, reached, truncation = stepped.curves, stepped.work, stepped.status, 0.0
+        curves.update({curve.name: curve for curve in new})
+        known[index] = LevelWork(float(level), reached, truncation, counted)
+        if save is not None and clock.perf_counter() >= next_save:
+            started = clock.perf_counter()
+            save(result())
+            # saving takes a tenth of the time at most
+            next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
+    return result()
+
+
+def sweep_system(scenario: Scenario) -> StructuralSystem:
+    """The system of a sweep: reduced for its highest frequency."""
+    assert isinstance(scenario.sweep, (SweptSine, SteppedSine))
+    assert isinstance(scenario.excitation, Harmonic)
+    highest = max(scenario.sweep.from_, scenario.sweep.to)
+    # without the run its sample rate does not call for modes; the excitation's own frequency plays no part
+    return build_system(
+        scenario.model_copy(
+            update={"run": None, "excitation": scenario.excitation.model_copy(update={"frequency": highest})}
+        )
+    )
+
+
+def _part(progress: Callable[[float], None], index: int, count: int) -> Callable[[float], None]:
+    return lambda fraction: progress((index + fraction) / count)
+
+
+def _sum(parts: list[SweepWork]) -> SweepWork:
+    return SweepWork(
+        sum(p.cycles for p in parts), sum(p.events for p in parts), sum(p.segments for p in parts),
+        sum(p.evaluations for p in parts), max((p.states for p in parts), default=0),
+        sum(p.processor_time_s for p in parts),
+    )  # fmt: skip
+
+
+def _peaks(curve: SweepCurve) -> Iterator[ResponsePeak]:
+    for probe in curve.displacement:
+        yield from find_peaks(curve, probe)
+
+
+def _summary(
+    scenario: Scenario,
+    system: StructuralSystem,
+    status: str,
+    curves: dict[str, SweepCurve],
+    peaks: tuple[ResponsePeak, ...],
+    work: SweepWork,
+    truncation: float,
+) -> dict[str, Any]:
+    def largest(values: str) -> dict[str, dict[str, float]]:
+        return {
+            curve.name: {
+                key: float(np.nanmax(envelope.peak, initial=0.0)) for key, envelope in getattr(curve, values).items()
+            }
+            for curve in curves.values()
+        }
+
+    return {
+        "status": status,
+        "peaks": [
+            {
+                "frequency_hz": p.frequency_hz,
+                "value_m": p.value_m,
+                "kind": p.kind,
+                "direction": p.direction,
+                "level": p.level,
+                "order": p.order,
+                "probe": p.probe,
+                "curve": p.curve,
+            }
+            for p in peaks
+        ],
+        "cycles": work.cycles,
+        "processor_time_s": work.processor_time_s,
+        "events": work.events,
+        "truncation": truncation,
+        "peak_displacement_m": largest("displacement"),
+        "peak_acceleration_m_s2": largest("acceleration"),
+        "peak_force_n": largest("force"),
+        "contact_share": {
+            curve.name: {
+                key: float(np.mean(share)) if share.size else 0.0 for key, share in curve.contact_share.items()
+            }
+            for curve in curves.values()
+        },
+        "open_frequencies_hz": system.modes.open_frequencies_hz.tolist(),
+        "closed_frequencies_hz": system.modes.closed_frequencies_hz.tolist(),
+        "kept_modes": system.modes.kept_modes,
+        "static_vectors": system.modes.static_vectors,
+        "reduction_error": system.modes.reduction_error,
+        "margins": _margins(scenario, curves),
+    }
+
+
+def _uncompared(scenario: Scenario) -> list[str]:
+    given = () if scenario.limits is None else scenario.limits.given
+    if (
+        "peak_acceleration" in given
+        and scenario.sweep is not None
+        and not getattr(scenario.sweep, "accelerations", True)
+    ):
+        return ["limits.peak_acceleration is not compared: sweep.accelerations = false leaves accelerations out"]
+    return []
+
+
+def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
+    """Margins against the allowables: the worst of all curves."""
+    if scenario.limits is None:
+        return {}
+    found: dict[str, tuple[float, str]] = {}
+    for curve in curves.values():
+        sources = {
+            "peak_force": curve.force,
+            "peak_displacement": curve.displacement,
+            "peak_acceleration": curve.acceleration,
+        }
+        for limit, envelopes in sources.items():
+            for name, envelope in envelopes.items():
+                k = int(np.nanargmax(envelope.peak))
+                here = (float(envelope.peak[k]), f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}")
+                found[limit] = max(found.get(limit, (-1.0, "")), here)
+        for name, values in curve.limited.items():
+            limit, _, snubber = name.partition(" ")
+            k = int(np.nanargmax(values))
+            at = f"{snubber}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
+            found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
+    margins = {}
+    for name, allowed in scenario.limits.given.items():
+        if name in found:
+            value, at = found[name]
+            margins[name] = {
+                "limit": allowed,
+                "value": value,
+                "margin": margin_of(allowed, value),
+                "at": at,
+                "exceeded": value > allowed,
+            }
+    return margins

@@ -1,0 +1,97 @@
+"""Peaks of a response curve, and what each of them is.
+
+A peak is named after the harmonic that rises most there: the excitation frequency itself (a resonance, linear where
+contact is never lost or never made, nonlinear otherwise), a multiple of it (a superharmonic: that multiple lies on a
+resonance), or a fraction (a subharmonic).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
+
+__all__ = ["bent", "find_peaks"]
+
+Floats = NDArray[np.float64]
+
+BINS = 300  # stretches of frequency over which the envelope of a swept response is taken
+LEAST_PROMINENCE = 1.3  # factor by which a peak stands out
+NEIGHBOURHOOD = 1.25  # factor in frequency within which a harmonic's rise is measured
+MOST_PEAKS = 12  # of a curve
+ALWAYS = 1e-6  # contact shares this close to 0 or 1 mean never and always
+
+
+def find_peaks(curve: SweepCurve, probe: str) -> list[ResponsePeak]:
+    """Peaks of a probe's peak displacement, by falling value."""
+    from scipy.signal import find_peaks as local_maxima
+
+    envelope = curve.displacement[probe]
+    good = np.isfinite(envelope.peak) & (envelope.peak > 0)
+    if good.sum() < 5:
+        return []
+    order = np.argsort(curve.frequency_hz[good], kind="stable")
+    index = np.flatnonzero(good)[order]
+    frequency, peak = curve.frequency_hz[index], envelope.peak[index]
+    stretch = _stretches(frequency, BINS) if frequency.size > 3 * BINS else np.arange(frequency.size)
+    first = np.flatnonzero(np.append(True, np.diff(stretch) > 0))
+    high = np.maximum.reduceat(peak, first)
+    padded = np.concatenate([[0.0], np.log(high), [0.0]])
+    padded[0] = padded[-1] = padded[1:-1].min() - 1.0
+    found, _ = local_maxima(padded, prominence=np.log(LEAST_PROMINENCE))
+    peaks = []
+    last = np.append(first[1:], peak.size)
+    for bin_ in found - 1:
+        if bin_ in (0, high.size - 1):
+            continue  # the ends of the sweep are no peaks
+        at = first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]]))
+        peaks.append(_named(curve, probe, index, frequency, at))
+    return sorted(peaks, key=lambda p: -p.value_m)[:MOST_PEAKS]
+
+
+def _stretches(frequency: Floats, count: int) -> NDArray[np.int64]:
+    edges = np.geomspace(frequency[0], frequency[-1], count + 1)
+    return np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, count - 1)
+
+
+def _named(curve: SweepCurve, probe: str, index: NDArray[np.int64], frequency: Floats, at: int) -> ResponsePeak:
+    envelope = curve.displacement[probe]
+    f = frequency[at]
+    amplitude = np.abs(envelope.harmonics[:, index])
+    here = _around(frequency, f * 0.99, f * 1.01, at)
+    below = _around(frequency, f / NEIGHBOURHOOD, f / NEIGHBOURHOOD**0.5, None)
+    above = _around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
+    rise = np.empty(curve.orders.size)
+    for r in range(curve.orders.size):
+        beside = [np.nanmedian(amplitude[r, part]) for part in (below, above) if part.size]
+        # the higher side counts: what merely grows with frequency does not peak
+        rise[r] = np.nanmedian(amplitude[r, here]) - max(beside, default=0.0)
+    rise = np.where(np.isfinite(rise), rise, -np.inf)
+    r = int(np.argmax(rise))
+    order = float(curve.orders[r])
+    if order == 1.0 or not np.isfinite(rise[r]):
+        kind = "linear resonance" if _linear(curve, index[here]) else "nonlinear resonance"
+    else:
+        kind = "superharmonic" if order > 1 else "subharmonic"
+    value = float(envelope.peak[index[at]])
+    share = float(np.nanmedian(amplitude[r, here]) / value)
+    return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
+
+
+def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> NDArray[np.int64]:
+    inside = np.flatnonzero((frequency >= low) & (frequency <= high))
+    return inside if inside.size or fallback is None else np.array([fallback])
+
+
+def _linear(curve: SweepCurve, part: NDArray[np.int64]) -> bool:
+    """Whether no contact is made or lost, nor a breakpoint of a spring met, in these cycles."""
+    shares = curve.contact_share.values()
+    if curve.bent is not None and np.any(curve.bent[part]):
+        return False
+    return all(bool(np.all(share[part] <= ALWAYS) or np.all(share[part] >= 1 - ALWAYS)) for share in shares)
+
+
+def bent(share: Floats) -> NDArray[np.bool_]:
+    """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) that its stretch is beyond it."""
+    return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

@@ -1,0 +1,209 @@
+"""``beamsim sweep``, kind stepped: the steady motion at each frequency, from that at the one before."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.sweep.peaks import bent
+from beamsim.analyses.sweep.result import Envelope, SteadyStates, SweepCurve, SweepWork
+from beamsim.analyses.sweep.swept_sine import limited_values, sweep_outputs, swept_flow
+from beamsim.inputs.broadband import phase_of_acceleration
+from beamsim.inputs.profiles import acceleration_amplitude
+from beamsim.inputs.swept import constant_windows
+from beamsim.orbits.lyapunov import largest_exponent
+from beamsim.orbits.steady import CycleStepper, Measured, Motion, Settled, measure, settle
+from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.sweep import SteppedSine
+from beamsim.system.structural import StructuralSystem
+
+__all__ = ["SteppedRun", "frequencies_of", "step_level"]
+
+Floats = NDArray[np.float64]
+
+EXPONENT_CYCLES = 400
+UNSETTLED_CYCLES = 64  # measured where there is no period
+MOST_MEASURED = 240
+
+
+@dataclass(frozen=True)
+class SteppedRun:
+    """One level, all its directions."""
+
+    curves: tuple[SweepCurve, ...]
+    work: SweepWork
+    status: str
+
+
+@dataclass
+class _Point:
+    frequency_hz: float
+    amplitude: float
+    settled: Settled
+    kind: str
+    exponent: float
+    measured: Measured
+    section: Floats
+
+
+def frequencies_of(settings: SteppedSine) -> Floats:
+    """Frequencies of the steps, upwards."""
+    if settings.spacing == "logarithmic":
+        return np.geomspace(settings.from_, settings.to, settings.points)
+    return np.linspace(settings.from_, settings.to, settings.points)
+
+
+def step_level(
+    system: StructuralSystem,
+    settings: SteppedSine,
+    excitation: Harmonic,
+    level: float,
+    level_index: int,
+    progress: Callable[[float], None] | None = None,
+    limited: Collection[str] = (),
+) -> SteppedRun:
+    """Step through the frequencies at one level, in all directions."""
+    begin = clock.process_time()
+    up = frequencies_of(settings)
+    ways = {"up": [("up", up)], "down": [("down", up[::-1])], "both": [("up", up), ("down", up[::-1])]}
+    ways_taken = ways[settings.direction]
+    quantity = excitation.quantity or "acceleration"
+    phase = excitation.phase + phase_of_acceleration(quantity, level)
+    total = sum(f.size for _, f in ways_taken)
+
+    first = constant_windows(float(ways_taken[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
+    flow = swept_flow(system, first)
+    stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel)
+    output_of = sweep_outputs(system, flow, settings.accelerations, limited)
+    orders = np.array((0.0, *settings.orders))
+    start = np.array(system.initial_state, dtype=float)
+    motion = Motion(start, np.zeros(system.dynamics.contacts.count), -1)
+    curves, status, done = [], "complete", 0
+    for direction, frequencies in ways_taken:
+        points: list[_Point] = []
+        for f in frequencies:
+            amplitude = acceleration_amplitude(abs(level), quantity, float(f))
+            stepper.use(constant_windows(float(f), amplitude, _windows_at_a_time(settings), phase))
+            if motion.state < 0:
+                motion.state = flow.state_index(flow.starting_state(motion.y))
+            try:
+                points.append(_point(stepper, motion, settings, float(f), amplitude, output_of, orders))
+            except ArithmeticError as error:
+                status = f"stopped at {f:.6g} Hz: {error}"
+                break
+            done += 1
+            if progress is not None:
+                progress(done / total)
+        if points:
+            curves.append(_curve(system, settings, quantity, level, level_index, direction, points, limited))
+        if status != "complete":
+            break
+    work = SweepWork(
+        stepper.cycles, stepper.events, stepper.segments, stepper.evaluations, len(flow.bare.states),
+        clock.process_time() - begin,
+    )  # fmt: skip
+    return SteppedRun(tuple(curves), work, status)
+
+
+def _windows_at_a_time(settings: SteppedSine) -> int:
+    return max(_cycles_to_measure(settings, 1), UNSETTLED_CYCLES, MOST_MEASURED)
+
+
+def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
+    """A whole number of the motion's periods and of the orders', as many as asked for."""
+    repeat = period
+    for order in settings.orders:
+        longer = math.lcm(repeat, Fraction(order).limit_denominator(12).denominator)
+        if longer <= MOST_MEASURED:
+            repeat = longer
+    return max(repeat, min(math.ceil(settings.measured_cycles / repeat) * repeat, MOST_MEASURED // repeat * repeat))
+
+
+def _point(
+    stepper: CycleStepper,
+    motion: Motion,
+    settings: SteppedSine,
+    frequency: float,
+    amplitude: float,
+    output_of: Callable,  # type: ignore[type-arg]
+    orders: Floats,
+) -> _Point:
+    settled = settle(
+        stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
+        most_cycles=settings.most_cycles,
+    )  # fmt: skip
+    kind, exponent, section = "periodic", float("nan"), settled.section[:0]
+    cycles = _cycles_to_measure(settings, settled.period) if settled.period else UNSETTLED_CYCLES
+    if not settled.period:
+        found = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
+        kind, exponent, section = found.kind, found.value, settled.section
+    _, measured = measure(stepper, motion, cycles, output_of, orders)
+    return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
+
+
+def _curve(
+    system: StructuralSystem,
+    settings: SteppedSine,
+    quantity: str,
+    level: float,
+    level_index: int,
+    direction: str,
+    points: list[_Point],
+    limited: Collection[str],
+) -> SweepCurve:
+    high = np.array([p.measured.high.max(axis=0) for p in points])
+    low = np.array([p.measured.low.min(axis=0) for p in points])
+    square = np.array([p.measured.mean_square.mean(axis=0) for p in points])
+    harmonic = np.array([p.measured.harmonic.mean(axis=0) for p in points])  # (C, K, 1 + R)
+    share = np.array([p.measured.contact_share.mean(axis=0) for p in points])
+    closings = np.array([p.measured.closings.sum(axis=0) for p in points])
+    probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
+    P, S = len(probes), len(snubbers)
+
+    def envelope(k: int, name: str, unit: str) -> Envelope:
+        return Envelope(
+            name, unit, high[:, k], low[:, k], np.sqrt(np.maximum(square[:, k], 0)), harmonic[:, k, 0].real,
+            np.ascontiguousarray(harmonic[:, k, 1:].T),
+        )  # fmt: skip
+
+    frequency = np.array([p.frequency_hz for p in points])
+    n = system.dynamics.size
+    shapes = np.array([p.shape for p in system.probes]).reshape(-1, n)
+    section = np.concatenate([p.section for p in points]) if points else np.zeros((0, 2 * n))
+    elapsed = np.cumsum([0.0] + [(p.settled.cycles + p.measured.high.shape[0]) / p.frequency_hz for p in points])
+    return SweepCurve(
+        name=f"{direction}_{level_index}",
+        direction=direction,
+        level_index=level_index,
+        level=level,
+        quantity=quantity,
+        frequency_hz=frequency,
+        time=elapsed[:-1],
+        excitation_amplitude=np.array([p.amplitude for p in points]),
+        orders=np.array(settings.orders),
+        displacement={name: envelope(k, "displacement", "m") for k, name in enumerate(probes)},
+        acceleration={name: envelope(P + S + k, "absolute_acceleration", "m/s^2") for k, name in enumerate(probes)}
+        if settings.accelerations
+        else {},
+        force={name: envelope(P + k, "force", "N") for k, name in enumerate(snubbers)},
+        contact_share={name: share[:, k] for k, name in enumerate(snubbers)},
+        contacts={name: closings[:, k] for k, name in enumerate(snubbers)},
+        limited=limited_values(system, settings.accelerations, limited, high, low),
+        bent=bent(share[:, S:]),
+        steady=SteadyStates(
+            kind=tuple(p.kind for p in points),
+            period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),
+            cycles=np.array([p.settled.cycles for p in points], dtype=np.int64),
+            change=np.array([p.settled.change for p in points]),
+            lyapunov_exponent=np.array([p.exponent for p in points]),
+            poincare_frequency_hz=np.repeat(frequency, [p.section.shape[0] for p in points]),
+            poincare_displacement=section[:, :n] @ shapes.T,
+            poincare_velocity=section[:, n:] @ shapes.T,
+        ),
+    )

@@ -1,0 +1,58 @@
+"""From a scenario to the modes of its structure as a snubber sees them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.structures.assembly import assemble
+from beamsim.structures.modes import DENSE_LIMIT, natural_modes
+from beamsim.structures.places import place_of, row_of
+from beamsim.structures.reduction import LoadPattern, reduce_model
+from beamsim.structures.secular import SpringPoint
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+__all__ = ["free_frequencies", "mode_shapes", "snubber_point"]
+
+Floats = NDArray[np.float64]
+
+# Modes kept of a model too large for all of them, beyond those wanted; the static vector stands for the others.
+_EXTRA_MODES = 60
+
+
+def snubber_point(scenario: Scenario, name: str, wanted: int = 1) -> SpringPoint:
+    """The structure's modes at a snubber, every contact open: all of the finite-element model's.
+
+    A model with more degrees of freedom than `DENSE_LIMIT` gives `wanted` + 60 modes and the static vector of the
+    snubber, which carries the static compliance of the rest.
+    """
+    model = assemble(scenario)
+    snubber = scenario.snubber(name)
+    row = row_of(model, snubber)
+    if model.size <= DENSE_LIMIT:
+        modes = natural_modes(model)
+        omega, vectors = modes.omega, modes.vectors
+    else:
+        basis = reduce_model(model, [LoadPattern(row, place_of(snubber))], count=wanted + _EXTRA_MODES)
+        omega, vectors = basis.omega, basis.vectors
+    return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
+
+
+def free_frequencies(scenario: Scenario, count: int) -> Floats:
+    """Natural frequencies without snubbers, Hz: zeros of rigid-body modes, then `count` others (or all there are)."""
+    model = assemble(scenario)
+    count += model.rigid.shape[1]
+    return np.asarray(natural_modes(model, count=count).omega[:count] * model.frequency_scale / (2 * np.pi))
+
+
+def mode_shapes(scenario: Scenario, count: int, positions: tuple[float, ...]) -> tuple[Floats, Floats]:
+    """(count,) natural frequencies without snubbers, Hz, and (count, p) deflections; rigid-body modes left out."""
+    model = assemble(scenario)
+    rigid = model.rigid.shape[1]
+    modes = natural_modes(model, count=count + rigid).first(count + rigid)
+    frequencies = modes.omega[rigid:] * model.frequency_scale / (2 * np.pi)
+    return np.asarray(frequencies), np.asarray((model.rows(positions) @ modes.vectors[:, rigid:]).T)

@@ -1,0 +1,86 @@
+r"""Contacts along a parameter of one snubber, with their exact derivatives by it.
+
+The dashpot of a damping ratio follows, :math:`c = 2 \xi k / \Omega`, with :math:`\Omega` the first natural frequency
+with the snubber closed. From its mode v, :math:`\partial\Omega^2/\partial k = (\phi^T v)^2` and
+:math:`\partial\Omega^2/\partial x = 2 k\, (\phi^T v)(\phi'^T v)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.snubbers import dashpot_from_ratio
+
+__all__ = ["ContactRates", "MovedContact"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactRates:
+    """Derivatives of the contacts' numbers by a parameter."""
+
+    stiffness: Floats  # (m,)
+    dashpot: Floats  # (m,)
+    gap: Floats  # (m,)
+    shape: Floats  # (m, n)
+
+
+@dataclass(frozen=True)
+class MovedContact:
+    """One snubber with another gap, stiffness or position.
+
+    Parameters
+    ----------
+    contacts : as they are.
+    omega_squared : (n,) diagonal stiffness of the open structure, rad^2/s^2.
+    index : of the snubber.
+    quantity : "gap" (m), "stiffness" (N/m) or "position" (m).
+    damping_ratio : of the snubber's dashpot; None where the dashpot is given as such (or there is none).
+    rigid : number of rigid-body coordinates.
+    shape_at : for positions, the deflection (n,) for a unit of each coordinate, and its derivative.
+    """
+
+    contacts: Contacts
+    omega_squared: Floats
+    index: int
+    quantity: str
+    damping_ratio: float | None = None
+    rigid: int = 0
+    shape_at: Callable[[float], tuple[Floats, Floats]] | None = None
+
+    def __call__(self, value: float) -> tuple[Contacts, ContactRates]:
+        """The contacts at a value, and their derivatives by it.
+
+        Raises
+        ------
+        ArithmeticError : at a stiffness that is not positive.
+        """
+        c, i = self.contacts, self.index
+        shape, stiffness, dashpot, gap = (a.copy() for a in (c.shape, c.stiffness, c.dashpot, c.gap))
+        rates = ContactRates(*(np.zeros_like(a) for a in (stiffness, dashpot, gap, shape)))
+        if self.quantity == "gap":
+            gap[i], rates.gap[i] = value, 1.0
+        elif self.quantity == "stiffness":
+            if value <= 0:
+                raise ArithmeticError("the stiffness became negative")
+            stiffness[i], rates.stiffness[i] = value, 1.0
+        else:
+            assert self.shape_at is not None
+            shape[i], rates.shape[i] = self.shape_at(value)
+        if self.damping_ratio is not None and self.quantity != "gap":
+            omega, k, phi = np.sqrt(self.omega_squared), float(stiffness[i]), shape[i]
+            c_i = dashpot_from_ratio(self.damping_ratio, k, omega, phi, self.rigid)
+            square = (2 * self.damping_ratio * k / c_i) ** 2 if c_i else 1.0
+            values, vectors = np.linalg.eigh(np.diag(self.omega_squared) + k * np.outer(phi, phi))
+            v = vectors[:, int(np.argmin(np.abs(values - square)))]
+            moved = float(phi @ v)
+            slope = moved**2 * rates.stiffness[i] + 2 * k * moved * float(rates.shape[i] @ v)
+            dashpot[i] = c_i
+            rates.dashpot[i] = c_i * (rates.stiffness[i] / k - 0.5 * slope / square)
+        return replace(c, shape=shape, stiffness=stiffness, dashpot=dashpot, gap=gap), rates

@@ -1,0 +1,304 @@
+r"""Static equilibrium: the minimum of a convex, piecewise quadratic energy.
+
+.. math:: E(q) = \tfrac12 q^T K q + \tfrac12 \sum_i k_i [\delta_i(q)]_+^2 - f^T q,
+          \qquad \delta_i = -g_i - s_i \phi_i q .
+
+Eliminating the flexible coordinates leaves the contact forces N >= 0, the minimum of a strictly convex
+quadratic function under the balance of the rigid-body modes, :math:`\Phi_R^T s N + f_R = 0`, whose multipliers
+are the rigid-body coordinates. An active-set method finds which contacts push; a linear solve for that set
+then gives the forces to machine precision.
+
+Cubic springs, and one-sided ones of negative stiffness (a piecewise-linear spring that softens; the energy as a whole
+is convex still), have no such dual: Newton's method on the energy itself takes over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.contacts.nonnegative import nonnegative_least_squares
+from beamsim.errors import NotTrustedError
+
+__all__ = ["FLOATS", "RUNS_AWAY", "CubicSprings", "Equilibrium", "Springs", "find_equilibrium"]
+
+Floats = NDArray[np.float64]
+
+# Relative size of what counts as round-off in loads and gaps.
+_ROUND_OFF = 1e-10
+# Method of multipliers for the balance of rigid-body modes: weight of each pass (contacts' compliance = 1). It has to
+# grow because soft contacts, alone against the load, converge as one over weight times their share of the stiffness.
+_PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
+
+RUNS_AWAY = "the loads push the structure away for ever: no support or snubber can balance them"
+FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
+
+
+@dataclass(frozen=True)
+class Springs:
+    """One-sided springs as statics sees them."""
+
+    shape: Floats  # (m, n)
+    sign: Floats  # (m,) +1 below, -1 above
+    stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
+    gap: Floats  # (m,) m
+
+    def take(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Springs:
+        """Some of them."""
+        return Springs(self.shape[index], self.sign[index], self.stiffness[index], self.gap[index])
+
+
+@dataclass(frozen=True)
+class CubicSprings:
+    """Cubic springs to the ground, force -stiffness * (shape @ q + d(t))**3 along shape; between masses without d."""
+
+    shape: Floats  # (nc, n)
+    stiffness: Floats  # (nc,) N/m^3
+    on_ground: NDArray[np.bool_] | None = None  # (nc,) feels the base's displacement d(t); None: all of them
+
+    @property
+    def count(self) -> int:
+        """Number of springs."""
+        return int(self.stiffness.size)
+
+    @property
+    def felt(self) -> Floats:
+        """(nc,) share of the base's displacement in each spring's stretch: 1 to the ground, 0 between masses."""
+        return np.ones(self.count) if self.on_ground is None else self.on_ground.astype(float)
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The outcome: coordinates and contact forces, or the reason why there are none."""
+
+    q: Floats | None  # (n,)
+    force: Floats  # (m,) N, contact forces (nan without equilibrium)
+    reason: str = ""  # empty where q exists and is the only one
+
+
+def find_equilibrium(
+    stiffness: Floats, rigid: int, springs: Springs, loads: Floats, cubic: CubicSprings | None = None
+) -> Equilibrium:
+    """The static equilibrium of a structure with one-sided springs.
+
+    Parameters
+    ----------
+    stiffness : (n,) diagonal of K, the first `rigid` entries zero, rad^2/s^2.
+    rigid : number of rigid-body coordinates.
+    springs : the one-sided springs.
+    loads : (L, n) constant loads, summed here (kept apart to tell balance from round-off).
+    cubic : cubic springs, if any (then Newton's method finishes what the linear springs begin).
+
+    Raises
+    ------
+    NotTrustedError
+        If round-off keeps the contact conditions from being met (a relative 1e-9).
+    """
+    if np.any(springs.stiffness < 0):
+        return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, Equilibrium(None, springs.gap))
+    found = _by_forces(stiffness, rigid, springs, loads)
+    if cubic is None or cubic.count == 0 or (found.q is not None and not np.any(cubic.shape @ found.q)):
+        return found
+    return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, found)
+
+
+def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -> Equilibrium:
+    m = springs.stiffness.size
+    nothing = np.full(m, np.nan)
+    load = loads.sum(axis=0)
+    load_size = float(np.abs(loads[:, :rigid]).sum()) if rigid else 0.0
+    normal = springs.sign[:, None] * springs.shape  # (m, n) opening direction: clearance = gap + normal @ q
+    away, push = normal[:, :rigid], load[:rigid].copy()
+    push[np.abs(push) <= _ROUND_OFF * load_size] = 0.0
+    if not _balanced(away, push):
+        return Equilibrium(None, nothing, RUNS_AWAY)
+
+    flexible = np.zeros_like(stiffness)
+    flexible[rigid:] = 1.0 / stiffness[rigid:]
+    compliance = (normal * flexible) @ normal.T + np.diag(1.0 / springs.stiffness)
+    clearance = springs.gap + normal @ (flexible * load)  # where the flexible coordinates would put each contact
+    force, drift = _contact_forces(compliance, clearance, away, push)
+    q = flexible * (load + normal.T @ force)
+    q[:rigid] = drift
+    if rigid:
+        size = float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
+        clear = springs.gap + normal @ q
+        closed = force * np.diag(compliance) > _ROUND_OFF * size
+        if not _held(away, closed, clear <= _ROUND_OFF * size):
+            return Equilibrium(None, nothing, FLOATS)
+    return Equilibrium(q, force)
+
+
+def _balanced(away: Floats, push: Floats) -> bool:
+    """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid motion runs away)."""
+    size = float(np.linalg.norm(push))
+    if size == 0.0:
+        return True
+    if away.shape[0] == 0:
+        return False
+    scale = np.linalg.norm(away, axis=1)
+    unit = away / np.where(scale > 0, scale, 1.0)[:, None]
+    n = nonnegative_least_squares(unit.T, -push / size)
+    return bool(np.linalg.norm(unit.T @ n + push / size) <= _ROUND_OFF)
+
+
+def _held(away: Floats, closed: NDArray[np.bool_], touching: NDArray[np.bool_]) -> bool:
+    """Whether no rigid-body motion leaves every closed contact alone and no touching one is pressed."""
+    loose = _loose(away[closed])
+    if loose.shape[0] == 0:
+        return True
+    stops = away[touching & ~closed] @ loose.T
+    stops = stops[np.linalg.norm(stops, axis=1) > 1e-12]
+    if stops.shape[0] == 0 or np.linalg.matrix_rank(stops) < loose.shape[0]:
+        return False
+    # Stiemke: only d = 0 satisfies stops @ d >= 0 when the rows balance with all weights positive.
+    stops = stops / np.linalg.norm(stops, axis=1)[:, None]
+    target = -stops.sum(axis=0)
+    weights = nonnegative_least_squares(stops.T, target)
+    return bool(np.linalg.norm(stops.T @ weights - target) <= _ROUND_OFF * stops.shape[0])
+
+
+def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: Floats) -> tuple[Floats, Floats]:
+    """Forces N and rigid coordinates d with N >= 0, gap >= 0, N gap = 0 and away^T N + push = 0.
+
+    gap = compliance @ N + clearance + away @ d (the spring's own compliance included). With rigid-body coordinates this
+    is the method of multipliers: each pass finds N >= 0 by non-negative least squares with the balance as
+    a penalty, and d grows by what the balance lacks. The contacts that push settle after
+    a few passes; a direct solve for them then meets all conditions to round-off, which ends it.
+    """
+    m, rigid = away.shape
+    if m == 0:
+        return np.zeros(0), np.zeros(rigid)
+    # Contacts in units of their own compliance, rigid-body coordinates in units of the contacts' reach.
+    s = 1.0 / np.sqrt(np.diag(compliance))
+    t = np.linalg.norm(away * s[:, None], axis=0)
+    t = 1.0 / np.where(t > 0, t, 1.0)
+    compliance, clearance, away, push = compliance * s[:, None] * s, clearance * s, away * s[:, None] * t, push * t
+    drift = np.zeros(rigid)
+    for weight in _PENALTIES:
+        upper = np.asarray(np.linalg.cholesky(compliance + weight * away @ away.T).T, dtype=float)
+        linear = clearance + away @ (drift + weight * push)
+        force = nonnegative_least_squares(upper, -np.linalg.solve(upper.T, linear))
+        drift = drift + weight * (away.T @ force + push)
+        exact = _meet_conditions(compliance, clearance, away, push, force > 0, drift)
+        if exact is not None:
+            return np.maximum(exact[0], 0.0) * s, exact[1] * t
+    raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
+
+
+def _meet_conditions(
+    compliance: Floats, clearance: Floats, away: Floats, push: Floats, closed: NDArray[np.bool_], drift: Floats
+) -> tuple[Floats, Floats] | None:
+    """N and d for a closed set, None where they break a contact condition by more than round-off.
+
+    Where the closed contacts leave a rigid-body motion free, d follows the given drift along it.
+    """
+    m, rigid = away.shape
+    c = int(closed.sum())
+    a = away[closed]
+    matrix = np.block([[compliance[np.ix_(closed, closed)], a], [a.T, np.zeros((rigid, rigid))]])
+    rhs = np.concatenate([-clearance[closed] - a @ drift, -push])
+    solution = np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0] if rhs.size else rhs
+    force = np.zeros(m)
+    force[closed] = solution[:c]
+    drift = drift + solution[c:]
+    bent, moved = compliance @ force, away @ drift
+    gap = bent + clearance + moved
+    size = float(np.abs(clearance).max() + np.abs(bent).max() + np.abs(moved).max())
+    reach = float((np.abs(away.T) @ np.abs(force) + np.abs(push)).max(initial=0.0))
+    met = (
+        np.all(force >= -_ROUND_OFF * size)
+        and np.all(gap[~closed] >= -_ROUND_OFF * size)
+        and np.all(np.abs(gap[closed]) <= _ROUND_OFF * size)
+        and np.all(np.abs(away.T @ force + push) <= _ROUND_OFF * reach + 1e-13 * size)
+    )
+    return (force, drift) if met else None
+
+
+def _loose(away: Floats) -> Floats:
+    """(l, r) orthonormal rigid-body motions that leave the given contacts alone."""
+    if away.shape[0] == 0:
+        return np.eye(away.shape[1])
+    _, s, vt = np.linalg.svd(away)
+    return np.asarray(vt[int(np.sum(s > _ROUND_OFF * s.max(initial=0.0))) :])
+
+
+def _by_newton(
+    stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings | None, start: Equilibrium
+) -> Equilibrium:
+    """Levenberg-damped Newton on the energy with every spring in it (smooth up to the contacts).
+
+    The minimum of a convex energy is the only one unless a direction leads on from it without a slope.
+    """
+    normal = springs.sign[:, None] * springs.shape
+    bent, third = (np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else (cubic.shape, cubic.stiffness)
+
+    def energy(q: Floats) -> float:
+        delta = np.maximum(-springs.gap - normal @ q, 0.0)
+        w = bent @ q
+        return float(0.5 * q @ (stiffness * q) + 0.5 * springs.stiffness @ delta**2 + 0.25 * third @ w**4 - load @ q)
+
+    def derivatives(q: Floats) -> tuple[Floats, Floats, float]:
+        delta = np.maximum(-springs.gap - normal @ q, 0.0)
+        w = bent @ q
+        terms = [stiffness * q, -normal.T @ (springs.stiffness * delta), bent.T @ (third * w**3), -load]
+        closed = normal[delta > 0]
+        tangent = np.diag(stiffness) + closed.T @ (springs.stiffness[delta > 0, None] * closed)
+        tangent += bent.T @ ((3 * third * w**2)[:, None] * bent)
+        return np.sum(terms, axis=0), tangent, float(max(np.abs(t).max(initial=0.0) for t in terms))
+
+    q = np.zeros_like(stiffness) if start.q is None else start.q
+    reach = np.abs(bent).max(axis=1)
+    reach = np.where(reach > 0, reach, 1.0)
+    scales = [
+        stiffness,
+        np.abs(springs.stiffness) @ normal**2,
+        np.cbrt(np.abs(third) * (np.abs(load).max() / reach) ** 2) * reach**2,  # tangent where it holds the load
+    ]
+    largest = float(max(np.max(scale, initial=1e-290) for scale in scales))
+    floor = 1e-12 * largest
+    damping = floor
+    value = energy(q)
+    for _ in range(500):
+        gradient, tangent, size = derivatives(q)
+        if np.abs(gradient).max(initial=0.0) <= 1e-13 * size:
+            break
+        step = np.linalg.solve(tangent + damping * np.eye(q.size), -gradient)
+        trial = energy(q + step)
+        if trial <= value + 1e-15 * abs(value):
+            q, value, damping = q + step, trial, max(damping / 10, floor)
+        else:
+            damping *= 10
+    gradient, _, size = derivatives(q)
+    nothing = np.full(springs.stiffness.size, np.nan)
+    left = float(np.abs(gradient).max(initial=0.0))
+    # far away the forces of a softened spring's parts cancel: what they leave is compared with what does not grow
+    given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
+    if left > 1e-9 * size or (np.any(springs.stiffness < 0) and left > 1e-6 * given):
+        return Equilibrium(None, nothing, start.reason or RUNS_AWAY)
+    if np.any(springs.stiffness < 0) and not _only_one(stiffness, springs, bent, q, largest):
+        return Equilibrium(None, nothing, FLOATS)
+    return Equilibrium(q, springs.stiffness * np.maximum(-springs.gap - normal @ q, 0.0))
+
+
+def _only_one(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, largest: float) -> bool:
+    """Whether a minimum of the convex energy is the only one: every direction from it meets a spring.
+
+    Contacts that just touch count as closed where that softens the structure, and as stops where it stiffens it.
+    """
+    normal = springs.sign[:, None] * springs.shape
+    clear = springs.gap + normal @ q
+    near = _ROUND_OFF * float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
+    softer = springs.stiffness < 0
+    closed = (clear < -near) | (softer & (clear <= near))
+    tangent = np.diag(stiffness) + normal[closed].T @ (springs.stiffness[closed, None] * normal[closed])
+    values, vectors = np.linalg.eigh(tangent)
+    loose = vectors[:, values <= _ROUND_OFF * largest].T
+    if bent.shape[0]:  # a cubic spring stops every motion that stretches it
+        loose = _loose(bent @ loose.T) @ loose
+    if loose.shape[0] == 0:
+        return True
+    touching = normal[(np.abs(clear) <= near) & ~softer]
+    return _held(touching @ loose.T, np.zeros(touching.shape[0], dtype=bool), np.ones(touching.shape[0], dtype=bool))

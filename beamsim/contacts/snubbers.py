@@ -1,0 +1,124 @@
+"""Snubbers: where they act, their dashpots, and the gaps that preloads ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.equilibrium import Springs, find_equilibrium
+from beamsim.errors import Problem, ScenarioError
+from beamsim.structures.modes import closed_frequencies
+
+if TYPE_CHECKING:
+    from beamsim.contacts.equilibrium import CubicSprings
+    from beamsim.scenario.snubber import SnubberBase
+
+__all__ = ["build_contacts", "dashpot_from_ratio", "resists", "resolve_preloads", "springs_of"]
+
+Floats = NDArray[np.float64]
+
+
+def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
+    """c = 2 xi k / Omega, N s/m, Omega the first natural frequency with only this snubber closed.
+
+    If that is a rigid-body mode (frequency zero), the first one that is not counts. Raises ValueError
+    where there is none.
+    """
+    closed = closed_frequencies(omega, shape[None, :], np.array([stiffness]), rigid)
+    moving = closed[closed > 0]
+    if moving.size == 0:
+        raise ValueError("no natural frequency differs from zero with this snubber closed")
+    return float(2 * ratio * stiffness / moving[0])
+
+
+def build_contacts(snubbers: Sequence[SnubberBase], shape: Floats, omega: Floats, rigid: int, path: str) -> Contacts:
+    """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
+
+    Parameters
+    ----------
+    snubbers : the scenario's.
+    shape : (m, n) deflection at each for a unit of each coordinate.
+    omega : (n,) rad/s, open structure.
+    rigid : number of rigid-body coordinates.
+    path : where the snubbers are in the scenario, for messages.
+    """
+    dashpot = np.zeros(len(snubbers))
+    problems: list[Problem] = []
+    for i, snubber in enumerate(snubbers):
+        if snubber.damping is None:
+            continue
+        if snubber.damping.kind == "viscous":
+            dashpot[i] = snubber.damping.coefficient
+            continue
+        try:
+            dashpot[i] = dashpot_from_ratio(snubber.damping.ratio, snubber.stiffness, omega, shape[i], rigid)
+        except ValueError as error:
+            problems.append(
+                Problem(f"{path}[{i}].damping.ratio", f"has no meaning here: {error}", "give the dashpot in N s/m")
+            )
+    if problems:
+        raise ScenarioError(problems)
+    return Contacts(
+        shape=shape,
+        sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
+        stiffness=np.array([s.stiffness for s in snubbers], dtype=float),
+        dashpot=dashpot,
+        gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
+        on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
+        no_tension=np.array([s.law == "no_tension" for s in snubbers], dtype=bool),
+    )
+
+
+def resists(snubber: Any) -> str:
+    """Which way it resists: "below" or "above", between two masses "approach" or "separation"."""
+    return str(getattr(snubber, "side", "") or snubber.resists)
+
+
+def springs_of(contacts: Contacts) -> Springs:
+    """The elastic part of the contacts."""
+    return Springs(contacts.shape, contacts.sign, contacts.stiffness, contacts.gap)
+
+
+def resolve_preloads(
+    contacts: Contacts,
+    preload: Sequence[float | None],
+    stiffness: Floats,
+    rigid: int,
+    loads: Floats,
+    cubic: CubicSprings,
+    path: str,
+) -> Contacts:
+    """Contacts whose gaps give the preloads asked for (of the first of them), as contact forces at static equilibrium.
+
+    At that equilibrium a preloaded snubber is a constant push s phi P, so the others decide the shape; its gap then
+    follows from P = k (-gap - s w). Raises ScenarioError where no such equilibrium exists: on
+    a structure that only the stops hold, the loads fix the contact forces and no gap changes them.
+    """
+    given = np.array([p is not None for p in preload], dtype=bool)
+    if not given.any():
+        return contacts
+    others = contacts.count - given.size
+    given = np.append(given, np.zeros(others, dtype=bool))
+    force = np.append([0.0 if p is None else p for p in preload], np.zeros(others))
+    pushes = (contacts.sign * force)[:, None] * contacts.shape
+    rest = springs_of(contacts).take(~given)
+    found = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, pushes[given]]), cubic)
+    if found.q is None:
+        raise ScenarioError(
+            [
+                Problem(
+                    f"{path}[{i}].preload",
+                    f"= {force[i]:g} N cannot be reached: with it, {found.reason}",
+                    "give a gap instead, hold the structure, or balance the loads",
+                )
+                for i in np.flatnonzero(given)
+            ]
+        )
+    w = contacts.shape @ found.q
+    gap = np.where(given, -contacts.sign * w - force / contacts.stiffness, contacts.gap)
+    return replace(contacts, gap=gap)

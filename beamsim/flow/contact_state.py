@@ -1,0 +1,353 @@
+"""The closed-form flow of one contact state, tabulated for the kernels.
+
+With the contacts in the set *s* closed, every quantity of the motion on a segment is a combination of a
+few basis functions :math:`\\tau^p e^{\\lambda\\tau}`. A *term* says which source (a free modal amplitude, or the
+amplitude of an input) multiplies which basis function and which state vector:
+
+.. math:: y(\\tau) = \\mathrm{Re} \\sum_t u_t\\, \\zeta_{src(t)}\\, \\tau^{p(t)} e^{\\lambda(t)\\tau}.
+
+Sources are numbered: inputs 0 … F-1, the faces of ``no_tension`` snubbers F … F+m-1, free amplitudes from F+m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.invariant_blocks import Block, block_diagonalise, second_order_blocks
+from beamsim.flow.sources import Sources
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+__all__ = ["ContactState", "LinearOutput", "build_state", "state_loads"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Ints = NDArray[np.int64]
+
+RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
+SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
+
+
+@dataclass(frozen=True)
+class LinearOutput:
+    """Outputs that are linear in the state and the inputs: ``row @ y + Re sum_f direct_f(source f)``.
+
+    ``direct[:, f]`` multiplies source f's own basis function, ``direct_slope[:, f]`` its time derivative.
+    """
+
+    row: Floats  # (k, 2n)
+    direct: Floats  # (k, F)
+    direct_slope: Floats  # (k, F)
+    face: Floats  # (k, m) multiplies the faces' compression
+
+    def __neg__(self) -> LinearOutput:
+        return LinearOutput(-self.row, -self.direct, -self.direct_slope, -self.face)
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""
+
+    closed: NDArray[np.bool_]  # (m,)
+    exponent: Complexes  # (B,)
+    power: Ints  # (B,)
+    projector: Complexes  # (Z, 2n) free amplitudes = projector @ (y - y_forced(0))
+    term_basis: Ints  # (T,)
+    term_source: Ints  # (T,)
+    term_vector: Complexes  # (T, 2n)
+    horizon: float  # s, longest segment for which the tables hold
+    stiffness: Floats  # (n, n)
+    damping: Floats  # (n, n)
+    simple: tuple[Complexes, Complexes, Complexes]  # X (2n, r), Xi (r, 2n), lambda (r,): eigenvalues with own blocks
+    blocks: list[Block]  # the others
+    basis_of_source: Ints  # (F,) the basis function of each input
+    basis_below_source: Ints  # (F,) the one a power lower (-1 where power is 0)
+
+    def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
+        """(T, k) factor of ``zeta * basis`` of every term in every output."""
+        table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
+        F, m = sources.count, self.closed.size
+        lookup = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
+        for f in np.flatnonzero(np.any(output.direct != 0, axis=0) | np.any(output.direct_slope != 0, axis=0)):
+            own = lookup[int(self.basis_of_source[f]), int(f)]
+            table[own] += output.direct[:, f] + sources.exponent[f] * output.direct_slope[:, f]
+            if sources.power[f] > 0:
+                below = lookup[int(self.basis_below_source[f]), int(f)]
+                table[below] += sources.power[f] * output.direct_slope[:, f]
+        for t in np.flatnonzero((self.term_source >= F) & (self.term_source < F + m)):
+            table[t] += output.face[:, self.term_source[t] - F]
+        return np.ascontiguousarray(table)
+
+    def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
+        """(T, k) bound on what each term's coefficient is made of before its parts cancel.
+
+        At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
+        """
+        n = self.stiffness.shape[0]
+        size = np.abs(coefficients)
+        for part in (slice(0, n), slice(n, 2 * n)):
+            row = np.linalg.norm(output.row[:, part], axis=1)
+            size = np.maximum(size, np.linalg.norm(self.term_vector[:, part], axis=1)[:, None] * row)
+        return np.ascontiguousarray(size)
+
+
+class _Terms:
+    """Collects basis functions and terms, each once."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.basis: dict[tuple[complex, int], int] = {}
+        self.terms: dict[tuple[int, int], Complexes] = {}
+
+    def basis_index(self, exponent: complex, power: int) -> int:
+        return self.basis.setdefault((complex(exponent), int(power)), len(self.basis))
+
+    def add(self, exponent: complex, power: int, source: int, vector: Complexes | None) -> int:
+        b = self.basis_index(exponent, power)
+        old = self.terms.get((b, source))
+        if vector is None:
+            vector = np.zeros(self.size, dtype=complex)
+        self.terms[b, source] = vector if old is None else old + vector
+        return b
+
+
+def build_state(
+    system: PiecewiseLinearSystem,
+    forcing: Forcing,
+    sources: Sources,
+    base_channel: int,
+    closed: NDArray[np.bool_],
+    longest_window: float,
+) -> ContactState:
+    """Diagonalise the system with the given contacts closed and tabulate its flow.
+
+    ``base_channel`` is the channel of the base displacement (-1 without), ``longest_window`` an upper limit
+    on the length of a segment, s. Cost: one symmetric eigenvalue problem of order n and, where the damping
+    couples modes, one unsymmetric of order 2n.
+    """
+    n, F, m = system.size, sources.count, system.contacts.count
+    contacts = system.contacts
+    phi = contacts.shape[closed]
+    k, c = contacts.stiffness[closed], contacts.dashpot[closed]
+    stiffness = np.diag(system.stiffness) + (phi.T * k) @ phi
+    damping = system.damping + (phi.T * c) @ phi
+
+    simple, blocks = _diagonalise(system, stiffness, damping, closed, longest_window)
+    X, Xi, lam = simple
+    radius = max((b.radius for b in blocks), default=0.0)
+    horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
+    window = min(horizon, sources.longest_piece)
+
+    load, load_slope = state_loads(system, forcing, sources, base_channel, closed)
+    terms = _Terms(2 * n)
+    basis_of_source = np.empty(F, dtype=np.int64)
+    basis_below = np.full(F, -1, dtype=np.int64)
+    for f in range(F):
+        basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
+        if sources.power[f] > 0:
+            basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
+    for f in range(F):
+        nu, p = complex(sources.exponent[f]), int(sources.power[f])
+        polynomial = np.zeros((p + 1, n), dtype=complex)
+        polynomial[p] = load[f] + nu * load_slope[f]
+        if p > 0:
+            polynomial[p - 1] += p * load_slope[f]
+        if np.any(polynomial):
+            _forced_simple(terms, X, lam, Xi[:, n:] @ polynomial.T, nu, f, window)
+            for block in blocks:
+                _forced_block(terms, block, polynomial, nu, f, window)
+
+    for j in np.flatnonzero(contacts.no_tension & ~closed & (contacts.dashpot > 0)):
+        terms.add(-contacts.stiffness[j] / contacts.dashpot[j], 0, F + int(j), None)
+
+    keep = np.flatnonzero(lam.imag >= 0)
+    projector = [Xi[keep]]
+    source = F + m
+    for value, vector in zip(lam[keep], X[:, keep].T, strict=True):
+        terms.add(value, 0, source, vector * (2.0 if value.imag > 0 else 1.0))
+        source += 1
+    for block in blocks:
+        projector.append(block.left)
+        series = _series(block, window)
+        for column in range(block.matrix.shape[0]):
+            for power, matrix in enumerate(series):
+                if np.any(matrix[:, column]):
+                    terms.add(block.centre, power, source, block.weight * (block.right @ matrix[:, column]))
+            source += 1
+
+    basis = list(terms.basis)
+    return ContactState(
+        closed=closed.copy(),
+        exponent=np.array([b[0] for b in basis], dtype=complex),
+        power=np.array([b[1] for b in basis], dtype=np.int64),
+        projector=np.ascontiguousarray(np.concatenate(projector, axis=0)),
+        term_basis=np.array([key[0] for key in terms.terms], dtype=np.int64),
+        term_source=np.array([key[1] for key in terms.terms], dtype=np.int64),
+        term_vector=np.ascontiguousarray(np.array(list(terms.terms.values()), dtype=complex).reshape(-1, 2 * n)),
+        horizon=float(horizon),
+        stiffness=stiffness,
+        damping=damping,
+        simple=simple,
+        blocks=blocks,
+        basis_of_source=basis_of_source,
+        basis_below_source=basis_below,
+    )
+
+
+def _diagonalise(
+    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, closed: NDArray[np.bool_], window: float
+) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+    """Undamped modes first; those that the damping couples go through the general form, the others stay exact."""
+    n = system.size
+    omega2, psi = _undamped_modes(system, stiffness, closed)
+    d = psi.T @ damping @ psi
+    off = np.abs(d - np.diag(np.diag(d)))
+    coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
+    free = np.flatnonzero(~coupled)
+    (X, Xi, lam), blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
+    if coupled.any():
+        g = np.flatnonzero(coupled)
+        scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
+        r = g.size
+        A = np.zeros((2 * r, 2 * r))
+        A[:r, r:] = np.diag(scale)
+        A[r:, :r] = -np.diag(omega2[g] / scale)
+        A[r:, r:] = -d[np.ix_(g, g)]
+        (Xg, Xig, lamg), blocks_g = block_diagonalise(A, window)
+        out = np.zeros((2 * n, 2 * r))
+        out[:n, :r] = psi[:, g] / scale
+        out[n:, r:] = psi[:, g]
+        back = np.zeros((2 * r, 2 * n))
+        back[:r, :n] = psi[:, g].T * scale[:, None]
+        back[r:, n:] = psi[:, g].T
+        X = np.concatenate([X, out @ Xg], axis=1)
+        Xi = np.concatenate([Xi, Xig @ back], axis=0)
+        lam = np.concatenate([lam, lamg])
+        blocks = blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in blocks_g]
+    return (X, Xi, lam), blocks
+
+
+def _undamped_modes(
+    system: PiecewiseLinearSystem, stiffness: Floats, closed: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """Squared frequencies (n,) and orthonormal modes (n, n); rigid-body motions that no contact feels stay exact."""
+    n = system.size
+    if not closed.any():
+        return system.stiffness, np.eye(n)
+    rigid = np.flatnonzero(system.stiffness == 0.0)
+    basis = np.eye(n)
+    free = 0
+    if rigid.size:
+        felt = system.contacts.shape[closed][:, rigid]
+        _, singular, turned = np.linalg.svd(felt)
+        rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
+        free = rigid.size - rank
+        basis[np.ix_(rigid, rigid)] = turned.T
+        basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
+    held = basis[:, free:]
+    omega2, psi = np.linalg.eigh(held.T @ stiffness @ held)
+    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), np.hstack([basis[:, :free], held @ psi])
+
+
+def state_loads(
+    system: PiecewiseLinearSystem,
+    forcing: Forcing,
+    sources: Sources,
+    base_channel: int,
+    closed: NDArray[np.bool_],
+) -> tuple[Floats, Floats]:
+    """(F, n) generalised force per unit of each source, and per unit of its time derivative."""
+    contacts = system.contacts
+    load = np.zeros((sources.count, system.size))
+    slope = np.zeros_like(load)
+    pushing = contacts.shape * (contacts.sign * contacts.stiffness * closed)[:, None]
+    load[0] = system.constant_load - contacts.gap @ pushing
+    for f in range(1, sources.count):
+        channel = sources.channel[f]
+        if channel < len(forcing.signal):
+            load[f] = forcing.load[channel]
+        elif channel == base_channel:
+            on = contacts.on_ground & closed
+            load[f] = -(contacts.stiffness * on) @ contacts.shape
+            slope[f] = -(contacts.dashpot * on) @ contacts.shape
+    return load, slope
+
+
+def _forced_simple(
+    terms: _Terms, X: Complexes, lam: Complexes, beta: Complexes, nu: complex, source: int, window: float
+) -> None:
+    """Response of the simple eigenvalues to ``sum_p beta[:, p] tau^p e^{nu tau}``."""
+    if lam.size == 0:
+        return
+    degree = beta.shape[1] - 1
+    limit = RESONANCE if degree == 0 else 1.0
+    near = np.abs(nu - lam) * window < limit
+    far = ~near
+    if far.any():
+        w = np.zeros(int(far.sum()), dtype=complex)
+        for p in range(degree, -1, -1):
+            w = (beta[far, p] - (p + 1) * w) / (nu - lam[far])
+            terms.add(nu, p, source, X[:, far] @ w)
+    for i in np.flatnonzero(near):
+        block = Block(X[:, i : i + 1], np.zeros((1, 0), dtype=complex), lam[i].reshape(1, 1), complex(lam[i]), 1.0)
+        _resonant_series(terms, block, beta[i : i + 1], nu, source, window)
+
+
+def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
+    """As :func:`_forced_simple` for one block, from the generalised force ``polynomial`` (degree + 1, n)."""
+    n = polynomial.shape[1]
+    blocks = [block]
+    if block.weight == 2.0:
+        blocks.append(
+            Block(block.right.conj(), block.left.conj(), block.matrix.conj(), block.centre.conjugate(), block.weight)
+        )
+    for b in blocks:
+        beta = b.left[:, n:] @ polynomial.T
+        if abs(nu - b.centre) * window < 1.0 + b.radius * window:
+            _resonant_series(terms, b, beta, nu, source, window)
+            continue
+        m = b.matrix.shape[0]
+        w = np.zeros(m, dtype=complex)
+        for p in range(beta.shape[1] - 1, -1, -1):
+            w = np.linalg.solve(nu * np.eye(m) - b.matrix, beta[:, p] - (p + 1) * w)
+            terms.add(nu, p, source, b.right @ w)
+
+
+def _resonant_series(terms: _Terms, block: Block, beta: Complexes, nu: complex, source: int, window: float) -> None:
+    """z' = T z + sum_p beta_p tau^p e^{nu tau}, z(0) = 0, as ``e^{mu tau}`` times a power series in tau."""
+    m, degree = beta.shape[0], beta.shape[1] - 1
+    N = block.matrix - block.centre * np.eye(m)
+    shift = nu - block.centre
+    inflow = [complex(1.0)]
+    v = np.zeros(m, dtype=complex)
+    largest = 0.0
+    for q in range(200):
+        while len(inflow) <= q:
+            inflow.append(inflow[-1] * shift / len(inflow))
+        drive = sum((beta[:, p] * inflow[q - p] for p in range(min(q, degree) + 1)), np.zeros(m, dtype=complex))
+        v = (N @ v + drive) / (q + 1)
+        if np.any(v):
+            terms.add(block.centre, q + 1, source, block.right @ v)
+        size = float(np.max(np.abs(v))) * (window ** (q + 1) if np.isfinite(window) else 1.0)
+        largest = max(largest, size)
+        if q > degree and size <= SMALLEST_TERM * largest:
+            return
+    raise ArithmeticError("the power series of a resonant response did not converge")
+
+
+def _series(block: Block, window: float) -> list[Complexes]:
+    """N^k / k! of a block until the terms vanish over the window."""
+    m = block.matrix.shape[0]
+    N = block.matrix - block.centre * np.eye(m)
+    series = [np.eye(m, dtype=complex)]
+    largest = 1.0
+    for k in range(1, 200):
+        term = series[-1] @ N / k
+        size = float(np.max(np.abs(term))) * (window**k if np.isfinite(window) else 1.0)
+        largest = max(largest, size)
+        if size <= SMALLEST_TERM * largest:
+            return series
+        series.append(term)
+    raise ArithmeticError("the power series of a cluster of eigenvalues did not converge")

@@ -1,0 +1,800 @@
+"""Compiled kernels of the exact flow: advance to the next contact, sample, find extremes.
+
+Arrays in, arrays out; nothing is allocated per segment. Symbols: ``tau`` is the time since the start of a
+segment, ``gamma[b]`` a complex coefficient of the basis function :math:`\\tau^{p_b} e^{\\lambda_b \\tau}`, so
+that a watched quantity is :math:`g(\\tau) = \\mathrm{Re} \\sum_b \\gamma_b \\tau^{p_b} e^{\\lambda_b\\tau}`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+__all__ = [
+    "Inputs",
+    "Tables",
+    "advance",
+    "extremes",
+    "pair_integrals",
+    "panel_integrals",
+    "sample",
+    "segment_coefficients",
+]
+
+EPS = 2.220446049250313e-16
+DONE, NEED_STATE, BUDGET, FULL = 0, 1, 2, 3
+
+
+class Tables(NamedTuple):
+    """Padded tables of S contact states (see :mod:`beamsim.flow.contact_state`)."""
+
+    n_basis: Any  # (S,)
+    exponent: Any  # (S, B)
+    power: Any  # (S, B)
+    n_free: Any  # (S,)
+    projector: Any  # (S, Z, 2n)
+    n_terms: Any  # (S,)
+    term_basis: Any  # (S, T)
+    term_source: Any  # (S, T)
+    term_vector: Any  # (S, T, 2n)
+    watch: Any  # (S, T, 2 m) of the watched functions, positive on the state's own side, then of the penetrations
+    roughness: Any  # (S, T, m) size of each term's parts before they cancel, which sets the round-off of `watch`
+    horizon: Any  # (S,)
+    closed: Any  # (S, m)
+    follower: Any  # (S, m) state after contact j toggles, -1 where it is not built yet
+
+
+class Inputs(NamedTuple):
+    """Sources on pieces (see :mod:`beamsim.flow.sources`) and the faces of ``no_tension`` snubbers."""
+
+    start: Any  # (P,)
+    amplitude: Any  # (P, F)
+    exponent: Any  # (F,)
+    power: Any  # (F,)
+    group_last: Any  # (F,)
+    has_face: Any  # (m,)
+    face_rate: Any  # (m,) k / c
+
+
+@njit(cache=True, error_model="numpy")
+def _exp(re: float, im: float, tau: float) -> complex:
+    size = 1.0 if re == 0.0 else math.exp(re * tau)
+    if im == 0.0:
+        return complex(size, 0.0)
+    angle = im * tau
+    return complex(size * math.cos(angle), size * math.sin(angle))
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_sources(tables, s, inputs, piece, t, y, face, zeta):  # type: ignore[no-untyped-def]
+    """Amplitudes of all sources at the start (time t, state y) of a segment in state s."""
+    F = inputs.exponent.size
+    m = face.size
+    N = y.size
+    shift = t - inputs.start[piece]
+    for f in range(F):
+        total = inputs.amplitude[piece, f]
+        factor = 1.0
+        for q in range(f + 1, inputs.group_last[f] + 1):
+            step = q - f
+            factor = factor * shift * (inputs.power[f] + step) / step
+            total += factor * inputs.amplitude[piece, q]
+        nu = inputs.exponent[f]
+        if shift != 0.0 and nu != 0.0:
+            total *= _exp(nu.real, nu.imag, shift)
+        zeta[f] = total
+    for j in range(m):
+        zeta[F + j] = face[j]
+    first = F + m
+    Z = tables.n_free[s]
+    for i in range(Z):
+        zeta[first + i] = 0.0
+    for k in range(N):
+        rest = y[k]
+        for q in range(tables.n_terms[s]):
+            source = tables.term_source[s, q]
+            if source < F and tables.power[s, tables.term_basis[s, q]] == 0:
+                rest -= (tables.term_vector[s, q, k] * zeta[source]).real
+        if rest != 0.0:
+            for i in range(Z):
+                zeta[first + i] += tables.projector[s, i, k] * rest
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def]
+    """Basis functions at tau."""
+    for b in range(nb):
+        lam = exponent[b]
+        if b > 0 and lam == exponent[b - 1] and power[b] == power[b - 1] + 1:
+            value[b] = value[b - 1] * tau
+        else:
+            v = _exp(lam.real, lam.imag, tau)
+            for _ in range(power[b]):
+                v *= tau
+            value[b] = v
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
+    """Value, slope, bound on the curvature over [tau, reach], round-off level, and reach, of all watched functions.
+
+    ``size`` holds |gamma|; ``out`` is (count, 4); the bound is the triangle inequality on every term's
+    second derivative, with decaying exponentials taken at tau.
+    """
+    count = gamma.shape[0]
+    for j in range(count):
+        out[j, 0] = 0.0
+        out[j, 1] = 0.0
+        out[j, 2] = 0.0
+        out[j, 3] = 0.0
+    reach = H
+    for b in range(nb):
+        if power[b] > 2:
+            # a high power is bounded by its value at the far end: look no further than twice the present time
+            reach = min(H, max(2.0 * tau, H / 64.0))
+            break
+    for b in range(nb):
+        lam = exponent[b]
+        p = power[b]
+        e = _exp(lam.real, lam.imag, tau)
+        r2 = lam.real * lam.real + lam.imag * lam.imag
+        r = math.sqrt(r2)
+        level = 1.0 if lam.real == 0.0 else math.exp(lam.real * (tau if lam.real < 0.0 else reach))
+        if p == 0:
+            value = e
+            slope = lam * e
+            bound = r2 * level
+            noise = EPS * (8.0 + r * tau) * level
+        else:
+            tp = tau ** (p - 1)
+            value = e * (tp * tau)
+            slope = lam * value + e * (p * tp)
+            rp = reach ** max(p - 2, 0)
+            if p == 1:
+                bound = (r2 * reach + 2.0 * r) * level
+            else:
+                bound = (r2 * reach * reach + 2.0 * p * r * reach + p * (p - 1.0)) * rp * level
+            noise = EPS * (8.0 + p + r * tau) * level * tp * tau
+        vr, vi, sr, si = value.real, value.imag, slope.real, slope.imag
+        for j in range(count):
+            g = gamma[j, b]
+            a = size[j, b]
+            out[j, 0] += g.real * vr - g.imag * vi
+            out[j, 1] += g.real * sr - g.imag * si
+            out[j, 2] += a * bound
+            out[j, 3] += a * noise
+    return reach
+
+
+@njit(cache=True, error_model="numpy")
+def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
+    """Longest step from g > 0 over which g + slope h - bound h^2 / 2 stays positive."""
+    if bound <= 0.0:
+        return np.inf if slope >= 0.0 else -g / slope
+    root = math.sqrt(slope * slope + 2.0 * bound * g)
+    if slope < 0.0:
+        return 2.0 * g / (root - slope)
+    return (slope + root) / bound
+
+
+@njit(cache=True, error_model="numpy")
+def _coefficients(tables, s, table, zeta, gamma):  # type: ignore[no-untyped-def]
+    """Coefficients of the basis functions in ``count`` functions tabulated per term."""
+    count = gamma.shape[0]
+    nb = tables.n_basis[s]
+    for j in range(count):
+        for b in range(nb):
+            gamma[j, b] = 0.0
+    for q in range(tables.n_terms[s]):
+        b = tables.term_basis[s, q]
+        z = zeta[tables.term_source[s, q]]
+        for j in range(count):
+            gamma[j, b] += table[s, q, j] * z
+
+
+@njit(cache=True, error_model="numpy")
+def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-def]
+    """The same, and the size of each."""
+    _coefficients(tables, s, table, zeta, gamma)
+    for j in range(gamma.shape[0]):
+        for b in range(tables.n_basis[s]):
+            size[j, b] = abs(gamma[j, b])
+
+
+@njit(cache=True, error_model="numpy")
+def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
+    N = y.size
+    for k in range(N):
+        y[k] = 0.0
+    for q in range(tables.n_terms[s]):
+        a = zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]
+        if a != 0.0:
+            for k in range(N):
+                v = tables.term_vector[s, q, k]
+                y[k] += v.real * a.real - v.imag * a.imag
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
+    """Round-off of the watched functions on a segment of length H that the terms' cancellation leaves."""
+    for j in range(least.size):
+        least[j] = 0.0
+    for q in range(tables.n_terms[s]):
+        # a power of time counts with what it reaches on this segment
+        a = 4.0 * EPS * abs(zeta[tables.term_source[s, q]]) * H ** tables.power[s, tables.term_basis[s, q]]
+        for j in range(least.size):
+            least[j] += a * tables.roughness[s, q, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
+    """What each watched function may be below zero where a segment begins with an event.
+
+    All were watched up to there. What is left is the round-off of the change of coordinates, of the contact whose event
+    it is and of any other whose event falls on the same instant: two stops that touch one point from both sides.
+    """
+    for j in range(floors.size):
+        floors[j] = 0.0
+        if out[j, 0] < 0.0:
+            scale = 0.0
+            for b in range(nb):
+                scale += size[j, b]
+            for q in range(used):
+                scale += forced[j, q] * H**q
+            floors[j] = min(-2.0 * out[j, 0], 1e-9 * scale)
+
+
+@njit(cache=True, error_model="numpy")
+def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
+    """(step, hit): how far no watched function can reach zero, or which is there already (-1: none).
+
+    ``out`` is that of `_evaluate`. A function is lifted by twice its round-off: a contact that hugs zero at round-off
+    size is left alone, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero.
+    """
+    step = longest
+    for j in range(least.size):
+        tolerance = max(out[j, 3], least[j], floors[j])
+        lifted = out[j, 0] + 2.0 * tolerance
+        if lifted < tolerance:
+            return step, j
+        h = _safe_step(lifted, out[j, 1], out[j, 2])
+        if h < step:
+            step = h
+    return step, -1
+
+
+@njit(cache=True, error_model="numpy")
+def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
+    """Time of the zero next to tau, by one Newton step where the curvature allows it."""
+    g, slope, bound = out[hit, 0], out[hit, 1], out[hit, 2]
+    if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
+        return max(0.0, tau - g / slope)
+    return tau
+
+
+@njit(cache=True, error_model="numpy")
+def _relax(inputs, closed, tau, face):  # type: ignore[no-untyped-def]
+    """Let the faces of released ``no_tension`` snubbers recover for a time tau."""
+    for j in range(face.size):
+        if inputs.has_face[j] and not closed[j]:
+            face[j] *= math.exp(-inputs.face_rate[j] * tau)
+
+
+@njit(cache=True, error_model="numpy")
+def advance(  # type: ignore[no-untyped-def]
+    tables,
+    inputs,
+    t,
+    t_end,
+    state,
+    toggled,
+    y,
+    face,
+    seg_time,
+    seg_length,
+    seg_state,
+    seg_piece,
+    seg_y,
+    seg_face,
+    ev_time,
+    ev_contact,
+    ev_closing,
+    most_evaluations,
+):
+    """Carry the state (y, face), updated in place, from t to t_end, logging segments and events.
+
+    ``toggled`` is the contact whose event lies at t (-1 where there is none).
+
+    Returns (status, t, state, segments, events, evaluations, contact of the last event): DONE at t_end; NEED_STATE when
+    the state that follows ``contact``'s event is not built (the event is not logged yet, the segment is); FULL when a
+    log is full; BUDGET when ``most_evaluations`` were used.
+    """
+    m = face.size
+    N = y.size
+    F = inputs.exponent.size
+    zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    gamma = np.zeros((m, B), dtype=np.complex128)
+    size = np.zeros((m, B))
+    basis = np.zeros(B, dtype=np.complex128)
+    out = np.zeros((m, 4))
+    least = np.zeros(m)
+    floors = np.zeros(m)
+    forced = np.zeros((m, 0))
+    n_seg = 0
+    n_ev = 0
+    n_eval = 0
+    pieces = inputs.start.size
+    piece = max(np.searchsorted(inputs.start, t, side="right") - 1, 0)
+    while t < t_end:
+        if n_seg == seg_time.size or n_ev == ev_time.size:
+            return FULL, t, state, n_seg, n_ev, n_eval, toggled
+        if n_eval > most_evaluations:
+            return BUDGET, t, state, n_seg, n_ev, n_eval, toggled
+        while piece + 1 < pieces and inputs.start[piece + 1] <= t:
+            piece += 1
+        stop = t_end
+        if piece + 1 < pieces and inputs.start[piece + 1] < stop:
+            stop = inputs.start[piece + 1]
+        H = stop - t
+        whole = tables.horizon[state] >= H
+        if not whole:
+            H = tables.horizon[state]
+        _fill_sources(tables, state, inputs, piece, t, y, face, zeta)
+        _combine(tables, state, tables.watch, zeta, gamma, size)
+        nb = tables.n_basis[state]
+        exponent = tables.exponent[state]
+        power = tables.power[state]
+        seg_time[n_seg] = t
+        seg_state[n_seg] = state
+        seg_piece[n_seg] = piece
+        for k in range(N):
+            seg_y[n_seg, k] = y[k]
+        for j in range(m):
+            seg_face[n_seg, j] = face[j]
+
+        _fill_least(tables, state, zeta, H, least)
+
+        tau = 0.0
+        hit = -1
+        floors[:] = 0.0
+        while m > 0:
+            reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+            n_eval += 1
+            if tau == 0.0 and toggled >= 0:
+                _fill_floors(out, size, nb, forced, 0, H, floors)
+            step, hit = _next_step(out, least, floors, reach - tau)
+            if hit >= 0:
+                break
+            before = tau
+            tau += step
+            if tau >= H:
+                break
+            if tau == before or n_eval > most_evaluations:
+                return BUDGET, t, state, n_seg, n_ev, n_eval, toggled
+        tau = _crossing(out, hit, tau) if hit >= 0 else H
+        _fill_basis(exponent, power, nb, tau, basis)
+        _state_at(tables, state, zeta, basis, y)
+        _relax(inputs, tables.closed[state], tau, face)
+        seg_length[n_seg] = tau
+        n_seg += 1
+        t = stop if (hit < 0 and whole) else t + tau
+        toggled = hit
+        if hit >= 0:
+            if inputs.has_face[hit] and tables.closed[state, hit]:
+                # the face leaves with the penetration it has, which the watched row gives from the state
+                total = 0.0
+                for q in range(tables.n_terms[state]):
+                    w = tables.watch[state, q, m + hit]
+                    total += (w * zeta[tables.term_source[state, q]] * basis[tables.term_basis[state, q]]).real
+                face[hit] = total
+            following = tables.follower[state, hit]
+            if following < 0:
+                return NEED_STATE, t, state, n_seg, n_ev, n_eval, hit
+            ev_time[n_ev] = t
+            ev_contact[n_ev] = hit
+            ev_closing[n_ev] = not tables.closed[state, hit]
+            n_ev += 1
+            state = following
+    return DONE, t, state, n_seg, n_ev, n_eval, toggled
+
+
+@njit(cache=True, error_model="numpy")
+def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no-untyped-def]
+    """Coefficients (B, k) of the basis functions, from a table in two parts; the loop over outputs is the inner one."""
+    k = real.shape[2]
+    for b in range(tables.n_basis[s]):
+        for j in range(k):
+            rows_real[b, j] = 0.0
+            rows_imag[b, j] = 0.0
+    for q in range(tables.n_terms[s]):
+        b = tables.term_basis[s, q]
+        z = zeta[tables.term_source[s, q]]
+        if z != 0.0:
+            for j in range(k):
+                rows_real[b, j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
+                rows_imag[b, j] += real[s, q, j] * z.imag + imag[s, q, j] * z.real
+
+
+@njit(cache=True, error_model="numpy")
+def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-def]
+    """Real part of every function, from `_rows`."""
+    for j in range(out.size):
+        out[j] = 0.0
+    for b in range(nb):
+        re, im = basis[b].real, basis[b].imag
+        if im == 0.0:
+            for j in range(out.size):
+                out[j] += rows_real[b, j] * re
+        else:
+            for j in range(out.size):
+                out[j] += rows_real[b, j] * re - rows_imag[b, j] * im
+
+
+@njit(cache=True, error_model="numpy")
+def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, seg_face, time, out):  # type: ignore[no-untyped-def]
+    """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
+
+    The coefficients of a segment's basis functions are worth their cost where it holds several times; for one or two
+    the outputs are summed over the terms.
+    """
+    k = table.shape[2]
+    m = seg_face.shape[1]
+    F = inputs.exponent.size
+    zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
+    basis = np.zeros(B, dtype=np.complex128)
+    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+    current = -1
+    several = False
+    g = 0
+    last = seg_time.size - 1
+    for i in range(time.size):
+        while g < last and seg_time[g + 1] <= time[i]:
+            g += 1
+        s = seg_state[g]
+        nb = tables.n_basis[s]
+        if g != current:
+            _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+            several = i + 2 < time.size and (g == last or time[i + 2] < seg_time[g + 1])
+            if several:
+                _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
+            current = g
+        _fill_basis(tables.exponent[s], tables.power[s], nb, time[i] - seg_time[g], basis)
+        if several:
+            _outputs(rows_real, rows_imag, basis, nb, out[i])
+            continue
+        for j in range(k):
+            out[i, j] = 0.0
+        for q in range(tables.n_terms[s]):
+            a = zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]
+            if a != 0.0:
+                for j in range(k):
+                    out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
+
+
+@njit(cache=True, error_model="numpy")
+def segment_coefficients(tables, inputs, table, state, piece, t, y, face):  # type: ignore[no-untyped-def]
+    """(k, B) coefficients of the basis functions in the outputs on a segment that starts with (t, y, face)."""
+    k = table.shape[2]
+    zeta = np.zeros(inputs.exponent.size + face.size + tables.projector.shape[1], dtype=np.complex128)
+    gamma = np.zeros((k, tables.exponent.shape[1]), dtype=np.complex128)
+    _fill_sources(tables, state, inputs, piece, t, y, face, zeta)
+    _coefficients(tables, state, table, zeta, gamma)
+    return gamma
+
+
+@njit(cache=True, error_model="numpy")
+def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
+    """A local maximum near tau: secant steps on the slope, kept inside [0, H]; returns (time, value)."""
+    _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+    best, best_tau = out[0, 0], tau
+    left, slope_left = tau, out[0, 1]
+    if slope_left <= 0.0:
+        return best_tau, best
+    step = slope_left / out[0, 2] if out[0, 2] > 0.0 else H
+    right, slope_right = left, slope_left
+    for _ in range(200):
+        right = min(left + step, H)
+        _evaluate(exponent, power, nb, gamma, size, right, H, out)
+        slope_right = out[0, 1]
+        if out[0, 0] > best:
+            best, best_tau = out[0, 0], right
+        if slope_right <= 0.0 or right >= H:
+            break
+        left, slope_left = right, slope_right
+        step *= 2.0
+    if slope_right > 0.0:
+        return best_tau, best
+    side = 0
+    for _ in range(60):
+        middle = left + slope_left / (slope_left - slope_right) * (right - left)
+        if not (left < middle < right):
+            break
+        _evaluate(exponent, power, nb, gamma, size, middle, H, out)
+        if out[0, 0] > best:
+            best, best_tau = out[0, 0], middle
+        if out[0, 1] > 0.0:
+            left, slope_left = middle, out[0, 1]
+            if side == 1:
+                slope_right *= 0.5
+            side = 1
+        else:
+            right, slope_right = middle, out[0, 1]
+            if side == -1:
+                slope_left *= 0.5
+            side = -1
+        if abs(out[0, 1]) * (right - left) <= 1e-13 * abs(best):
+            break
+    return best_tau, best
+
+
+@njit(cache=True, error_model="numpy")
+def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-def]
+    """Largest size of every basis function, and of its second derivative, on [0, H]."""
+    for b in range(nb):
+        lam = exponent[b]
+        p = power[b]
+        level = math.exp(lam.real * H) if lam.real > 0.0 else 1.0
+        r2 = lam.real * lam.real + lam.imag * lam.imag
+        if p == 0:
+            largest[b] = level
+            bend[b] = r2 * level
+        elif p == 1:
+            largest[b] = H * level
+            bend[b] = (r2 * H + 2.0 * math.sqrt(r2)) * level
+        else:
+            size = H ** (p - 2)
+            largest[b] = size * H * H * level
+            bend[b] = (r2 * H * H + 2.0 * p * math.sqrt(r2) * H + p * (p - 1.0)) * size * level
+
+
+@njit(cache=True, error_model="numpy")
+def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def]
+    """Whether value + rate t + curve t^2 / 2 stays below ``highest`` on [0, H]."""
+    return value < highest and _safe_step(highest - value, -rate, curve) >= H
+
+
+@njit(cache=True, error_model="numpy")
+def extremes(  # type: ignore[no-untyped-def]
+    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, highest, when, relative
+):
+    """Raise ``highest`` (k,) to the largest value of each output over all segments, ``when`` (k,) with it.
+
+    The same certified march as the contact search, on ``highest - output``: a stretch is skipped only where the
+    curvature bound proves that it holds no value above ``highest`` (1 + relative).
+    """
+    k = table.shape[2]
+    m = seg_face.shape[1]
+    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    own = np.zeros((1, B), dtype=np.complex128)
+    own_size = np.zeros((1, B))
+    largest, bend = np.zeros(B), np.zeros(B)
+    ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
+    real, imag, magnitude = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag), np.abs(table)
+    out = np.zeros((1, 4))
+    evaluations = 0
+    for g in range(seg_time.size):
+        s = seg_state[g]
+        nb = tables.n_basis[s]
+        H = seg_length[g]
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        exponent = tables.exponent[s]
+        power = tables.power[s]
+        _bounds(exponent, power, nb, H, largest, bend)
+        for j in range(k):
+            ceiling[j] = 0.0
+            first[j] = 0.0
+            rate[j] = 0.0
+            curve[j] = 0.0
+        for q in range(tables.n_terms[s]):
+            b = tables.term_basis[s, q]
+            z = zeta[tables.term_source[s, q]]
+            if z == 0.0:
+                continue
+            most, bent = abs(z) * largest[b], abs(z) * bend[b]
+            for j in range(k):
+                ceiling[j] += most * magnitude[s, q, j]
+                curve[j] += bent * magnitude[s, q, j]
+            if power[b] == 0:
+                w = exponent[b] * z
+                for j in range(k):
+                    first[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
+                    rate[j] += real[s, q, j] * w.real - imag[s, q, j] * w.imag
+            elif power[b] == 1:
+                for j in range(k):
+                    rate[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
+        for j in range(k):
+            # most segments hold no new extreme, which their size or one look at their start proves: first with what
+            # all outputs share, then with the output's own coefficients, whose parts have cancelled
+            if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
+                continue
+            _coefficients(tables, s, table[:, :, j : j + 1], zeta, own)
+            top, bent = 0.0, 0.0
+            for b in range(nb):
+                own_size[0, b] = abs(own[0, b])
+                top += own_size[0, b] * largest[b]
+                bent += own_size[0, b] * bend[b]
+            if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
+                continue
+            tau = 0.0
+            while True:
+                reach = _evaluate(exponent, power, nb, own, own_size, tau, H, out)
+                evaluations += 1
+                f, slope, bound, noise = out[0, 0], out[0, 1], out[0, 2], out[0, 3]
+                if f > highest[j]:
+                    highest[j] = f
+                    when[j] = seg_time[g] + tau
+                slack = relative * abs(highest[j]) + 4.0 * noise
+                if slope > 0.0 and highest[j] - f <= slack:
+                    top, value = _climb(exponent, power, nb, own, own_size, tau, H, out)
+                    if value > highest[j]:
+                        highest[j] = value
+                        when[j] = seg_time[g] + top
+                    slack = relative * abs(highest[j]) + 4.0 * noise
+                if tau >= H:
+                    break
+                h = min(_safe_step(highest[j] - f + slack, -slope, bound), reach - tau)
+                before = tau
+                tau = min(tau + h, H)
+                if tau == before:
+                    tau = min(H, tau + H * 1e-9)
+    return evaluations
+
+
+@njit(cache=True, error_model="numpy")
+def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
+    """int_0^tau exp(lam s) ds with e = exp(lam tau)."""
+    x = lam * tau
+    if abs(x.real) + abs(x.imag) < 1e-3:
+        return tau * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x / 120.0))))
+    return (e - 1.0) / lam
+
+
+@njit(cache=True, error_model="numpy")
+def pair_integrals(  # type: ignore[no-untyped-def]
+    tables, inputs, left, right, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, time, out
+):
+    """Exact cumulative integrals of sums of products: out[i, q] = int_0^time[i] sum_k weight[k, q] left_k right_k dt.
+
+    For segments whose basis functions are pure exponentials. ``left`` and ``right`` are (S, T, K) tables, ``weight`` is
+    (K, Q), ``time`` increases.
+    """
+    K = left.shape[2]
+    Q = weight.shape[1]
+    m = seg_face.shape[1]
+    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    a = np.zeros((K, B), dtype=np.complex128)
+    c = np.zeros((K, B), dtype=np.complex128)
+    size = np.zeros((K, B))
+    plus = np.zeros((Q, B, B), dtype=np.complex128)
+    minus = np.zeros((Q, B, B), dtype=np.complex128)
+    e = np.zeros(B, dtype=np.complex128)
+    start = np.zeros(Q)
+    value = np.zeros(Q)
+    i = 0
+    for g in range(seg_time.size):
+        s = seg_state[g]
+        nb = tables.n_basis[s]
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        _combine(tables, s, left, zeta, a, size)
+        _combine(tables, s, right, zeta, c, size)
+        for q in range(Q):
+            for b in range(nb):
+                for d in range(nb):
+                    plus[q, b, d] = 0.0
+                    minus[q, b, d] = 0.0
+            for k in range(K):
+                w = 0.5 * weight[k, q]
+                if w != 0.0:
+                    for b in range(nb):
+                        x = w * a[k, b]
+                        if x != 0.0:
+                            for d in range(nb):
+                                plus[q, b, d] += x * c[k, d]
+                                minus[q, b, d] += x * np.conj(c[k, d])
+        exponent = tables.exponent[s]
+        end = seg_time[g] + seg_length[g]
+        last = g == seg_time.size - 1
+        while True:
+            at_end = i >= time.size or (time[i] >= end and not last) or time[i] > end
+            tau = seg_length[g] if at_end else time[i] - seg_time[g]
+            _fill_basis(exponent, tables.power[s], nb, tau, e)
+            for q in range(Q):
+                value[q] = start[q]
+            for b in range(nb):
+                for d in range(nb):
+                    up = _integral(exponent[b] + exponent[d], tau, e[b] * e[d])
+                    across = _integral(exponent[b] + np.conj(exponent[d]), tau, e[b] * np.conj(e[d]))
+                    for q in range(Q):
+                        value[q] += (plus[q, b, d] * up + minus[q, b, d] * across).real
+            if at_end:
+                for q in range(Q):
+                    start[q] = value[q]
+                break
+            for q in range(Q):
+                out[i, q] = value[q]
+            i += 1
+    while i < time.size:
+        for q in range(Q):
+            out[i, q] = start[q]
+        i += 1
+
+
+@njit(cache=True, error_model="numpy")
+def panel_integrals(  # type: ignore[no-untyped-def]
+    tables, inputs, table, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, time,
+    radians, node, gauss, fastest, out,
+):  # fmt: skip
+    """The integrals of `pair_integrals` by Gauss-Legendre on panels, for segments with powers of time as well.
+
+    ``table`` (S, T, 2 K) holds the left factors, then the right ones. Rule r, ``node[r]`` and ``gauss[r]`` on [-1, 1]
+    up to the first zero weight, serves for panels of at most ``radians[r]`` of the motion ``fastest``, rad/s.
+    """
+    K = table.shape[2] // 2
+    Q = weight.shape[1]
+    m = seg_face.shape[1]
+    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    rows_real, rows_imag = np.zeros((B, 2 * K)), np.zeros((B, 2 * K))
+    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+    e = np.zeros(B, dtype=np.complex128)
+    x = np.zeros(2 * K)
+    inner, total, lost = np.zeros(Q), np.zeros(Q), np.zeros(Q)
+    rules = radians.size
+    i = 0
+    for g in range(seg_time.size):
+        s = seg_state[g]
+        nb = tables.n_basis[s]
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
+        exponent = tables.exponent[s]
+        power = tables.power[s]
+        last = g == seg_time.size - 1
+        done = 0.0
+        while True:
+            reached = i >= time.size or time[i] - seg_time[g] > seg_length[g]
+            reached = reached or (not last and time[i] >= seg_time[g + 1])
+            tau = seg_length[g] if reached else time[i] - seg_time[g]
+            turn = (tau - done) * fastest
+            rule = 0
+            while rule < rules - 1 and turn > radians[rule]:
+                rule += 1
+            panels = max(1, math.ceil(turn / radians[rule]))
+            width = (tau - done) / panels
+            for q in range(Q):
+                inner[q] = 0.0
+            for p in range(panels if width > 0.0 else 0):
+                middle = done + (p + 0.5) * width
+                for r in range(node.shape[1]):
+                    factor = 0.5 * gauss[rule, r] * width
+                    if factor == 0.0:
+                        break
+                    _fill_basis(exponent, power, nb, middle + 0.5 * width * node[rule, r], e)
+                    _outputs(rows_real, rows_imag, e, nb, x)
+                    for j in range(K):
+                        product = x[j] * x[K + j] * factor
+                        for q in range(Q):
+                            inner[q] += weight[j, q] * product
+            for q in range(Q):
+                # the sum of very many small parts, compensated (W. Kahan, Comm. ACM 8, 1965)
+                part = inner[q] - lost[q]
+                grown = total[q] + part
+                lost[q] = (grown - total[q]) - part
+                total[q] = grown
+            done = tau
+            if reached:
+                break
+            for q in range(Q):
+                out[i, q] = total[q]
+            i += 1
+    while i < time.size:
+        for q in range(Q):
+            out[i, q] = total[q]
+        i += 1

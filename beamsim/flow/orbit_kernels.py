@@ -1,0 +1,507 @@
+"""Compiled kernels of the variational flow: forced responses by frequency, transition and saltation matrices.
+
+The motion itself comes from :func:`beamsim.flow.kernels.advance`; a second pass over its log carries the
+sensitivity :math:`S = \\partial(y, face)/\\partial(y_0, face_0, p)` along, one column an initial value or a parameter:
+
+* on a segment :math:`S_1 = \\Phi(\\tau)\\,(S_0 - \\partial y_f(t_0)) + \\partial y_f(t_1)` with
+  :math:`\\Phi = \\mathrm{Re}\\, \\sum_t u_t e_t(\\tau)\\, P_{src(t)}` and the forced response's own derivative;
+* a contact's stiffness, dashpot, gap or place p, and the structure's matrices and loads, add
+  :math:`\\int \\Phi(\\tau-\\sigma) h(\\sigma) d\\sigma`, in closed
+  form by the divided differences :math:`(e^{\\lambda_b\\tau} - e^{\\lambda_i\\tau}) / (\\lambda_b - \\lambda_i)`;
+* at an event :math:`S^+ = S^- + (f^- - f^+)\\, \\partial t_e`,
+  :math:`\\partial t_e = -(\\nabla g\\, S^- + \\partial_p g) / \\dot g^-` (the saltation matrix applied to S).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
+
+__all__ = ["ContactArrays", "Parameters", "Variation", "carry_sensitivity", "force_terms", "signs_at_start"]
+
+
+class ContactArrays(NamedTuple):
+    """The contacts as flat arrays (see :class:`beamsim.system.equations.Contacts`)."""
+
+    shape: Any  # (m, n)
+    sign: Any  # (m,)
+    stiffness: Any  # (m,)
+    dashpot: Any  # (m,)
+    gap: Any  # (m,)
+    on_ground: Any  # (m,) bool
+
+
+class Variation(NamedTuple):
+    """What the second pass needs of the contact states beyond the kernels' tables."""
+
+    left: Any  # (S, 2 Z, N) real and imaginary rows of the projector
+    right: Any  # (S, N, 2 T) real columns of the free terms: Re u, -Im u
+    n_terms: Any  # (S,) free terms
+    term_basis: Any  # (S, T)
+    term_source: Any  # (S, T) counted from the first free amplitude
+    first_forced: Any  # (S,) term of the first periodic source
+    multiple: Any  # (H,) of the fundamental frequency
+    base: Any  # (H,) complex amplitude of the base displacement
+
+
+class Parameters(NamedTuple):
+    """P parameters: derivatives of the periodic terms, and directions in the space of the contacts' numbers and of the
+    structure's matrices and loads (these last of length zero where no parameter moves them)."""
+
+    moves_frequency: Any  # (P,) bool
+    terms: Any  # (P, S, H, N) derivative of the periodic sources' term vectors
+    base: Any  # (P, H) derivative of the base displacement's amplitude
+    moves_contacts: Any  # (P,) bool
+    stiffness: Any  # (P, m)
+    dashpot: Any  # (P, m)
+    gap: Any  # (P, m)
+    shape: Any  # (P, m, n)
+    moves_structure: Any  # (P,) bool
+    structure_stiffness: Any  # (P, n, n)
+    structure_damping: Any  # (P, n, n)
+    structure_mass: Any  # (P, n, n)
+    load: Any  # (P, n)
+    force: Any  # (P, H, n) complex amplitudes
+
+
+@njit(cache=True, error_model="numpy")
+def force_terms(  # type: ignore[no-untyped-def]
+    tables, inputs, contacts, first_forced, first_basis, K, C, omega, multiple, force, base, dforce, dbase, level_force,
+    level_base, out,
+):  # fmt: skip
+    """Write the periodic sources' responses at frequency ``omega`` into the tables, in place.
+
+    ``(K_s - k^2 omega^2 + i k omega C_s) q = force_h - closed ground contacts``; ``out`` (2, S, H, N) receives the
+    derivatives by omega and by the level, ``dforce``/``dbase`` and ``level_force``/``level_base`` being those of the
+    loads.
+    """
+    S, n, _ = K.shape
+    H = multiple.size
+    m = contacts.sign.size
+    for s in range(S):
+        for h in range(H):
+            w = multiple[h] * omega
+            Z = np.empty((n, n), dtype=np.complex128)
+            for i in range(n):
+                for j in range(n):
+                    Z[i, j] = complex(K[s, i, j], w * C[s, i, j])
+                Z[i, i] -= w * w
+            B = np.empty((n, 2), dtype=np.complex128)
+            for i in range(n):
+                B[i, 0] = force[h, i]
+                B[i, 1] = level_force[h, i]
+            extra = np.zeros(n, dtype=np.complex128)
+            for j in range(m):
+                if contacts.on_ground[j] and tables.closed[s, j]:
+                    z = complex(contacts.stiffness[j], w * contacts.dashpot[j])
+                    dz = complex(0.0, multiple[h] * contacts.dashpot[j])
+                    for i in range(n):
+                        B[i, 0] -= z * contacts.shape[j, i] * base[h]
+                        B[i, 1] -= z * contacts.shape[j, i] * level_base[h]
+                        extra[i] -= (dz * base[h] + z * dbase[h]) * contacts.shape[j, i]
+            X = np.linalg.solve(Z, B)
+            for i in range(n):
+                total = dforce[h, i] + extra[i]
+                for j in range(n):
+                    total -= multiple[h] * complex(0.0, C[s, i, j]) * X[j, 0]
+                total += 2.0 * multiple[h] * w * X[i, 0]
+                B[i, 0] = total
+            D = np.linalg.solve(Z, B)
+            t = first_forced[s] + h
+            b = first_basis[s] + h
+            iw = complex(0.0, w)
+            tables.exponent[s, b] = iw
+            inputs.exponent[1 + h] = iw
+            for i in range(n):
+                tables.term_vector[s, t, i] = X[i, 0]
+                tables.term_vector[s, t, n + i] = iw * X[i, 0]
+                out[0, s, h, i] = D[i, 0]
+                out[0, s, h, n + i] = iw * D[i, 0] + complex(0.0, multiple[h]) * X[i, 0]
+                out[1, s, h, i] = X[i, 1]
+                out[1, s, h, n + i] = iw * X[i, 1]
+            for j in range(m):
+                delta = 0.0j
+                for i in range(n):
+                    delta += contacts.shape[j, i] * X[i, 0]
+                if contacts.on_ground[j]:
+                    delta += base[h]
+                delta *= -contacts.sign[j]
+                if tables.closed[s, j]:
+                    if inputs.has_face[j]:
+                        tables.watch[s, t, j] = complex(contacts.stiffness[j], w * contacts.dashpot[j]) * delta
+                    else:
+                        tables.watch[s, t, j] = delta
+                else:
+                    tables.watch[s, t, j] = -delta
+                tables.watch[s, t, m + j] = delta
+
+
+@njit(cache=True, error_model="numpy")
+def signs_at_start(contacts, y, face, base, base_rate, closed):  # type: ignore[no-untyped-def]
+    """Which contacts are closed at a motion, into ``closed``; False where one of them is too near zero to tell."""
+    m, n = contacts.shape.shape
+    clear = True
+    for j in range(m):
+        w = 0.0
+        v = 0.0
+        scale = abs(contacts.gap[j]) + abs(face[j])
+        for i in range(n):
+            w += contacts.shape[j, i] * y[i]
+            v += contacts.shape[j, i] * y[n + i]
+            scale += abs(contacts.shape[j, i] * y[i])
+        if contacts.on_ground[j]:
+            w += base
+            v += base_rate
+            scale += abs(base)
+        delta = -contacts.gap[j] - contacts.sign[j] * w - face[j]
+        closed[j] = delta > 0.0
+        if abs(delta) <= 1e-12 * scale:
+            closed[j] = -contacts.sign[j] * v > 0.0
+            if v == 0.0:
+                clear = False
+    return clear
+
+
+@njit(cache=True, error_model="numpy")
+def _difference(a, b, ea, eb, tau):  # type: ignore[no-untyped-def]
+    """Divided difference (e^{b tau} - e^{a tau}) / (b - a), stable when a and b meet."""
+    x = (b - a) * tau
+    size = abs(x.real) + abs(x.imag)
+    if size < 0.05:
+        # tau e^{a tau} (e^x - 1)/x
+        return tau * ea * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0 * (
+            1.0 + x / 7.0 * (1.0 + x / 8.0 * (1.0 + x / 9.0))))))))  # fmt: skip
+    return (eb - ea) / (b - a)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
+    """Add to ``add`` (N,) the response over a segment to the change of the closed contacts' forces with parameter p."""
+    m, n = contacts.shape.shape
+    N = 2 * n
+    F = inputs.exponent.size
+    first = F + m
+    nb = tables.n_basis[s]
+    own = np.zeros(nb, dtype=np.complex128)
+    through = np.zeros(nb, dtype=np.complex128)
+    for j in range(m):
+        if not tables.closed[s, j]:
+            continue
+        dk, dc, dg = parameters.stiffness[p, j], parameters.dashpot[p, j], parameters.gap[p, j]
+        moves = False
+        for i in range(n):
+            if parameters.shape[p, j, i] != 0.0:
+                moves = True
+        if dk == 0.0 and dc == 0.0 and dg == 0.0 and not moves:
+            continue
+        k, c, sign = contacts.stiffness[j], contacts.dashpot[j], contacts.sign[j]
+        for b in range(nb):
+            own[b] = 0.0
+            through[b] = 0.0
+        for q in range(tables.n_terms[s]):
+            source = tables.term_source[s, q]
+            z = zeta[source]
+            if z == 0.0 and source != 0:
+                continue
+            delta = 0.0j
+            rate = 0.0j
+            along = 0.0j
+            for i in range(n):
+                u, v = tables.term_vector[s, q, i], tables.term_vector[s, q, n + i]
+                delta -= sign * contacts.shape[j, i] * u
+                rate -= sign * contacts.shape[j, i] * v
+                if moves:
+                    along -= sign * parameters.shape[p, j, i] * (k * u + c * v)
+            b = tables.term_basis[s, q]
+            if source == 0 and tables.power[s, b] == 0:
+                delta -= contacts.gap[j]
+                along -= k * dg
+            elif 0 < source < F and contacts.on_ground[j]:
+                delta -= sign * base[source - 1]
+                rate -= sign * base[source - 1] * inputs.exponent[source]
+            own[b] += z * (dk * delta + dc * rate + along)
+            through[b] += z * (k * delta + c * rate)
+        for q in range(tables.n_terms[s]):
+            source = tables.term_source[s, q]
+            if source < first:
+                continue
+            bi = tables.term_basis[s, q]
+            lam = tables.exponent[s, bi]
+            e = basis[bi]
+            push = 0.0j
+            push_moved = 0.0j
+            for i in range(n):
+                push += sign * tables.projector[s, source - first, n + i] * contacts.shape[j, i]
+                if moves:
+                    push_moved += sign * tables.projector[s, source - first, n + i] * parameters.shape[p, j, i]
+            total = 0.0j
+            for b in range(nb):
+                if own[b] == 0.0 and through[b] == 0.0:
+                    continue
+                mu, f = tables.exponent[s, b], basis[b]
+                d = _difference(lam, mu, e, f, tau)
+                dbar = d if mu.imag == 0.0 else _difference(lam, mu.conjugate(), e, f.conjugate(), tau)
+                total += 0.5 * push * (own[b] * d + own[b].conjugate() * dbar)
+                if moves:
+                    total += 0.5 * push_moved * (through[b] * d + through[b].conjugate() * dbar)
+            if total != 0.0:
+                for i in range(N):
+                    u = tables.term_vector[s, q, i]
+                    add[i] += u.real * total.real - u.imag * total.imag
+
+
+@njit(cache=True, error_model="numpy")
+def _add_structure(tables, s, first, variation, parameters, p, t0, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
+    """Add to ``add`` (N,) the response over a segment to the change of the structure's matrices and loads.
+
+    The motion being ``Re sum_b q_b e^(lambda_b tau)``, the change of the equations is the load
+    ``-Re sum_b (lambda_b^2 dM + lambda_b dC + dK) q_b e^(lambda_b tau)``. ``first`` is the first free amplitude.
+    """
+    N = add.size
+    n = N // 2
+    nb = tables.n_basis[s]
+    load = np.zeros((nb, n), dtype=np.complex128)
+    for q in range(tables.n_terms[s]):
+        source = tables.term_source[s, q]
+        b = tables.term_basis[s, q]
+        z = zeta[source]
+        lam = tables.exponent[s, b]
+        if source == 0:
+            for i in range(n):
+                load[b, i] += parameters.load[p, i]
+        for j in range(n):
+            u, v = z * tables.term_vector[s, q, j], z * tables.term_vector[s, q, n + j]
+            a = lam * v
+            for i in range(n):
+                load[b, i] -= (
+                    parameters.structure_stiffness[p, i, j] * u
+                    + parameters.structure_damping[p, i, j] * v
+                    + parameters.structure_mass[p, i, j] * a
+                )
+    for h in range(variation.multiple.size):
+        b = tables.term_basis[s, variation.first_forced[s] + h]
+        iw = tables.exponent[s, b]
+        e = _exp(iw.real, iw.imag, t0)
+        for i in range(n):
+            load[b, i] += parameters.force[p, h, i] * e
+    for q in range(tables.n_terms[s]):
+        source = tables.term_source[s, q]
+        if source < first:
+            continue
+        bi = tables.term_basis[s, q]
+        lam, e = tables.exponent[s, bi], basis[bi]
+        total = 0.0j
+        for b in range(nb):
+            push = 0.0j
+            pull = 0.0j
+            for i in range(n):
+                row = tables.projector[s, source - first, n + i]
+                push += row * load[b, i]
+                pull += row * load[b, i].conjugate()
+            if push == 0.0 and pull == 0.0:
+                continue
+            mu, f = tables.exponent[s, b], basis[b]
+            d = _difference(lam, mu, e, f, tau)
+            dbar = d if mu.imag == 0.0 else _difference(lam, mu.conjugate(), e, f.conjugate(), tau)
+            total += 0.5 * (push * d + pull * dbar)
+        for i in range(N):
+            u = tables.term_vector[s, q, i]
+            add[i] += u.real * total.real - u.imag * total.imag
+
+
+@njit(cache=True, error_model="numpy")
+def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j, t, y):  # type: ignore[no-untyped-def]
+    """Explicit derivative of contact j's penetration and of its rate by parameter p, the state held."""
+    n = contacts.shape.shape[1]
+    sign = contacts.sign[j]
+    delta = -parameters.gap[p, j]
+    rate = 0.0
+    for i in range(n):
+        delta -= sign * parameters.shape[p, j, i] * y[i]
+        rate -= sign * parameters.shape[p, j, i] * y[n + i]
+    if contacts.on_ground[j]:
+        for h in range(multiple.size):
+            iw = exponents[1 + h]
+            e = _exp(iw.real, iw.imag, t)
+            d = parameters.base[p, h]
+            dv = d * iw
+            if parameters.moves_frequency[p]:
+                ik = complex(0.0, multiple[h])
+                d += ik * t * base[h]
+                dv = d * iw + ik * base[h]
+            delta -= sign * (d * e).real
+            rate -= sign * (dv * e).real
+    return delta, rate
+
+
+@njit(cache=True, error_model="numpy")
+def carry_sensitivity(  # type: ignore[no-untyped-def]
+    tables, inputs, contacts, variation, parameters, n_seg, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face,
+    ev_contact, sens, slope,
+):  # fmt: skip
+    """Carry ``sens`` (N + m, columns), updated in place, through a log of segments; the last P columns are parameters.
+
+    ``slope`` (N,) receives the time derivative of the state at the end (limit from the left). Returns the smallest
+    ``|dg/dt|`` at an event whose force jumps (infinite without one): small means grazing with a dashpot.
+    """
+    m, n = contacts.shape.shape
+    N = 2 * n
+    F = inputs.exponent.size
+    H = variation.multiple.size
+    P = parameters.moves_frequency.size
+    columns = sens.shape[1]
+    states = columns - P
+    zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
+    basis = np.zeros(tables.exponent.shape[1], dtype=np.complex128)
+    y = np.zeros(N)
+    change = np.zeros(columns)
+    add = np.zeros(N)
+    T2 = variation.right.shape[2]
+    turned = np.zeros((T2, columns))
+    smallest = np.inf
+    event = 0
+    for g in range(n_seg):
+        s = seg_state[g]
+        tau = seg_length[g]
+        t0 = seg_time[g]
+        t1 = t0 + tau
+        nb = tables.n_basis[s]
+        _fill_sources(tables, s, inputs, seg_piece[g], t0, seg_y[g], seg_face[g], zeta)
+        _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
+        # parameters: take away the forced response's derivative at the start
+        for p in range(P):
+            for h in range(H):
+                iw = inputs.exponent[1 + h]
+                e = _exp(iw.real, iw.imag, t0)
+                t = variation.first_forced[s] + h
+                for i in range(N):
+                    d = parameters.terms[p, s, h, i]
+                    if parameters.moves_frequency[p]:
+                        d += complex(0.0, variation.multiple[h] * t0) * tables.term_vector[s, t, i]
+                    sens[i, states + p] -= (d * e).real
+        T = variation.n_terms[s]
+        c = np.dot(variation.left[s], sens[:N])
+        for q in range(T):
+            i = variation.term_source[s, q]
+            e = basis[variation.term_basis[s, q]]
+            for k in range(columns):
+                re, im = c[2 * i, k], c[2 * i + 1, k]
+                turned[2 * q, k] = e.real * re - e.imag * im
+                turned[2 * q + 1, k] = e.real * im + e.imag * re
+        sens[:N] = np.dot(variation.right[s], turned)
+        for p in range(P):
+            for h in range(H):
+                iw = inputs.exponent[1 + h]
+                e = _exp(iw.real, iw.imag, t1)
+                t = variation.first_forced[s] + h
+                for i in range(N):
+                    d = parameters.terms[p, s, h, i]
+                    if parameters.moves_frequency[p]:
+                        d += complex(0.0, variation.multiple[h] * t1) * tables.term_vector[s, t, i]
+                    sens[i, states + p] += (d * e).real
+            if parameters.moves_contacts[p]:
+                for i in range(N):
+                    add[i] = 0.0
+                _add_forcing(tables, s, inputs, contacts, variation.base, parameters, p, zeta, basis, tau, add)
+                for i in range(N):
+                    sens[i, states + p] += add[i]
+            if parameters.moves_structure[p]:
+                for i in range(N):
+                    add[i] = 0.0
+                _add_structure(tables, s, F + m, variation, parameters, p, t0, zeta, basis, tau, add)
+                for i in range(N):
+                    sens[i, states + p] += add[i]
+        for j in range(m):
+            if inputs.has_face[j] and not tables.closed[s, j]:
+                decay = math.exp(-inputs.face_rate[j] * tau)
+                for k in range(columns):
+                    sens[N + j, k] *= decay
+                for p in range(P):
+                    if parameters.moves_contacts[p]:
+                        dr = (
+                            parameters.stiffness[p, j] - inputs.face_rate[j] * parameters.dashpot[p, j]
+                        ) / contacts.dashpot[j]
+                        sens[N + j, states + p] -= dr * tau * decay * seg_face[g, j]
+            elif inputs.has_face[j]:
+                for k in range(columns):
+                    sens[N + j, k] = 0.0
+        last = g == n_seg - 1
+        if last:
+            for i in range(N):
+                slope[i] = 0.0
+            for q in range(tables.n_terms[s]):
+                b = tables.term_basis[s, q]
+                power = tables.power[s, b]
+                ds = tables.exponent[s, b] * basis[b]
+                if power > 0:
+                    lam = tables.exponent[s, b]
+                    ds += power * _exp(lam.real, lam.imag, tau) * tau ** (power - 1)
+                a = zeta[tables.term_source[s, q]] * ds
+                if a != 0.0:
+                    for i in range(N):
+                        u = tables.term_vector[s, q, i]
+                        slope[i] += u.real * a.real - u.imag * a.imag
+            break
+        following = seg_state[g + 1]
+        if following == s:
+            continue
+        j = ev_contact[event]
+        event += 1
+        closing = not tables.closed[s, j]
+        _state_at(tables, s, zeta, basis, y)
+        sign, _k_j, c_j = contacts.sign[j], contacts.stiffness[j], contacts.dashpot[j]
+        delta = -contacts.gap[j]
+        rate = 0.0
+        for i in range(n):
+            delta -= sign * contacts.shape[j, i] * y[i]
+            rate -= sign * contacts.shape[j, i] * y[n + i]
+        if contacts.on_ground[j]:
+            for h in range(H):
+                iw = inputs.exponent[1 + h]
+                e = _exp(iw.real, iw.imag, t1)
+                delta -= sign * (variation.base[h] * e).real
+                rate -= sign * (variation.base[h] * iw * e).real
+        face_p = seg_face[g, j] * math.exp(-inputs.face_rate[j] * tau) if inputs.has_face[j] and closing else 0.0
+        face_rate = -inputs.face_rate[j] * face_p
+        # gap function that changes sign here: the penetration beyond the face, or the force of a snubber that lets go
+        by_force = inputs.has_face[j] and not closing
+        if by_force:
+            # the face leaves with the penetration's own rate: no jump, but its sensitivity begins as the penetration's
+            for k in range(columns):
+                total = 0.0
+                for i in range(n):
+                    total -= sign * contacts.shape[j, i] * sens[i, k]
+                sens[N + j, k] = total
+            for p in range(P):
+                d, _ = _change_of_penetration(
+                    contacts, variation.base, inputs.exponent, variation.multiple, parameters, p, j, t1, y
+                )
+                sens[N + j, states + p] += d
+            continue
+        jump = c_j * (rate - face_rate)  # of the force at closing; the same, taken away, at opening
+        if jump == 0.0:
+            continue
+        gdot = rate - face_rate
+        smallest = min(smallest, abs(gdot))
+        for k in range(columns):
+            total = -sens[N + j, k] if closing and inputs.has_face[j] else 0.0
+            for i in range(n):
+                total -= sign * contacts.shape[j, i] * sens[i, k]
+            change[k] = total
+        for p in range(P):
+            d, _ = _change_of_penetration(
+                contacts, variation.base, inputs.exponent, variation.multiple, parameters, p, j, t1, y
+            )
+            change[states + p] += d
+        # S+ = S- + (f- - f+) dt_e with dt_e = -change / gdot, and f+ - f- = +-sign * shape * jump
+        factor = (1.0 if closing else -1.0) * jump / gdot * sign
+        for k in range(columns):
+            a = factor * change[k]
+            for i in range(n):
+                sens[n + i, k] += contacts.shape[j, i] * a
+    return smallest

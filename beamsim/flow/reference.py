@@ -1,0 +1,256 @@
+"""Time stepping with SciPy, restarted at contact events and breakpoints: the independent check of the exact flow.
+
+Also the way to run smooth nonlinearities (cubic springs), which have no closed form. Unlike the exact flow, it
+finds contacts only by sign changes between its steps, so a contact shorter than a step can be missed.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
+from beamsim.system.structural import CubicSprings
+
+__all__ = ["ReferenceTrajectory", "integrate"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ReferenceTrajectory:
+    """A time-stepped motion at chosen output times, with its events."""
+
+    flow: ExactFlow
+    time: Floats  # (nt,) output times, s
+    y: Floats  # (nt, 2n)
+    face: Floats  # (nt, m)
+    closed: Bools  # (nt, m)
+    work_in: Floats  # (nt,) J, integrated along
+    dissipated: Floats  # (nt,) J, integrated along
+    power_in: Floats  # (nt,) W
+    event_time: Floats  # (E,)
+    event_contact: NDArray[np.int64]  # (E,)
+    event_closing: Bools  # (E,)
+    evaluations: int  # of the right-hand side
+    restarts: int
+    end: float
+    status: str
+    processor_time_s: float
+
+    def sample(self, output_of: Callable[[Bools], LinearOutput]) -> Floats:
+        """Outputs (nt, k) at the output times."""
+        value, slope = _source_values(self.flow, self.time)
+        out: Floats | None = None
+        for key in np.unique(self.closed, axis=0):
+            here = np.all(self.closed == key, axis=1)
+            output = output_of(key)
+            part = (
+                self.y[here] @ output.row.T
+                + value[here] @ output.direct.T
+                + slope[here] @ output.direct_slope.T
+                + self.face[here] @ output.face.T
+            )
+            if out is None:
+                out = np.zeros((self.time.size, part.shape[1]))
+            out[here] = part
+        if out is None:
+            raise ValueError("no output times")
+        return out
+
+
+def integrate(
+    flow: ExactFlow,
+    initial_state: Floats,
+    times: Floats,
+    *,
+    integrator: str = "BDF",
+    rtol: float = 1e-8,
+    atol: float = 1e-12,
+    max_step: float = np.inf,
+    cubic: CubicSprings | None = None,
+    max_events: int = 1_000_000,
+    progress: Callable[[float], None] | None = None,
+) -> ReferenceTrajectory:
+    """Integrate from t = 0 through the increasing output ``times`` with ``scipy.integrate.solve_ivp``.
+
+    Parameters
+    ----------
+    integrator : a method of ``solve_ivp``; the thesis used a stiff BDF.
+    rtol, atol : as in SciPy; atol acts on mass-normalised displacements and velocities alike.
+    """
+    from scipy.integrate import solve_ivp
+
+    begin = clock.process_time()
+    n, m = flow.system.size, flow.system.contacts.count
+    right_hand_side = _RightHandSide(flow, cubic)
+    duration = float(times[-1])
+    y = np.concatenate([initial_state, np.zeros(m + 2)])
+    closed = flow.starting_state(np.asarray(initial_state, dtype=float), np.zeros(m))
+    breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
+    Y = np.empty((times.size, 2 * n + m + 2))
+    C = np.zeros((times.size, m), dtype=bool)
+    done, t, restarts, status = 0, 0.0, 0, "complete"
+    ev_time: list[float] = []
+    ev_contact: list[int] = []
+    ev_closing: list[bool] = []
+    while True:
+        stop = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
+        right_hand_side.begin(t, closed)
+        solution = solve_ivp(  # type: ignore[call-overload]
+            right_hand_side, (t, stop), y, method=integrator, rtol=rtol, atol=atol, max_step=max_step,
+            events=right_hand_side.events(), dense_output=True,
+        )  # fmt: skip
+        restarts += 1
+        if solution.status < 0:
+            status = f"the {integrator} integrator gave up at {solution.t[-1]:.6g} s: {solution.message}"
+        end = float(solution.t[-1])
+        last = int(np.searchsorted(times, end, side="right" if end >= duration else "left"))
+        if last > done:
+            Y[done:last] = solution.sol(times[done:last]).T
+            C[done:last] = closed
+            done = last
+        y = solution.y[:, -1].copy()
+        t = end
+        if solution.status == 1:
+            hit = next(j for j in range(m) if solution.t_events[j].size)
+            if flow.has_face[hit] and closed[hit]:
+                y[2 * n + hit] = right_hand_side.penetration(t, y)[hit]
+            closed = closed.copy()
+            closed[hit] = ~closed[hit]
+            ev_time.append(t)
+            ev_contact.append(hit)
+            ev_closing.append(bool(closed[hit]))
+            if len(ev_time) > max_events:
+                status = f"stopped at {t:.6g} s after {len(ev_time)} contact events"
+        if progress is not None:
+            progress(t / duration)
+        if t >= duration or status != "complete":
+            break
+    return ReferenceTrajectory(
+        flow,
+        times[:done],
+        Y[:done, : 2 * n],
+        Y[:done, 2 * n : 2 * n + m],
+        C[:done],
+        Y[:done, -2],
+        Y[:done, -1],
+        np.array([right_hand_side.power_in(*row) for row in zip(times[:done], Y[:done], C[:done], strict=True)]),
+        np.array(ev_time),
+        np.array(ev_contact, dtype=np.int64),
+        np.array(ev_closing, dtype=bool),
+        right_hand_side.count,
+        restarts,
+        t,
+        status,
+        clock.process_time() - begin,
+    )
+
+
+class _RightHandSide:
+    """y' of (q, q', faces) with given contacts closed; written apart from the exact flow on purpose."""
+
+    def __init__(self, flow: ExactFlow, cubic: CubicSprings | None) -> None:
+        self.flow = flow
+        self.cubic = cubic
+        self.count = 0
+        system, sources = flow.system, flow.sources
+        self.n = system.size
+        self.load = np.zeros((sources.count, self.n))
+        for f in range(1, sources.count):
+            if sources.channel[f] < len(flow.forcing.signal):
+                self.load[f] = flow.forcing.load[sources.channel[f]]
+        self.base_displacement = flow.forcing.base_displacement
+        self.base_velocity = None if self.base_displacement is None else self.base_displacement.derivative()
+        self.base = (sources.channel == flow.base_channel) & (flow.base_channel >= 0)
+        self.piece = 0
+        self.closed = np.zeros(system.contacts.count, dtype=bool)
+
+    def begin(self, t: float, closed: Bools) -> None:
+        starts = self.flow.sources.start
+        self.piece = max(int(np.searchsorted(starts, t, side="right")) - 1, 0)
+        self.closed = closed
+
+    def _sources(self, t: float) -> tuple[Floats, Floats]:
+        s = self.flow.sources
+        sigma = t - s.start[self.piece]
+        term = s.amplitude[self.piece] * np.exp(s.exponent * sigma)
+        value = term * sigma**s.power
+        slope = s.exponent * value + term * np.where(s.power > 0, s.power * sigma ** np.maximum(s.power - 1, 0), 0.0)
+        return value.real, slope.real
+
+    def penetration(self, t: float, y: Floats) -> Floats:
+        return self._contact(t, y)[0]
+
+    def _contact(self, t: float, y: Floats) -> tuple[Floats, Floats]:
+        c = self.flow.system.contacts
+        value, slope = self._sources(t)
+        d, d_rate = float(value[self.base].sum()), float(slope[self.base].sum())
+        delta = -c.gap - c.sign * (c.shape @ y[: self.n] + np.where(c.on_ground, d, 0.0))
+        rate = -c.sign * (c.shape @ y[self.n : 2 * self.n] + np.where(c.on_ground, d_rate, 0.0))
+        return delta, rate
+
+    def __call__(self, t: float, y: Floats) -> Floats:
+        self.count += 1
+        system, c, n, m = self.flow.system, self.flow.system.contacts, self.n, self.closed.size
+        q, v = y[:n], y[n : 2 * n]
+        value, slope = self._sources(t)
+        delta, rate = self._contact(t, y)
+        force = np.where(self.closed, c.stiffness * delta + c.dashpot * rate, 0.0)
+        outside = system.constant_load + value @ self.load
+        inside = -system.stiffness * q
+        through = 0.0  # power that the base's motion puts into cubic springs to the ground
+        if self.cubic is not None and self.cubic.count:
+            base = 0.0 if self.base_displacement is None else float(self.base_displacement(t))
+            pull = self.cubic.stiffness * (self.cubic.shape @ q + self.cubic.felt * base) ** 3
+            inside = inside - pull @ self.cubic.shape
+            if self.base_velocity is not None:
+                through = float(pull @ self.cubic.felt) * float(self.base_velocity(t))
+        friction = system.damping @ v
+        acceleration = inside + outside - friction + (force * c.sign) @ c.shape
+        face = y[2 * n : 2 * n + m]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relax = np.where(self.flow.has_face & ~self.closed, -c.stiffness / c.dashpot * face, 0.0)
+        moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
+        power = outside @ v - (force * c.sign) @ moved + through
+        loss = v @ friction + c.dashpot @ np.where(self.closed, rate, relax) ** 2
+        return np.concatenate([v, acceleration, relax, [power, loss]])
+
+    def power_in(self, t: float, y: Floats, closed: Bools) -> float:
+        self.begin(t, closed)
+        return float(self(t, y)[-2])
+
+    def events(self) -> list[Callable[[float, Floats], float]]:
+        return [self._event(j) for j in range(self.closed.size)]
+
+    def _event(self, j: int) -> Callable[[float, Floats], float]:
+        c = self.flow.system.contacts
+        by_face = bool(self.flow.has_face[j])
+        closed = bool(self.closed[j])
+
+        def gap(t: float, y: Floats) -> float:
+            delta, rate = self._contact(t, y)
+            if closed:
+                return float(c.stiffness[j] * delta[j] + c.dashpot[j] * rate[j]) if by_face else float(delta[j])
+            return float(y[2 * self.n + j] - delta[j])
+
+        gap.terminal = True  # type: ignore[attr-defined]
+        gap.direction = -1.0  # type: ignore[attr-defined]
+        return gap
+
+
+def _source_values(flow: ExactFlow, times: Floats) -> tuple[Floats, Floats]:
+    """(nt, F) real values of the sources and of their time derivatives."""
+    s = flow.sources
+    piece = np.clip(np.searchsorted(s.start, times, side="right") - 1, 0, None)
+    sigma = (times - s.start[piece])[:, None]
+    term = s.amplitude[piece] * np.exp(s.exponent * sigma)
+    value = term * sigma**s.power
+    slope = s.exponent * value + term * np.where(s.power > 0, s.power * sigma ** np.maximum(s.power - 1, 0), 0.0)
+    return value.real, slope.real

@@ -1,0 +1,234 @@
+"""The flow of structures with cubic springs, with its derivatives; for shooting it stands in for the closed-form flow.
+
+No closed form exists: motion and variational equations are integrated by Taylor series of order 26 to round-off
+(:mod:`beamsim.flow.taylor_kernels`). Contacts are located on the series; that none is missed is not certified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.variational import (
+    ContactDirection,
+    Frequency,
+    Level,
+    Passage,
+    PeriodicForcing,
+    WorkExceeded,
+    penetration_of_states,
+)
+from beamsim.system.equations import PiecewiseLinearSystem
+
+__all__ = ["CubicStiffness", "SmoothFlow", "SpringFactor"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+FIRST_LOG = 128
+LARGEST_LOG = 131072
+RADIANS = 3.0  # of the fastest mode, the longest step
+
+
+@dataclass(frozen=True)
+class SpringFactor:
+    """The parameter that multiplies the cubic springs' and the contacts' stiffness: its derivatives."""
+
+    cubic: Floats  # (nc,)
+    stiffness: Floats  # (m,)
+
+
+@dataclass
+class SmoothFlow:
+    """A structure with cubic springs (and contacts) under periodic loads.
+
+    Parameters
+    ----------
+    system : the structure and its contacts; no ``no_tension`` dashpots.
+    cubic_shape, cubic : (nc, n) and (nc,) N/m^3, springs ``force = cubic (shape @ q + d)^3``.
+    forcing, omega, level : periodic loads.
+    on_ground : (nc,) which springs feel the base's displacement d (the others join masses); all of them by default.
+    """
+
+    system: PiecewiseLinearSystem
+    cubic_shape: Floats
+    cubic: Floats
+    forcing: PeriodicForcing | None = None
+    omega: float = 1.0
+    level: float = 1.0
+    on_ground: Bools | None = None
+    passages: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        n, m = self.system.size, self.system.contacts.count
+        contacts = self.system.contacts
+        self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
+        if np.any(contacts.no_tension & (contacts.dashpot > 0)):
+            raise ValueError(
+                "a no_tension snubber with a dashpot cannot be combined with cubic springs; use kelvin_voigt"
+            )
+        self.size = 2 * n + m
+        self.free = np.concatenate([np.ones(2 * n, dtype=bool), np.zeros(m, dtype=bool)])
+        added = float(np.abs(contacts.stiffness) @ (contacts.shape**2).sum(axis=1))
+        fastest = float(np.sqrt(self.system.stiffness.max(initial=0.0) + added))
+        self._longest = RADIANS / fastest if fastest > 0 else np.inf
+        self._room(FIRST_LOG)
+
+    @property
+    def reversible(self) -> bool:
+        """Undamped and unforced."""
+        return self.loads.count == 0 and not np.any(self.system.damping) and not np.any(self.system.contacts.dashpot)
+
+    def set(self, omega: float | None = None, level: float | None = None) -> None:
+        """Change frequency and level."""
+        self.omega = self.omega if omega is None else float(omega)
+        self.level = self.level if level is None else float(level)
+
+    def _room(self, length: int) -> None:
+        n, m = self.system.size, self.system.contacts.count
+        self._log = (
+            np.empty(length), np.empty(length), np.empty((length, m), dtype=np.bool_), np.empty((length, 2 * n)),
+            np.empty(length), np.empty(length, dtype=np.int64), np.empty(length, dtype=np.bool_),
+        )  # fmt: skip
+
+    def _arrays(self, parameters: Sequence[Any]) -> Any:
+        from beamsim.flow.taylor_kernels import SmoothSystem
+
+        s, c = self.system, self.system.contacts
+        n, m, H, P, nc = s.size, c.count, self.loads.count, len(parameters), self.cubic.size
+        force, base, d_force, d_base = self.loads.at(self.omega, self.level)
+        by_force, by_base = np.zeros((P, H, n), dtype=complex), np.zeros((P, H), dtype=complex)
+        by_frequency, by_cubic = np.zeros((P, H)), np.zeros((P, nc))
+        by_stiffness, by_gap = np.zeros((P, m)), np.zeros((P, m))
+        for i, p in enumerate(parameters):
+            if isinstance(p, Frequency):
+                by_force[i], by_base[i], by_frequency[i] = d_force, d_base, self.loads.multiple
+            elif isinstance(p, Level):
+                by_force[i], by_base[i] = self.loads.at(self.omega, 1.0)[:2]
+            elif isinstance(p, SpringFactor):
+                by_cubic[i], by_stiffness[i] = p.cubic, p.stiffness
+            elif isinstance(p, ContactDirection) and not (np.any(p.dashpot) or np.any(p.shape)):
+                by_stiffness[i], by_gap[i] = p.stiffness, p.gap
+            else:
+                raise ValueError("with cubic springs only stiffness and gap of the contacts can be followed")
+        return SmoothSystem(
+            s.stiffness.astype(float), np.ascontiguousarray(s.damping), s.constant_load.astype(float),
+            np.ascontiguousarray(self.cubic_shape).reshape(nc, n), self.cubic.astype(float),
+            np.ones(nc) if self.on_ground is None else self.on_ground.astype(float),
+            np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap, c.on_ground.astype(float),
+            self.loads.multiple * self.omega, np.ascontiguousarray(force).reshape(H, n), base.astype(complex),
+            by_force, by_base, by_frequency, by_cubic, by_stiffness, by_gap,
+        )  # fmt: skip
+
+    def starting_state(self, z: Floats, t: float = 0.0) -> Bools:
+        """Which contacts are closed; at zero gap the one that is approached."""
+        n, c = self.system.size, self.system.contacts
+        d, d_rate = (x[0] for x in self.loads.base_motion(self.omega, self.level, np.array([t])))
+        delta = -c.gap - c.sign * (c.shape @ z[:n] + c.on_ground * d)
+        rate = -c.sign * (c.shape @ z[n : 2 * n] + c.on_ground * d_rate)
+        near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.on_ground * abs(d))
+        return np.asarray(np.where(near, rate > 0, delta > 0))
+
+    def carry(self, start: Floats, duration: float, parameters: Sequence[Any] = (), t: float = 0.0) -> Passage:
+        """As :meth:`beamsim.flow.variational.VariationalFlow.carry`."""
+        from beamsim.flow import taylor_kernels
+
+        n, m, P = self.system.size, self.system.contacts.count, len(parameters)
+        N = 2 * n
+        self.passages += 1
+        arrays = self._arrays(parameters)
+        while True:
+            y, closed = start[:N].copy(), self.starting_state(start, t)
+            sens = np.zeros((N, N + P))
+            sens[np.arange(N), np.arange(N)] = 1.0
+            slope = np.zeros(N)
+            log = self._log
+            code, steps, events, smallest = taylor_kernels.carry_smooth(
+                arrays, t, t + duration, closed, y, sens, P, self._longest, log[0], log[1], log[2], log[3], log[4],
+                log[5], log[6], slope,
+            )  # fmt: skip
+            if code == taylor_kernels.DONE and np.all(np.isfinite(y)):
+                break
+            if code != taylor_kernels.FULL or log[0].size >= LARGEST_LOG or not np.all(np.isfinite(y)):
+                raise WorkExceeded(f"no end after {steps} steps and {events} contact events")
+            self._room(4 * log[0].size)
+        full = np.zeros((N + m, N + m))
+        full[:N, :N] = sens[:, :N]
+        by = np.zeros((N + m, P))
+        by[:N] = sens[:, N:]
+        weights = 1 << np.arange(m)
+        return Passage(
+            start, np.concatenate([y, np.zeros(m)]), full, by, np.concatenate([slope, np.zeros(m)]), duration,
+            log[0][:steps].copy(), log[1][:steps].copy(), log[2][:steps] @ weights, log[3][:steps].copy(),
+            np.zeros((steps, m)), log[4][:events].copy(), log[5][:events].copy(), log[6][:events].copy(),
+            float(smallest),
+        )  # fmt: skip
+
+    def closed_in(self, passage: Passage) -> Bools:
+        """(G, m) which contacts are closed in each segment of a passage."""
+        return np.asarray((passage.state[:, None] >> np.arange(self.system.contacts.count)) & 1 == 1)
+
+    def states_at(self, passage: Passage, times: Floats) -> Floats:
+        """(nt, N) the state (q, q') at increasing times within a passage."""
+        from beamsim.flow import taylor_kernels
+
+        closed = self.closed_in(passage)
+        out = np.empty((times.size, 2 * self.system.size))
+        taylor_kernels.sample_smooth(
+            self._arrays(()), passage.time, closed, passage.y, np.ascontiguousarray(times), out
+        )
+        return out
+
+    def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
+        """Penetration and penetration rate of every contact, (nt, m) each."""
+        return self.penetration_of(self.states_at(passage, times), times)
+
+    def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
+        """The same of states (nt, N) that are known."""
+        base = self.loads.base_motion(self.omega, self.level, times)
+        return penetration_of_states(self.system.contacts, y, base)
+
+
+@dataclass
+class CubicStiffness:
+    """A family for :class:`beamsim.orbits.reversible.BrakeOrbits`: the factor multiplies all nonlinear springs."""
+
+    system: PiecewiseLinearSystem
+    cubic_shape: Floats
+    cubic: Floats
+    _last: tuple[float, SmoothFlow] | None = field(default=None, repr=False)
+
+    @property
+    def omega(self) -> Floats:
+        """(n,) natural frequencies of the linear structure, rad/s."""
+        return np.asarray(np.sqrt(self.system.stiffness))
+
+    @property
+    def extra(self) -> int:
+        """Unused faces in a state."""
+        return self.system.contacts.count
+
+    def flow_at(self, factor: float) -> tuple[SmoothFlow, SpringFactor]:
+        """The flow with its nonlinear springs scaled, and the parameter."""
+        c = self.system.contacts
+        if self._last is None or self._last[0] != factor:
+            from dataclasses import replace
+
+            system = replace(self.system, contacts=replace(c, stiffness=factor * c.stiffness))
+            self._last = (factor, SmoothFlow(system, self.cubic_shape, factor * self.cubic))
+        return self._last[1], SpringFactor(self.cubic, c.stiffness)
+
+    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
+        """Potential energy, its gradient, and its derivative by the factor (rest at q = 0)."""
+        c = self.system.contacts
+        x = self.cubic_shape @ q
+        delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
+        own = 0.25 * float(self.cubic @ x**4) + 0.5 * float(c.stiffness @ delta**2)
+        gradient = self.system.stiffness * q + factor * (
+            self.cubic_shape.T @ (self.cubic * x**3) - c.shape.T @ (c.sign * c.stiffness * delta)
+        )
+        return 0.5 * float(q @ (self.system.stiffness * q)) + factor * own, gradient, own

@@ -1,0 +1,91 @@
+"""All time-dependent inputs on one set of breakpoints, as the exact flow's kernels want them.
+
+A *source* is one basis function :math:`\\tau^p e^{\\nu\\tau}` of one channel (a load's signal, the base
+displacement, an observed signal) with a complex amplitude that depends on where a segment starts.
+Source 0 is the constant one, which carries dead loads and gaps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.inputs.signal import Signal
+
+__all__ = ["Sources", "compile_sources"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Sources:
+    """F sources on P pieces; the amplitudes are about each piece's own start."""
+
+    start: Floats  # (P,) s
+    amplitude: Complexes  # (P, F)
+    exponent: Complexes  # (F,) 1/s
+    power: Ints  # (F,)
+    channel: Ints  # (F,) -1 for the constant source
+    longest_piece: float  # s; infinite when there is a single piece
+
+    @property
+    def count(self) -> int:
+        """F."""
+        return int(self.exponent.size)
+
+    def group_last(self) -> Ints:
+        """Index of the last source of the run (same channel and exponent) that each source belongs to."""
+        last = np.arange(self.count)
+        for f in range(self.count - 2, -1, -1):
+            if self.channel[f] == self.channel[f + 1] and self.power[f + 1] == self.power[f] + 1:
+                last[f] = last[f + 1]
+        return last
+
+
+def compile_sources(channels: tuple[Signal, ...]) -> Sources:
+    """Merge the channels' breakpoints and list their basis functions."""
+    start = np.unique(np.concatenate([np.zeros(1)] + [c.start for c in channels]))
+    start = start[start >= 0.0]
+    exponent, power, channel = [0j], [0], [-1]
+    columns = [np.ones((start.size, 1), dtype=complex)]
+    for index, signal in enumerate(channels):
+        c = _about(signal, start)
+        for i, nu in enumerate(signal.exponent):
+            used = np.flatnonzero(np.any(c[:, i, :] != 0, axis=0))
+            if used.size == 0:
+                continue
+            degree = int(used[-1])
+            exponent += [complex(nu)] * (degree + 1)
+            power += list(range(degree + 1))
+            channel += [index] * (degree + 1)
+            columns.append(c[:, i, : degree + 1])
+    longest = float(np.max(np.diff(start))) if start.size > 1 else np.inf
+    return Sources(
+        start,
+        np.ascontiguousarray(np.concatenate(columns, axis=1)),
+        np.array(exponent),
+        np.array(power, dtype=np.int64),
+        np.array(channel, dtype=np.int64),
+        longest,
+    )
+
+
+def _about(signal: Signal, start: Floats) -> Complexes:
+    """Coefficients (P, E, D) of the signal about new piece starts that include its own."""
+    k = np.clip(np.searchsorted(signal.start, start, side="right") - 1, 0, None)
+    shift = start - signal.start[k]
+    c = signal.coefficient[k].copy()
+    if np.any(shift != 0.0):
+        for p in range(c.shape[2]):
+            total = c[:, :, p].copy()
+            factor = np.ones_like(shift)
+            for q in range(p + 1, c.shape[2]):
+                factor = factor * shift * q / (q - p)
+                total += c[:, :, q] * factor[:, None]
+            c[:, :, p] = total
+        c *= np.exp(signal.exponent[None, :] * shift[:, None])[:, :, None]
+    return c

@@ -1,0 +1,953 @@
+"""Compiled march through a swept sine: forced responses window by window, and what is kept of every cycle.
+
+On a window the inputs are :math:`\\mathrm{Re}[e^{i\\omega\\tau} \\sum_p c_p \\tau^p]`. In the eigenvectors of a contact
+state the response that belongs to them is a polynomial times the same exponential,
+
+.. math:: w' = (\\Lambda - i\\omega) w + \\beta(\\tau), \\qquad
+          w_p = (i\\omega - \\Lambda)^{-1} (\\beta_p - (p + 1) w_{p+1}),
+
+or, where :math:`i\\omega` is so close to an eigenvalue that this would cancel, the power series of the solution that
+starts from zero. What remains, free motion and dead loads, comes from the tables of
+:mod:`beamsim.flow.contact_state`. A *group* is an exponent with a polynomial; ``s`` is the time on a segment
+over its length.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from beamsim.flow.kernels import (
+    BUDGET,
+    DONE,
+    EPS,
+    FULL,
+    NEED_STATE,
+    _combine,
+    _crossing,
+    _evaluate,
+    _exp,
+    _fill_basis,
+    _fill_floors,
+    _fill_least,
+    _fill_sources,
+    _next_step,
+    _relax,
+    _state_at,
+)
+
+__all__ = [
+    "BUDGET",
+    "DONE",
+    "FULL",
+    "MOST_POWERS",
+    "NEED_STATE",
+    "Cycles",
+    "Forced",
+    "Kept",
+    "Windows",
+    "march",
+    "sample_windows",
+]
+
+MOST_POWERS = 48  # of a forced response's polynomial
+WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
+PRUNED = 1e-13  # share of an output below which a group is left out of integrals and searches
+FINEST = 1e-10  # of an output's range: peaks are found to this
+GRID = 0.8  # curvature times half the squared step, over the range
+
+
+class Forced(NamedTuple):
+    """Eigenvectors of S contact states, E each, in upper triangular blocks, and what the L channels do to them."""
+
+    count: Any  # (S,)
+    eigenvalue: Any  # (S, E)
+    coupling: Any  # (S, E, E) strictly upper
+    block_start: Any  # (S, E) first index of the block
+    block_end: Any  # (S, E) one past its last index
+    spread: Any  # (S, E) size of the block's part off its eigenvalue
+    right: Any  # (S, E, 2n)
+    gain: Any  # (S, L, E)
+    gain_slope: Any  # (S, L, E) on the channel's time derivative
+
+
+class Kept(NamedTuple):
+    """Rows of the watched functions (first 2 m of them) and of the outputs, per state."""
+
+    watch_row: Any  # (S, 2m, 2n)
+    watch_channel: Any  # (S, 2m, L)
+    watch_slope: Any  # (S, 2m, L)
+    watch_size: Any  # (S, 2m, 2) lengths of the rows' two halves
+    output: Any  # (S, T, K) bare part, by term
+    output_row: Any  # (S, K, 2n)
+    output_channel: Any  # (S, K, L)
+    output_slope: Any  # (S, K, L)
+    basis_group: Any  # (S, B) group of each basis function
+    group_count: Any  # (S,)
+    group_exponent: Any  # (S, G)
+
+
+class Windows(NamedTuple):
+    """The input's windows, coefficients about their middles."""
+
+    start: Any  # (W,)
+    length: Any  # (W,)
+    omega: Any  # (W,)
+    cycle: Any  # (W,)
+    fraction: Any  # (W,)
+    degree: Any  # (W,)
+    channel: Any  # (L, W, D + 1)
+    deviation: Any  # (W, D + 1)
+    order: Any  # (R,) of the tracked harmonics
+
+
+class Cycles(NamedTuple):
+    """What is kept of C cycles."""
+
+    high: Any  # (C, K)
+    low: Any  # (C, K)
+    square: Any  # (C, K) integral of the square
+    harmonic: Any  # (C, K, R) integral of output * exp(-i order phase) d phase
+    closed_time: Any  # (C, m)
+    closings: Any  # (C, m)
+    scale: Any  # (K,) range of the outputs lately
+
+
+@njit(cache=True, error_model="numpy")
+def _shift(c, degree, by):  # type: ignore[no-untyped-def]
+    """Coefficients of a polynomial about another point, in place."""
+    for i in range(degree):
+        for p in range(degree - 1, i - 1, -1):
+            c[p] += by * c[p + 1]
+
+
+@njit(cache=True, error_model="numpy")
+def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignore[no-untyped-def]
+    """Channels c (L, D + 1) and forced state U (Q, 2n) about the point ``x`` after the start of window k.
+
+    Returns the number of powers Q in use. H is the longest time for which the series has to hold.
+    """
+    L = c.shape[0]
+    N = U.shape[1]
+    D = windows.degree[k]
+    omega = windows.omega[k]
+    sigma = x - 0.5 * windows.length[k]
+    turn = complex(math.cos(omega * sigma), math.sin(omega * sigma))
+    for a in range(L):
+        for p in range(D + 1):
+            c[a, p] = windows.channel[a, k, p] * turn
+        _shift(c[a], D, sigma)
+    E = forced.count[s]
+    nu = complex(0.0, omega)
+    for p in range(D + 1):
+        for e in range(E):
+            beta[p, e] = 0.0
+        for a in range(L):
+            slope = nu * c[a, p]
+            if p < D:
+                slope += (p + 1) * c[a, p + 1]
+            for e in range(E):
+                beta[p, e] += forced.gain[s, a, e] * c[a, p] + forced.gain_slope[s, a, e] * slope
+    most = U.shape[0]
+    used = D + 1
+    for q in range(most):
+        for i in range(N):
+            U[q, i] = 0.0
+    first = E
+    while first > 0:
+        last = first
+        first = forced.block_start[s, last - 1]
+        size = last - first
+        distance = np.inf
+        for e in range(first, last):
+            distance = min(distance, abs(nu - forced.eigenvalue[s, e]))
+        spread = forced.spread[s, first]
+        near = distance * H < 1.0 + spread * H
+        if near and size == 1 and distance > 0.0:
+            total = abs(beta[0, first])
+            start = total
+            factor = 1.0
+            for p in range(1, D + 1):
+                factor *= p / distance
+                total += abs(beta[p, first]) * factor
+            near = total > WELL_CONDITIONED * start
+        if near:
+            powers = most
+            largest = 0.0
+            for e in range(first, last):
+                w[0, e] = 0.0
+            scale = 1.0
+            for q in range(most - 1):
+                scale *= H
+                biggest = 0.0
+                for e in range(first, last):
+                    v = (forced.eigenvalue[s, e] - nu) * w[q, e]
+                    for d in range(e + 1, last):
+                        v += forced.coupling[s, e, d] * w[q, d]
+                    if q <= D:
+                        v += beta[q, e]
+                    v /= q + 1
+                    w[q + 1, e] = v
+                    biggest = max(biggest, abs(v) * scale)
+                largest = max(largest, biggest)
+                if q >= D and biggest <= 1e-18 * largest:
+                    powers = q + 1
+                    break
+            used = max(used, powers)
+        else:
+            powers = D + 1
+            for p in range(D, -1, -1):
+                for e in range(last - 1, first - 1, -1):
+                    v = beta[p, e]
+                    if p < D:
+                        v -= (p + 1) * w[p + 1, e]
+                    for d in range(e + 1, last):
+                        v += forced.coupling[s, e, d] * w[p, d]
+                    w[p, e] = v / (nu - forced.eigenvalue[s, e])
+        for e in range(first, last):
+            for q in range(powers):
+                v = w[q, e]
+                if v != 0.0:
+                    for i in range(N):
+                        U[q, i] += forced.right[s, e, i] * v
+    return used
+
+
+@njit(cache=True, error_model="numpy")
+def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type: ignore[no-untyped-def]
+    """Coefficients (count, Q) of the forced part of linear outputs."""
+    N = U.shape[1]
+    L = c.shape[0]
+    nu = complex(0.0, omega)
+    for j in range(count):
+        for q in range(used):
+            total = 0.0 + 0.0j
+            for i in range(N):
+                total += row[j, i] * U[q, i]
+            out[j, q] = total
+        for a in range(L):
+            if channel[j, a] != 0.0 or slope[j, a] != 0.0:
+                for p in range(D + 1):
+                    rate = nu * c[a, p]
+                    if p < D:
+                        rate += (p + 1) * c[a, p + 1]
+                    out[j, p] += channel[j, a] * c[a, p] + slope[j, a] * rate
+
+
+@njit(cache=True, error_model="numpy")
+def _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out):  # type: ignore[no-untyped-def]
+    """As `kernels._evaluate`, with the forced part ``Re[e^{i omega tau} sum_q cw_q tau^q]`` added."""
+    reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+    angle = omega * tau
+    er, ei = math.cos(angle), math.sin(angle)
+    for j in range(out.shape[0]):
+        v = 0.0 + 0.0j
+        d = 0.0 + 0.0j
+        a0 = 0.0
+        a1 = 0.0
+        a2 = 0.0
+        near = 0.0
+        for q in range(used - 1, -1, -1):
+            d = d * tau + v
+            v = v * tau + cw[j, q]
+            a2 = a2 * reach + 2.0 * a1
+            a1 = a1 * reach + a0
+            a0 = a0 * reach + aw[j, q]
+            near = near * tau + aw[j, q]
+        out[j, 0] += v.real * er - v.imag * ei
+        sr = d.real - omega * v.imag
+        si = d.imag + omega * v.real
+        out[j, 1] += sr * er - si * ei
+        out[j, 2] += omega * omega * a0 + 2.0 * omega * a1 + a2
+        out[j, 3] += EPS * (8.0 + abs(angle)) * near
+    return reach
+
+
+@njit(cache=True, error_model="numpy")
+def march(  # type: ignore[no-untyped-def]
+    tables,
+    inputs,
+    forced,
+    kept,
+    windows,
+    cycles,
+    k,
+    k_end,
+    x,
+    state,
+    toggled,
+    y,
+    face,
+    seg_window,
+    seg_offset,
+    seg_length,
+    seg_state,
+    seg_y,
+    seg_face,
+    ev_time,
+    ev_contact,
+    ev_closing,
+    logging,
+    most_evaluations,
+):
+    """Carry the state (y, face), updated in place, from ``x`` after the start of window k to the start of window k_end.
+
+    Returns (status, k, x, state, segments, events, evaluations, contact of the last event), with the meanings of
+    `kernels.advance`; segments and events are written to the logs only when ``logging``.
+    """
+    m = face.size
+    N = y.size
+    L = windows.channel.shape[0]
+    DM = windows.channel.shape[2]
+    K = kept.output.shape[2]
+    R = windows.order.size
+    B = tables.exponent.shape[1]
+    E = forced.eigenvalue.shape[1]
+    zeta = np.zeros(1 + m + tables.projector.shape[1], dtype=np.complex128)
+    gamma = np.zeros((m, B), dtype=np.complex128)
+    size = np.zeros((m, B))
+    basis = np.zeros(B, dtype=np.complex128)
+    out = np.zeros((m, 4))
+    c = np.zeros((L, DM), dtype=np.complex128)
+    beta = np.zeros((DM, E), dtype=np.complex128)
+    w = np.zeros((MOST_POWERS, E), dtype=np.complex128)
+    U = np.zeros((MOST_POWERS, N), dtype=np.complex128)
+    cw = np.zeros((2 * m, MOST_POWERS), dtype=np.complex128)
+    aw = np.zeros((2 * m, MOST_POWERS))
+    moved = np.zeros(N)
+    least = np.zeros(m)
+    floors = np.zeros(m)
+    work = _make_work(kept, K, R, B, DM)
+    n_seg = 0
+    n_ev = 0
+    n_eval = 0
+    while k < k_end:
+        if logging and (n_seg == seg_window.size or n_ev == ev_time.size):
+            return FULL, k, x, state, n_seg, n_ev, n_eval, toggled
+        if n_eval > most_evaluations:
+            return BUDGET, k, x, state, n_seg, n_ev, n_eval, toggled
+        D = windows.degree[k]
+        omega = windows.omega[k]
+        H = windows.length[k] - x
+        whole = tables.horizon[state] >= H
+        if not whole:
+            H = tables.horizon[state]
+        used = _forced_response(forced, windows, state, k, x, H, c, beta, w, U)
+        for i in range(N):
+            moved[i] = y[i] - U[0, i].real
+        _fill_sources(tables, state, inputs, 0, 0.0, moved, face, zeta)
+        if m > 0:
+            _combine(tables, state, tables.watch, zeta, gamma, size)
+            _forced_rows(
+                kept.watch_row[state],
+                kept.watch_channel[state],
+                kept.watch_slope[state],
+                2 * m,
+                U,
+                used,
+                c,
+                D,
+                omega,
+                cw,
+            )
+            for j in range(m):
+                for q in range(used):
+                    aw[j, q] = abs(cw[j, q])
+        nb = tables.n_basis[state]
+        exponent = tables.exponent[state]
+        power = tables.power[state]
+        if logging:
+            seg_window[n_seg] = k
+            seg_offset[n_seg] = x
+            seg_state[n_seg] = state
+            for i in range(N):
+                seg_y[n_seg, i] = y[i]
+            for j in range(m):
+                seg_face[n_seg, j] = face[j]
+
+        _fill_least(tables, state, zeta, H, least)
+        for q in range(used):
+            position = 0.0
+            speed = 0.0
+            for i in range(N // 2):
+                position += abs(U[q, i]) ** 2
+                speed += abs(U[q, N // 2 + i]) ** 2
+            a = 4.0 * EPS * H**q
+            for j in range(m):
+                least[j] += a * max(
+                    math.sqrt(position) * kept.watch_size[state, j, 0], math.sqrt(speed) * kept.watch_size[state, j, 1]
+                )
+
+        tau = 0.0
+        hit = -1
+        floors[:] = 0.0
+        while m > 0:
+            reach = _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out)
+            n_eval += 1
+            if tau == 0.0 and toggled >= 0:
+                _fill_floors(out, size, nb, aw, used, H, floors)
+            step, hit = _next_step(out, least, floors, reach - tau)
+            if hit >= 0:
+                break
+            before = tau
+            tau += step
+            if tau >= H:
+                break
+            if tau == before or n_eval > most_evaluations:
+                return BUDGET, k, x, state, n_seg, n_ev, n_eval, toggled
+        tau = _crossing(out, hit, tau) if hit >= 0 else H
+        if tau > 0.0:
+            cycle = windows.cycle[k]
+            _keep(
+                tables, kept, windows, cycles, work, state, k, cycle, x, tau, zeta, U, used, c, D, omega,
+            )  # fmt: skip
+            for j in range(m):
+                if tables.closed[state, j]:
+                    cycles.closed_time[cycle, j] += tau
+        _fill_basis(exponent, power, nb, tau, basis)
+        _state_at(tables, state, zeta, basis, y)
+        turn = complex(math.cos(omega * tau), math.sin(omega * tau))
+        for i in range(N):
+            v = 0.0 + 0.0j
+            for q in range(used - 1, -1, -1):
+                v = v * tau + U[q, i]
+            y[i] += v.real * turn.real - v.imag * turn.imag
+        _relax(inputs, tables.closed[state], tau, face)
+        if logging:
+            seg_length[n_seg] = tau
+        n_seg += 1
+        toggled = hit
+        if hit < 0 and whole:
+            k += 1
+            x = 0.0
+            if k < windows.cycle.size and windows.cycle[k] != windows.cycle[k - 1]:
+                cycle = windows.cycle[k - 1]
+                for j in range(K):
+                    extent = cycles.high[cycle, j] - cycles.low[cycle, j]
+                    if extent > 0.0:
+                        cycles.scale[j] = extent
+            continue
+        if hit >= 0 and inputs.has_face[hit] and tables.closed[state, hit]:
+            # the face leaves with the penetration it has, which the watched row gives from the state
+            total = 0.0
+            for q in range(tables.n_terms[state]):
+                v = tables.watch[state, q, m + hit]
+                total += (v * zeta[tables.term_source[state, q]] * basis[tables.term_basis[state, q]]).real
+            v = 0.0 + 0.0j
+            for q in range(used - 1, -1, -1):
+                v = v * tau + cw[m + hit, q]
+            face[hit] = total + v.real * turn.real - v.imag * turn.imag
+        x += tau
+        if hit >= 0:
+            following = tables.follower[state, hit]
+            if following < 0:
+                return NEED_STATE, k, x, state, n_seg, n_ev, n_eval, hit
+            if not tables.closed[state, hit]:
+                cycles.closings[windows.cycle[k], hit] += 1
+            if logging:
+                ev_time[n_ev] = windows.start[k] + x
+                ev_contact[n_ev] = hit
+                ev_closing[n_ev] = not tables.closed[state, hit]
+            n_ev += 1
+            state = following
+    return DONE, k, x, state, n_seg, n_ev, n_eval, toggled
+
+
+# --- what is kept of a segment ----------------------------------------------------------------------------------------
+
+
+class _Work(NamedTuple):
+    poly: Any  # (K, G, P)
+    degree: Any  # (G,)
+    exponent: Any  # (G,) times the segment's length
+    end: Any  # (G,) exp of it
+    live: Any  # (G,)
+    forced: Any  # (K, MOST_POWERS)
+    moment: Any  # (2 P + D,)
+    projector: Any  # (D + 1,)
+    phase: Any  # (D + 1,)
+    sums: Any  # (P,)
+    sums_conj: Any  # (P,)
+    value: Any  # (K, 6)
+    before: Any  # (K, 6)
+    stack: Any  # (64, 8)
+    gamma: Any  # (K, B)
+    size: Any  # (K, B)
+    one: Any  # (6,)
+    length: Any  # (K, G, 4) sums over p of |poly|, times 1, p, p (p - 1), p (p - 1) (p - 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _make_work(kept, K, R, B, DM):  # type: ignore[no-untyped-def]
+    G = kept.group_exponent.shape[1] + 1
+    P = MOST_POWERS
+    return _Work(
+        np.zeros((K, G, P), dtype=np.complex128),
+        np.zeros(G, dtype=np.int64),
+        np.zeros(G, dtype=np.complex128),
+        np.zeros(G, dtype=np.complex128),
+        np.zeros(G, dtype=np.bool_),
+        np.zeros((K, MOST_POWERS), dtype=np.complex128),
+        np.zeros(2 * P + DM + 4, dtype=np.complex128),
+        np.zeros(DM + 3, dtype=np.complex128),
+        np.zeros(DM + 3, dtype=np.complex128),
+        np.zeros(P, dtype=np.complex128),
+        np.zeros(P, dtype=np.complex128),
+        np.zeros((K, 6)),
+        np.zeros((K, 6)),
+        np.zeros((80, 8)),
+        np.zeros((K, B), dtype=np.complex128),
+        np.zeros((K, B)),
+        np.zeros(6),
+        np.zeros((K, G, 4)),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _moments(x, ex, top, out):  # type: ignore[no-untyped-def]
+    """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top, with ex = e^x; the direction of recursion that is stable."""
+    if abs(x.real) + abs(x.imag) < 2.0:
+        term = 1.0 + 0.0j
+        total = complex(1.0 / (top + 1), 0.0)
+        for i in range(1, 60):
+            term = term * x / i
+            total += term / (top + 1 + i)
+            if abs(term.real) + abs(term.imag) < 1e-18:
+                break
+        out[top] = total
+        for q in range(top, 0, -1):
+            out[q - 1] = (ex - x * out[q]) / q
+        return
+    inverse = 1.0 / x
+    out[0] = (ex - 1.0) * inverse
+    upward = top if top <= 8 else min(top, int(abs(x)))
+    for q in range(1, upward + 1):
+        out[q] = (ex - q * out[q - 1]) * inverse
+    if upward < top:
+        # e^x sum_k (-x)^k q! / (q + 1 + k)!, from an index where it converges quickly
+        q = max(top, int(abs(x)) + 10)
+        term = ex / (q + 1)
+        total = term
+        for i in range(1, 400):
+            term = -term * x / (q + 1 + i)
+            total += term
+            if abs(term) < 1e-18 * abs(total):
+                break
+        while q > upward:
+            if q <= top:
+                out[q] = total
+            total = (ex - x * total) / q
+            q -= 1
+
+
+@njit(cache=True, error_model="numpy")
+def _keep(tables, kept, windows, cycles, work, s, k, cycle, x, T, zeta, U, used, c, D, omega):  # type: ignore[no-untyped-def]
+    """Add a segment of length T, ``x`` after the start of window k, to what is kept of its cycle."""
+    K = work.value.shape[0]
+    if K == 0:
+        return
+    _combine(tables, s, kept.output, zeta, work.gamma, work.size)
+    _forced_rows(kept.output_row[s], kept.output_channel[s], kept.output_slope[s], K, U, used, c, D, omega, work.forced)
+    groups = kept.group_count[s]
+    nb = tables.n_basis[s]
+    for g in range(groups + 1):
+        work.degree[g] = 0
+    for b in range(nb):
+        g = kept.basis_group[s, b]
+        work.degree[g] = max(work.degree[g], tables.power[s, b])
+    # the forced polynomial, cut where it no longer matters
+    top = used - 1
+    while top > 0:
+        matters = False
+        for j in range(K):
+            if abs(work.forced[j, top]) * T**top > 0.1 * PRUNED * cycles.scale[j]:
+                matters = True
+                break
+        if matters:
+            break
+        top -= 1
+    work.degree[groups] = top
+    for j in range(K):
+        for g in range(groups + 1):
+            for p in range(work.degree[g] + 1):
+                work.poly[j, g, p] = 0.0
+        for b in range(nb):
+            p = tables.power[s, b]
+            work.poly[j, kept.basis_group[s, b], p] += work.gamma[j, b] * T**p
+        factor = 1.0
+        for p in range(top + 1):
+            work.poly[j, groups, p] = work.forced[j, p] * factor
+            factor *= T
+    for g in range(groups + 1):
+        lam = complex(0.0, omega) if g == groups else kept.group_exponent[s, g]
+        work.exponent[g] = lam * T
+        work.end[g] = _exp(lam.real, lam.imag, T)
+        live = False
+        for j in range(K):
+            a0 = 0.0
+            a1 = 0.0
+            a2 = 0.0
+            a3 = 0.0
+            for p in range(work.degree[g] + 1):
+                size = abs(work.poly[j, g, p])
+                a0 += size
+                a1 += p * size
+                a2 += p * (p - 1) * size
+                a3 += p * (p - 1) * (p - 2) * size
+            work.length[j, g, 0] = a0
+            work.length[j, g, 1] = a1
+            work.length[j, g, 2] = a2
+            work.length[j, g, 3] = a3
+            if a0 > PRUNED * cycles.scale[j]:
+                live = True
+        work.live[g] = live
+    _search_peaks(work, groups + 1, K, cycles, cycle)
+    _add_squares(work, groups + 1, K, T, cycles, cycle)
+    if windows.order.size > 0:
+        _add_harmonics(work, windows, groups + 1, K, k, x, T, omega, cycles, cycle)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
+    """Integral of the square of every output: sum of products of pairs of groups, in closed form."""
+    moment = work.moment
+    for g in range(G):
+        if not work.live[g]:
+            continue
+        dg = work.degree[g]
+        for h in range(g, G):
+            if not work.live[h]:
+                continue
+            dh = work.degree[h]
+            twice = 0.5 * T if g == h else T
+            for conjugate in range(2):
+                if conjugate == 0:
+                    _moments(work.exponent[g] + work.exponent[h], work.end[g] * work.end[h], dg + dh, moment)
+                else:
+                    _moments(
+                        work.exponent[g] + np.conj(work.exponent[h]),
+                        work.end[g] * np.conj(work.end[h]),
+                        dg + dh,
+                        moment,
+                    )
+                for j in range(K):
+                    total = 0.0
+                    for p in range(dg + 1):
+                        a = work.poly[j, g, p]
+                        if a == 0.0:
+                            continue
+                        inner = 0.0 + 0.0j
+                        for q in range(dh + 1):
+                            b = work.poly[j, h, q]
+                            if conjugate == 1:
+                                b = np.conj(b)
+                            inner += b * moment[p + q]
+                        total += (a * inner).real
+                    cycles.square[cycle, j] += twice * total
+
+
+@njit(cache=True, error_model="numpy")
+def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type: ignore[no-untyped-def]
+    """Integral over the phase of ``output * exp(-i order phase)``, a tracking filter in closed form."""
+    moment, projector, phase = work.moment, work.projector, work.phase
+    D = windows.deviation.shape[1] - 1
+    sigma = x - 0.5 * windows.length[k]
+    for r in range(windows.order.size):
+        order = windows.order[r]
+        # exp(-i order delta(sigma)) about the window's middle, times the phase's rate, about the segment's start
+        phase[0] = 1.0
+        for p in range(1, D + 1):
+            total = 0.0 + 0.0j
+            for q in range(1, p + 1):
+                total += q * windows.deviation[k, q] * phase[p - q]
+            phase[p] = total * complex(0.0, -order) / p
+        for p in range(D + 1):
+            total = omega * phase[p]
+            for q in range(p + 1):
+                if q < D:
+                    total += (q + 1) * windows.deviation[k, q + 1] * phase[p - q]
+            projector[p] = total
+        _shift(projector, D, sigma)
+        factor = 1.0
+        for p in range(D + 1):
+            projector[p] *= factor
+            factor *= T
+        top = D
+        while top > 0 and abs(projector[top]) < 1e-14 * abs(projector[0]):
+            top -= 1
+        angle = -order * omega * T
+        down = complex(0.0, angle)
+        end = complex(math.cos(angle), math.sin(angle))
+        turns = order * windows.cycle[k]
+        angle = -2.0 * math.pi * (turns - math.floor(turns) + order * windows.fraction[k]) - order * omega * sigma
+        front = complex(math.cos(angle), math.sin(angle)) * (0.5 * T)
+        for g in range(G):
+            if not work.live[g]:
+                continue
+            dg = work.degree[g]
+            for conjugate in range(2):
+                if conjugate == 0:
+                    _moments(work.exponent[g] + down, work.end[g] * end, dg + top, moment)
+                else:
+                    _moments(np.conj(work.exponent[g]) + down, np.conj(work.end[g]) * end, dg + top, moment)
+                for p in range(dg + 1):
+                    total = 0.0 + 0.0j
+                    for q in range(top + 1):
+                        total += projector[q] * moment[p + q]
+                    work.sums[p] = total * front
+                for j in range(K):
+                    total = 0.0 + 0.0j
+                    for p in range(dg + 1):
+                        a = work.poly[j, g, p]
+                        total += (np.conj(a) if conjugate == 1 else a) * work.sums[p]
+                    cycles.harmonic[cycle, j, r] += total
+
+
+@njit(cache=True, error_model="numpy")
+def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
+    """Outputs first ... last - 1 at s: value, three derivatives' data.
+
+    ``out`` rows: value, slope, curvature, bounds on curvature and on the third derivative from s to 1, round-off.
+    """
+    for j in range(first, last):
+        i = j - first
+        for q in range(6):
+            out[i, q] = 0.0
+    for g in range(G):
+        if not work.live[g]:
+            continue
+        lam = work.exponent[g]
+        e = _exp(lam.real, lam.imag, s)
+        level = 1.0 if lam.real == 0.0 else math.exp(lam.real * (s if lam.real < 0.0 else 1.0))
+        r = abs(lam)
+        dg = work.degree[g]
+        if dg == 0:
+            e1 = lam * e
+            e2 = lam * e1
+            b2 = r * r * level
+            b3 = r * b2
+            for j in range(first, last):
+                a = work.poly[j, g, 0]
+                i = j - first
+                out[i, 0] += a.real * e.real - a.imag * e.imag
+                out[i, 1] += a.real * e1.real - a.imag * e1.imag
+                out[i, 2] += a.real * e2.real - a.imag * e2.imag
+                size = work.length[j, g, 0]
+                out[i, 3] += size * b2
+                out[i, 4] += size * b3
+                out[i, 5] += size * level * (8.0 + r * s)
+            continue
+        for j in range(first, last):
+            v = 0.0 + 0.0j
+            d = 0.0 + 0.0j
+            d2 = 0.0 + 0.0j
+            for p in range(dg, -1, -1):
+                d2 = d2 * s + 2.0 * d
+                d = d * s + v
+                v = v * s + work.poly[j, g, p]
+            a0, a1 = work.length[j, g, 0], work.length[j, g, 1]
+            a2, a3 = work.length[j, g, 2], work.length[j, g, 3]
+            i = j - first
+            f1 = d + lam * v
+            f2 = d2 + 2.0 * lam * d + lam * lam * v
+            out[i, 0] += v.real * e.real - v.imag * e.imag
+            out[i, 1] += f1.real * e.real - f1.imag * e.imag
+            out[i, 2] += f2.real * e.real - f2.imag * e.imag
+            out[i, 3] += level * (a2 + 2.0 * r * a1 + r * r * a0)
+            out[i, 4] += level * (a3 + 3.0 * r * a2 + 3.0 * r * r * a1 + r * r * r * a0)
+            out[i, 5] += level * a0 * (8.0 + r * s)
+
+
+@njit(cache=True, error_model="numpy")
+def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
+    """Raise the cycle's highest and lower its lowest values to those of the segment.
+
+    Between two points the curvature bound limits how far an output can rise above the chord; only where that is
+    above the highest value so far is the interval looked into.
+    """
+    value, before = work.value, work.before
+    s = 0.0
+    _values(work, G, 0, K, s, value)
+    for j in range(K):
+        f = value[j, 0]
+        if f > cycles.high[cycle, j]:
+            cycles.high[cycle, j] = f
+        if f < cycles.low[cycle, j]:
+            cycles.low[cycle, j] = f
+        spread = 0.0
+        for g in range(G):
+            if work.live[g]:
+                spread = max(spread, abs(work.poly[j, g, 0]))
+        if spread > cycles.scale[j]:
+            cycles.scale[j] = spread
+    while s < 1.0:
+        h = 1.0 - s
+        for j in range(K):
+            bound = value[j, 3]
+            if bound > 0.0:
+                h = min(h, max(math.sqrt(2.0 * GRID * cycles.scale[j] / bound), 1.0 / 256))
+        for j in range(K):
+            for q in range(6):
+                before[j, q] = value[j, q]
+        left = s
+        s = s + h if s + h < 1.0 - 1e-9 else 1.0
+        h = s - left
+        _values(work, G, 0, K, s, value)
+        for j in range(K):
+            f = value[j, 0]
+            if f > cycles.high[cycle, j]:
+                cycles.high[cycle, j] = f
+            if f < cycles.low[cycle, j]:
+                cycles.low[cycle, j] = f
+            bound = before[j, 3]
+            if bound == 0.0:
+                continue
+            slack = FINEST * cycles.scale[j] + 4.0 * EPS * value[j, 5]
+            if _ceiling(before[j, 0], value[j, 0], bound, h) > cycles.high[cycle, j] + slack:
+                best = _climb(work, G, j, 1.0, left, s, before, value, slack, cycles.high[cycle, j])
+                cycles.high[cycle, j] = best
+            if _ceiling(-before[j, 0], -value[j, 0], bound, h) > -cycles.low[cycle, j] + slack:
+                best = _climb(work, G, j, -1.0, left, s, before, value, slack, -cycles.low[cycle, j])
+                cycles.low[cycle, j] = -best
+
+
+@njit(cache=True, error_model="numpy")
+def _ceiling(fa, fb, bound, h):  # type: ignore[no-untyped-def]
+    """Highest value on an interval of length h that a curvature of at most ``bound`` allows."""
+    d = abs(fb - fa)
+    bend = 0.5 * bound * h * h
+    if d >= bend:
+        return max(fa, fb)
+    return 0.5 * (fa + fb) + 0.25 * bend + 0.25 * d * d / bend
+
+
+@njit(cache=True, error_model="numpy")
+def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: ignore[no-untyped-def]
+    """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``."""
+    one = work.one.reshape(1, 6)
+    stack = work.stack
+    bound2, bound3 = before[j, 3], before[j, 4]
+    stack[0, 0] = left
+    stack[0, 1] = right
+    for q in range(3):
+        stack[0, 2 + q] = sign * before[j, q]
+        stack[0, 5 + q] = sign * value[j, q]
+    depth = 1
+    while depth > 0:
+        depth -= 1
+        a, b = stack[depth, 0], stack[depth, 1]
+        fa, da, ca = stack[depth, 2], stack[depth, 3], stack[depth, 4]
+        fb, db, cb = stack[depth, 5], stack[depth, 6], stack[depth, 7]
+        h = b - a
+        if _ceiling(fa, fb, bound2, h) <= best + slack:
+            continue
+        if 0.5 * (ca + cb) + 0.5 * bound3 * h < 0.0:
+            # bent downwards all over: one top at most, where the slope changes its sign
+            if da <= 0.0 or db >= 0.0:
+                continue
+            u, v, su, sv = a, b, da, db
+            for _ in range(60):
+                t = u + (v - u) * su / (su - sv)
+                if not (u < t < v):
+                    break
+                _values(work, G, j, j + 1, t, one)
+                f, d, curve = sign * one[0, 0], sign * one[0, 1], sign * one[0, 2]
+                best = max(best, f)
+                if curve < 0.0:
+                    # at a slope d the top is no further above than this
+                    if d * d <= -curve * slack:
+                        break
+                    newton = t - d / curve
+                    if u < newton < v:
+                        if d > 0.0:
+                            u, su = t, d
+                        else:
+                            v, sv = t, d
+                        t = newton
+                        _values(work, G, j, j + 1, t, one)
+                        f, d, curve = sign * one[0, 0], sign * one[0, 1], sign * one[0, 2]
+                        best = max(best, f)
+                        if curve < 0.0 and d * d <= -curve * slack:
+                            break
+                if d > 0.0:
+                    u, su = t, d
+                else:
+                    v, sv = t, d
+            continue
+        middle = 0.5 * (a + b)
+        if depth + 2 > stack.shape[0] or not (a < middle < b):
+            continue
+        _values(work, G, j, j + 1, middle, one)
+        best = max(best, sign * one[0, 0])
+        f, d, curve = sign * one[0, 0], sign * one[0, 1], sign * one[0, 2]
+        stack[depth, 0] = a
+        stack[depth, 1] = middle
+        stack[depth, 2], stack[depth, 3], stack[depth, 4] = fa, da, ca
+        stack[depth, 5], stack[depth, 6], stack[depth, 7] = f, d, curve
+        depth += 1
+        stack[depth, 0] = middle
+        stack[depth, 1] = b
+        stack[depth, 2], stack[depth, 3], stack[depth, 4] = f, d, curve
+        stack[depth, 5], stack[depth, 6], stack[depth, 7] = fb, db, cb
+        depth += 1
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def sample_windows(  # type: ignore[no-untyped-def]
+    tables, inputs, forced, kept, windows, seg_window, seg_offset, seg_state, seg_y, seg_face, time, out
+):
+    """Outputs (nt, K) at increasing times, from logged segments."""
+    m = seg_face.shape[1]
+    N = seg_y.shape[1]
+    L = windows.channel.shape[0]
+    DM = windows.channel.shape[2]
+    K = kept.output.shape[2]
+    B = tables.exponent.shape[1]
+    E = forced.eigenvalue.shape[1]
+    zeta = np.zeros(1 + m + tables.projector.shape[1], dtype=np.complex128)
+    gamma = np.zeros((K, B), dtype=np.complex128)
+    size = np.zeros((K, B))
+    basis = np.zeros(B, dtype=np.complex128)
+    c = np.zeros((L, DM), dtype=np.complex128)
+    beta = np.zeros((DM, E), dtype=np.complex128)
+    w = np.zeros((MOST_POWERS, E), dtype=np.complex128)
+    U = np.zeros((MOST_POWERS, N), dtype=np.complex128)
+    co = np.zeros((K, MOST_POWERS), dtype=np.complex128)
+    moved = np.zeros(N)
+    g = 0
+    current = -1
+    used = 0
+    last = seg_window.size - 1
+    for i in range(time.size):
+        while g < last and windows.start[seg_window[g + 1]] + seg_offset[g + 1] <= time[i]:
+            g += 1
+        k, x, s = seg_window[g], seg_offset[g], seg_state[g]
+        omega = windows.omega[k]
+        if g != current:
+            H = min(windows.length[k] - x, tables.horizon[s])
+            used = _forced_response(forced, windows, s, k, x, H, c, beta, w, U)
+            for q in range(N):
+                moved[q] = seg_y[g, q] - U[0, q].real
+            _fill_sources(tables, s, inputs, 0, 0.0, moved, seg_face[g], zeta)
+            _combine(tables, s, kept.output, zeta, gamma, size)
+            _forced_rows(
+                kept.output_row[s], kept.output_channel[s], kept.output_slope[s], K, U, used, c, windows.degree[k],
+                omega, co,
+            )  # fmt: skip
+            current = g
+        tau = time[i] - windows.start[k] - x
+        nb = tables.n_basis[s]
+        _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
+        turn = complex(math.cos(omega * tau), math.sin(omega * tau))
+        for j in range(K):
+            total = 0.0
+            for b in range(nb):
+                total += gamma[j, b].real * basis[b].real - gamma[j, b].imag * basis[b].imag
+            v = 0.0 + 0.0j
+            for q in range(used - 1, -1, -1):
+                v = v * tau + co[j, q]
+            out[i, j] = total + v.real * turn.real - v.imag * turn.imag

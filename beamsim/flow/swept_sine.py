@@ -1,0 +1,410 @@
+"""The exact flow under a swept sine: states diagonalised as they are visited, cycle by cycle what is kept."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.contact_state import LinearOutput, state_loads
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.invariant_blocks import Block
+from beamsim.inputs.signal import Signal
+from beamsim.inputs.swept import SweepWindows
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+__all__ = ["CycleRecord", "SegmentLog", "SweptFlow", "sweep"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+OutputOf = Callable[[Bools], LinearOutput]
+
+WINDOWS_A_CALL = 512  # between two reports of progress
+LOG_LENGTH = 4096
+
+
+@dataclass
+class SweptFlow:
+    """A system under channels that are all multiples, or integrals, of one swept sine.
+
+    Parameters
+    ----------
+    system : the structure.
+    load : (L, n) load of a unit of each of the first L channels, N per sqrt(kg).
+    channel : (Ch, W, D + 1) coefficients of the channels on the windows: the L loads, then the base displacement
+        that contacts on the ground feel (where there is one), then observed signals, which load nothing.
+    windows : the windows of the sine.
+    base_displacement : whether channel L is the base's displacement.
+    """
+
+    system: PiecewiseLinearSystem
+    load: Floats
+    channel: Complexes
+    windows: SweepWindows
+    base_displacement: bool = False
+    template: ExactFlow = field(init=False)
+    bare: ExactFlow = field(init=False)
+
+    def __post_init__(self) -> None:
+        L = self.load.shape[0]
+        unit = Signal.harmonic(1.0, 1.0)
+        base = unit if self.base_displacement else None
+        # contacts that do not feel the base's displacement have no channel for it
+        felt = self.base_displacement and bool(self.system.contacts.on_ground.any())
+        if self.base_displacement and not felt:
+            self.channel = np.concatenate([self.channel[:L], self.channel[L + 1 :]])
+            base = None
+        observers = (unit,) * (self.channel.shape[0] - L - int(felt))
+        # one source a channel: outputs are written down with it, for any signal the channels may carry
+        self.template = ExactFlow(self.system, Forcing(self.load, (unit,) * L, base), 1.0, observers)
+        longest = float(self.windows.length.max())
+        self.bare = ExactFlow(self.system, Forcing(np.zeros((0, self.system.size)), ()), longest)
+        self._forced: list[_ForcedTables] = []
+
+    def starting_state(self, state: Floats) -> Bools:
+        """Which contacts are closed when the sweep begins; see `ExactFlow.starting_state`."""
+        w = self.windows
+        D = self.channel.shape[2] - 1
+        sigma = -0.5 * w.length[0]
+        turn = np.exp(1j * w.omega[0] * sigma)
+        signals = []
+        for c in self.channel[:, 0] * turn:
+            moved = c.copy()
+            for i in range(D):
+                for p in range(D - 1, i - 1, -1):
+                    moved[p] += sigma * moved[p + 1]
+            signals.append(Signal(np.zeros(1), np.array([1j * w.omega[0]]), moved[None, None, :]))
+        L = self.load.shape[0]
+        base = signals[L] if self.template.base_channel >= 0 else None
+        flow = ExactFlow(self.system, Forcing(self.load, tuple(signals[:L]), base), float(w.length[0]))
+        return flow.starting_state(np.asarray(state, dtype=float), np.zeros(self.system.contacts.count))
+
+    def state_index(self, closed: Bools) -> int:
+        """Number of the contact state, diagonalised when it is first asked for."""
+        index = self.bare.state_index(closed)
+        self._complete()
+        return index
+
+    def follow(self, state: int, contact: int) -> int:
+        """The state after one contact toggles."""
+        following = self.bare.follow(state, contact)
+        self._complete()
+        return following
+
+    def _complete(self) -> None:
+        for s in self.bare.states[len(self._forced) :]:
+            load, slope = state_loads(
+                self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.closed
+            )
+            self._forced.append(_forced_tables(s.simple, s.blocks, load[1:], slope[1:]))
+
+    def forced(self) -> object:
+        """Eigenvectors of the states so far, for the kernels."""
+        from beamsim.flow.sweep_kernels import Forced
+
+        tables = self._forced
+        return Forced(
+            np.array([t.eigenvalue.size for t in tables]),
+            *(_pad([getattr(t, name) for t in tables]) for name in _ForcedTables.__dataclass_fields__),
+        )
+
+    def kept(self, output_of: OutputOf) -> object:
+        """Rows of the watched functions and of the outputs in every state so far, for the kernels."""
+        from beamsim.flow.sweep_kernels import Kept
+
+        states = self.bare.states
+        watched = [self._split(self.template.watched(s.closed)) for s in states]
+        wanted = [self._split(output_of(s.closed)) for s in states]
+        groups = [_groups(s.exponent) for s in states]
+        rows = [np.array([w[i] for w in watched]) for i in (1, 2, 3)]
+        outputs = [np.array([w[i] for w in wanted]) for i in (1, 2, 3)]
+        return Kept(
+            watch_row=rows[0],
+            watch_channel=rows[1],
+            watch_slope=rows[2],
+            watch_size=np.array([_halves(w[1]) for w in watched]),
+            output=_pad([s.coefficients(w[0], self.bare.sources) for s, w in zip(states, wanted, strict=True)]),
+            output_row=outputs[0],
+            output_channel=outputs[1],
+            output_slope=outputs[2],
+            basis_group=_pad([g for g, _ in groups]),
+            group_count=np.array([e.size for _, e in groups]),
+            group_exponent=_pad([e for _, e in groups]),
+        )
+
+    def _split(self, output: LinearOutput) -> tuple[LinearOutput, Floats, Floats, Floats]:
+        """The part without inputs; then rows, factors of the channels, and of their time derivatives."""
+        zero = np.zeros((output.row.shape[0], 1))
+        bare = LinearOutput(output.row, np.ascontiguousarray(output.direct[:, :1]), zero, output.face)
+        return (
+            bare,
+            np.ascontiguousarray(output.row),
+            np.ascontiguousarray(output.direct[:, 1:]),
+            np.ascontiguousarray(output.direct_slope[:, 1:]),
+        )
+
+    def kernel_windows(self, orders: Floats) -> object:
+        """The windows as the kernels want them."""
+        from beamsim.flow.sweep_kernels import Windows
+
+        w = self.windows
+        return Windows(
+            w.start, w.length, w.omega, w.cycle, w.fraction, w.degree,
+            np.ascontiguousarray(self.channel), w.deviation, np.asarray(orders, dtype=float),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SegmentLog:
+    """Segments and events of a sweep, kept when its time history is wanted."""
+
+    window: Ints
+    offset: Floats  # s, since the window's start
+    length: Floats  # s
+    state: Ints
+    y: Floats
+    face: Floats
+    event_time: Floats
+    event_contact: Ints
+    event_closing: Bools
+
+
+@dataclass(frozen=True)
+class CycleRecord:
+    """What is kept of C cycles of a sweep; K outputs, R orders, m contacts."""
+
+    flow: SweptFlow
+    order: Floats  # (R,)
+    high: Floats  # (C, K)
+    low: Floats  # (C, K)
+    mean_square: Floats  # (C, K), over the cycle's time
+    harmonic: Complexes  # (C, K, R) amplitude of cos(order phase) minus i times that of sin, over one cycle
+    contact_share: Floats  # (C, m)
+    closings: Ints  # (C, m)
+    final_y: Floats
+    final_face: Floats
+    reached: int  # cycles that were computed
+    end: float  # s
+    events: int
+    segments: int
+    evaluations: int
+    status: str
+    processor_time_s: float
+    log: SegmentLog | None = None
+
+    def sample(self, times: Floats, output_of: OutputOf) -> Floats:
+        """Outputs (nt, K) at increasing times; only with a log."""
+        from beamsim.flow import sweep_kernels
+
+        if self.log is None:
+            raise ValueError("the time history was not kept")
+        flow, log = self.flow, self.log
+        kept = flow.kept(output_of)
+        out = np.empty((times.size, kept.output.shape[2]))  # type: ignore[attr-defined]
+        sweep_kernels.sample_windows(
+            flow.bare.tables(), flow.bare.inputs(), flow.forced(), kept, flow.kernel_windows(np.zeros(0)),
+            log.window, log.offset, log.state, log.y, log.face, times, out,
+        )  # fmt: skip
+        return out
+
+    def tracked(self, order: float) -> Complexes:
+        """(C, K) complex amplitude of an order: the projection over the fewest whole cycles it repeats in.
+
+        An order p/q repeats after q cycles: the last q cycles up to each one are used (nan before there are so many).
+        """
+        from fractions import Fraction
+
+        index = int(np.flatnonzero(np.isclose(self.order, order))[0])
+        q = Fraction(float(order)).limit_denominator(64).denominator
+        one = self.harmonic[:, :, index]
+        if q == 1:
+            return one
+        total = np.cumsum(np.concatenate([np.zeros((1, one.shape[1])), one]), axis=0)
+        out = np.full(one.shape, complex(np.nan, np.nan))
+        out[q - 1 :] = (total[q:] - total[:-q]) / q
+        return out
+
+
+def sweep(
+    flow: SweptFlow,
+    initial_state: Floats,
+    output_of: OutputOf,
+    *,
+    orders: Sequence[float] = (1.0,),
+    keep_history: bool = False,
+    max_evaluations: int = 2_000_000_000,
+    max_events: int = 20_000_000,
+    progress: Callable[[float], None] | None = None,
+) -> CycleRecord:
+    """March through the whole sweep.
+
+    Parameters
+    ----------
+    initial_state : (2n,) at t = 0.
+    output_of : outputs whose envelopes and harmonics are kept, by contact state, written for ``flow.template``.
+    orders : tracked harmonics, multiples of the instantaneous frequency.
+    keep_history : keep the segments, so that the time history can be sampled.
+    """
+    from beamsim.flow import sweep_kernels as kernels
+
+    begin = clock.process_time()
+    system, windows = flow.system, flow.windows
+    m, N = system.contacts.count, 2 * system.size
+    y = np.array(initial_state, dtype=float)
+    face = np.zeros(m)
+    state = flow.state_index(flow.starting_state(y))
+    order = np.asarray(orders, dtype=float)
+    C, K = windows.cycles, output_of(flow.bare.states[state].closed).row.shape[0]
+    cycles = kernels.Cycles(
+        np.full((C, K), -np.inf), np.full((C, K), np.inf), np.zeros((C, K)),
+        np.zeros((C, K, order.size), dtype=complex), np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K),
+    )  # fmt: skip
+    in_windows = flow.kernel_windows(order)
+    tables, inputs, forced, kept = flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output_of)
+    k, x, contact = 0, 0.0, -1
+    segments = events = evaluations = 0
+    status = "complete"
+    logs: list[tuple[NDArray[np.generic], ...]] = []
+    happened: list[tuple[NDArray[np.generic], ...]] = []
+    while k < windows.count:
+        length = LOG_LENGTH if keep_history else 0
+        seg = (
+            np.empty(length, np.int64), np.empty(length), np.empty(length), np.empty(length, np.int64),
+            np.empty((length, N)), np.empty((length, m)),
+        )  # fmt: skip
+        ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
+        stop = min(k + WINDOWS_A_CALL, windows.count)
+        code, k, x, state, n_seg, n_ev, n_eval, contact = kernels.march(
+            tables, inputs, forced, kept, in_windows, cycles, k, stop, x, state, contact, y, face,
+            *seg, *ev, keep_history, max_evaluations - evaluations,
+        )  # fmt: skip
+        segments, evaluations = segments + n_seg, evaluations + n_eval
+        if code == kernels.NEED_STATE:
+            state = flow.follow(state, contact)
+            closing = flow.bare.states[state].closed[contact]
+            if closing:
+                cycles.closings[windows.cycle[k], contact] += 1
+            if keep_history:
+                ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = windows.start[k] + x, contact, closing
+            n_ev += 1
+            tables, forced, kept = flow.bare.tables(), flow.forced(), flow.kept(output_of)
+        events += n_ev
+        if keep_history:
+            logs.append(tuple(a[:n_seg] for a in seg))
+            happened.append(tuple(a[:n_ev] for a in ev))
+        if code == kernels.BUDGET:
+            status = f"stopped at {windows.start[k] + x:.6g} s after {evaluations} evaluations of the contact gaps"
+            break
+        if events > max_events:
+            status = f"stopped at {windows.start[k] + x:.6g} s after {events} contact events"
+            break
+        if progress is not None:
+            progress(k / windows.count)
+    finished = k >= windows.count
+    duration = np.bincount(windows.cycle, weights=windows.length, minlength=C)
+    log = None
+    if keep_history:
+        columns = [np.concatenate(column) for column in zip(*logs, strict=True)]
+        log = SegmentLog(*columns, *(np.concatenate(column) for column in zip(*happened, strict=True)))
+    return CycleRecord(
+        flow=flow,
+        order=order,
+        high=cycles.high,
+        low=cycles.low,
+        mean_square=cycles.square / duration[:, None],
+        harmonic=cycles.harmonic / np.where(order == 0, 2 * np.pi, np.pi),
+        contact_share=cycles.closed_time / duration[:, None],
+        closings=cycles.closings,
+        final_y=y,
+        final_face=face,
+        reached=C if finished else int(windows.cycle[k]),
+        end=windows.duration if finished else float(windows.start[k] + x),
+        events=events,
+        segments=segments,
+        evaluations=evaluations,
+        status=status,
+        processor_time_s=clock.process_time() - begin,
+        log=log,
+    )
+
+
+@dataclass(frozen=True)
+class _ForcedTables:
+    eigenvalue: Complexes  # (E,)
+    coupling: Complexes  # (E, E)
+    block_start: Ints  # (E,)
+    block_end: Ints  # (E,)
+    spread: Floats  # (E,)
+    right: Complexes  # (E, 2n)
+    gain: Complexes  # (Ch, E)
+    gain_slope: Complexes  # (Ch, E)
+
+
+def _forced_tables(
+    simple: tuple[Complexes, Complexes, Complexes], blocks: list[Block], load: Floats, slope: Floats
+) -> _ForcedTables:
+    """Every eigenvalue, conjugates too, in triangular blocks."""
+    from scipy.linalg import schur
+
+    X, Xi, lam = simple
+    n = load.shape[1]
+    right, left = [X.T], [Xi]
+    value, coupled = list(lam), []
+    first, last, spread = list(range(lam.size)), list(range(1, lam.size + 1)), [0.0] * lam.size
+    for block in blocks:
+        pair = [block]
+        if block.weight == 2.0:
+            pair.append(
+                Block(block.right.conj(), block.left.conj(), block.matrix.conj(), block.centre.conjugate(), 1.0)
+            )
+        for b in pair:
+            T, Z = schur(b.matrix.astype(complex), output="complex")
+            start, size = len(value), T.shape[0]
+            right.append((b.right @ Z).T)
+            left.append(Z.conj().T @ b.left)
+            coupled.append((start, np.triu(T, 1)))
+            value += list(np.diag(T))
+            first += [start] * size
+            last += [start + size] * size
+            spread += [float(b.radius)] * size
+    E = len(value)
+    coupling = np.zeros((E, E), dtype=complex)
+    for start, T in coupled:
+        coupling[start : start + T.shape[0], start : start + T.shape[0]] = T
+    rows = np.concatenate(left)
+    return _ForcedTables(
+        eigenvalue=np.array(value, dtype=complex),
+        coupling=coupling,
+        block_start=np.array(first, dtype=np.int64),
+        block_end=np.array(last, dtype=np.int64),
+        spread=np.array(spread, dtype=float),
+        right=np.ascontiguousarray(np.concatenate(right)),
+        gain=np.ascontiguousarray(load.astype(complex) @ rows[:, n:].T),
+        gain_slope=np.ascontiguousarray(slope.astype(complex) @ rows[:, n:].T),
+    )
+
+
+def _halves(row: Floats) -> Floats:
+    """(k, 2) lengths of the parts of rows that multiply displacements and velocities."""
+    n = row.shape[1] // 2
+    return np.stack([np.linalg.norm(row[:, :n], axis=1), np.linalg.norm(row[:, n:], axis=1)], axis=1)
+
+
+def _groups(exponent: Complexes) -> tuple[Ints, Complexes]:
+    """Group of every basis function (equal exponents share one), and the groups' exponents."""
+    values: dict[complex, int] = {}
+    index = [values.setdefault(complex(e), len(values)) for e in exponent]
+    return np.array(index, dtype=np.int64), np.array(list(values), dtype=complex)
+
+
+def _pad(arrays: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
+    shape = np.max([a.shape for a in arrays], axis=0)
+    out = np.zeros((len(arrays), *shape), dtype=arrays[0].dtype)
+    for i, a in enumerate(arrays):
+        out[i][tuple(slice(0, d) for d in a.shape)] = a
+    return out

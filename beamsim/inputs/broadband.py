@@ -1,0 +1,118 @@
+"""Swept, sampled and random inputs as signals of polynomial pieces, which any flow can carry."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.profiles import Profile
+from beamsim.inputs.signal import Signal
+from beamsim.inputs.swept import Leg, SweepWindows, cut_into_windows, swept_signals
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
+    from beamsim.scenario.level_profile import Notch, ProfilePoint
+    from beamsim.scenario.quantities import Rate
+
+__all__ = ["broadband_signals", "make_leg", "make_profile", "phase_of_acceleration"]
+
+MOST_PIECES = 4_000_000
+
+
+def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
+    """A way of a sweep, from the scenario's rate."""
+    if rate.unit == "oct/s":
+        return Leg(first_hz, last_hz, float(rate.value * np.log(2.0)), True)
+    return Leg(first_hz, last_hz, float(rate.value), False)
+
+
+def make_profile(
+    level: float | None,
+    quantity: str,
+    points: Sequence[ProfilePoint] = (),
+    between: str = "held",
+    notches: Sequence[Notch] = (),
+) -> Profile:
+    """The level against frequency, from one level or a table, with its notches."""
+    default = "force" if quantity == "force" else "acceleration"
+    if points:
+        table = [(p.frequency, p.level, p.quantity or default) for p in points]
+        profile = Profile.held(table) if between == "held" else Profile.interpolated(table)
+    else:
+        assert level is not None
+        profile = Profile.constant(abs(level), quantity)
+    for notch in notches:
+        profile = profile.notched(notch.from_, notch.to, notch.level, notch.quantity or default)
+    return profile
+
+
+def phase_of_acceleration(quantity: str, level: float | None) -> float:
+    """Phase by which the acceleration leads the quantity that is given as a sine, rad."""
+    lead = {"displacement": np.pi, "velocity": 0.5 * np.pi}.get(quantity, 0.0)
+    return float(lead + (np.pi if level is not None and level < 0 else 0.0))
+
+
+def broadband_signals(
+    excitation: SweptSineInput | SampledInput | RandomInput, duration: float | None, folder: Path | None = None
+) -> tuple[Signal, Signal, Signal]:
+    """Acceleration, velocity and displacement of the base; of a force the force itself, three times.
+
+    Raises
+    ------
+    ScenarioError
+        Where the input ends before the run, or its file cannot be read.
+    """
+    if excitation.kind == "swept_sine":
+        windows = _windows(excitation, duration)
+        if not excitation.on_base:
+            (force,) = swept_signals(windows, [0])
+            return force, force, force
+        acceleration, velocity, displacement = swept_signals(windows, [0, 1, 2])
+        return acceleration, velocity, displacement
+    if excitation.kind == "random":
+        from beamsim.inputs.random_input import random_signals
+
+        return random_signals(excitation, duration)
+    from beamsim.inputs.sampled import sampled_signal
+
+    given = sampled_signal(excitation, duration, folder)
+    if not excitation.on_base:
+        return given, given, given
+    if excitation.quantity == "acceleration":
+        velocity = given.antiderivative()
+        return given, velocity, velocity.antiderivative()
+    if excitation.quantity == "velocity":
+        return given.derivative(), given, given.antiderivative()
+    velocity = given.derivative()
+    return velocity.derivative(), velocity, given
+
+
+def _windows(excitation: SweptSineInput, duration: float | None) -> SweepWindows:
+    leg = make_leg(excitation.from_, excitation.to, excitation.rate)
+    if duration is not None:
+        if duration > leg.duration * (1 + 1e-9):
+            raise ScenarioError(
+                Problem(
+                    "run.duration",
+                    f"= {duration:g} s goes on after the end of the sweep at {leg.duration:g} s",
+                    f"run for {np.floor(leg.duration * 1e4) / 1e4:g} s, or sweep further or more slowly",
+                )
+            )
+        turns = float(leg.turns_after(np.array(leg.first_hz), np.array(duration)))
+        last = float(leg.frequency(np.array(min(turns + 1.0, leg.cycles))))
+        leg = Leg(leg.first_hz, last, leg.rate, leg.logarithmic)
+    if leg.cycles * 8 > MOST_PIECES:
+        raise ScenarioError(
+            Problem(
+                "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep`, or run shorter"
+            )
+        )
+    quantity = excitation.quantity or "acceleration"
+    profile = make_profile(excitation.level, quantity, excitation.profile, excitation.between, excitation.notches)
+    lead = phase_of_acceleration(quantity, excitation.level) if excitation.level is not None else 0.0
+    return cut_into_windows([leg], profile, phase=excitation.phase + lead)

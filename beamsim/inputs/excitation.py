@@ -1,0 +1,110 @@
+"""Excitation: which signals act, and along which loads.
+
+Harmonic base motions are integrated without drift (d = -A / omega^2 sin for an acceleration A sin);
+pulses and steps start from d = d' = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.inputs.broadband import broadband_signals
+from beamsim.inputs.signal import Signal
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
+    from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
+
+    Driven = Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput
+
+__all__ = [
+    "BaseMotion",
+    "base_motion",
+    "half_sine",
+    "level_signal",
+    "single_frequency_hz",
+    "step",
+]
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """Acceleration, velocity and displacement of the base: exact derivatives of one another."""
+
+    acceleration: Signal  # m/s^2
+    velocity: Signal  # m/s
+    displacement: Signal  # m
+
+
+def step(level: float, time: float) -> Signal:
+    """0 before `time`, `level` from then on."""
+    if time <= 0:
+        return Signal.polynomial_pieces([0.0], [[level]])
+    return Signal.polynomial_pieces([0.0, time], [[0.0], [level]])
+
+
+def half_sine(level: float, duration: float, time: float) -> Signal:
+    """``level * sin(pi (t - time) / duration)`` during the pulse, 0 outside."""
+    start = np.array([0.0, time, time + duration]) if time > 0 else np.array([0.0, duration])
+    coefficient = np.zeros((start.size, 1, 1), dtype=complex)
+    coefficient[-2] = -1j * level
+    return Signal(start, np.array([1j * np.pi / duration]), coefficient)
+
+
+def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
+    """The quantity that the scenario prescribes, as a signal; of a broadband input the force at a point."""
+    if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
+        return broadband_signals(excitation, duration, folder)[0]
+    if excitation.kind == "harmonic":
+        return Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
+    if excitation.kind == "multi_tone":
+        tones = excitation.tones
+        return Signal.harmonic(
+            [tone.level for tone in tones],
+            [2 * np.pi * tone.frequency for tone in tones],
+            [tone.phase for tone in tones],
+        )
+    if excitation.kind == "step":
+        return step(excitation.level, excitation.time)
+    return half_sine(excitation.level, excitation.duration, excitation.time)
+
+
+def _without_drift(signal: Signal) -> Signal:
+    """Integral of a sum of harmonics with zero mean."""
+    return Signal(signal.start, signal.exponent, signal.coefficient / signal.exponent[None, :, None])
+
+
+def base_motion(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
+    """The base's motion from the one quantity prescribed.
+
+    A step or a half-sine of base displacement, and a step of base velocity, would need infinite
+    accelerations; the scenario refuses them.
+    """
+    if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
+        return BaseMotion(*broadband_signals(excitation, duration, folder))
+    given = level_signal(excitation)
+    periodic = excitation.kind in ("harmonic", "multi_tone")
+    if excitation.quantity == "acceleration":
+        acceleration = given
+        velocity = _without_drift(given) if periodic else given.antiderivative()
+        displacement = _without_drift(velocity) if periodic else velocity.antiderivative()
+    elif excitation.quantity == "velocity":
+        acceleration = given.derivative()
+        velocity = given
+        displacement = _without_drift(given) if periodic else given.antiderivative()
+    else:
+        velocity = given.derivative()
+        acceleration = velocity.derivative()
+        displacement = given
+    return BaseMotion(acceleration, velocity, displacement)
+
+
+def single_frequency_hz(excitation: Excitation) -> float:
+    """The excitation frequency where there is exactly one, else nan."""
+    frequencies = set(excitation.frequencies_hz)
+    return float(frequencies.pop()) if len(frequencies) == 1 else float("nan")

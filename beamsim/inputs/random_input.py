@@ -1,0 +1,95 @@
+"""Random input from a table of power spectral density.
+
+.. math:: s(t) = \\sum_k \\sqrt{2 S(f_k) \\Delta f}\\, \\cos(2\\pi f_k t + \\varphi_k), \\qquad f_k = k \\Delta f,
+
+with independent uniform phases: Gaussian by the central limit theorem, with exactly the density asked for
+(S. O. Rice, Bell System Technical Journal 23, 1944).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.sampled import MOST_SAMPLES, interpolate
+from beamsim.inputs.signal import Signal
+
+if TYPE_CHECKING:
+    from beamsim.scenario.broadband import RandomInput
+
+__all__ = ["density", "noise", "random_signals"]
+
+Complexes = NDArray[np.complex128]
+Floats = NDArray[np.float64]
+
+SAMPLES_A_CYCLE = 20  # of the highest frequency
+
+
+def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
+    """One-sided density at frequencies: straight lines on doubly logarithmic paper, zero outside the table."""
+    inside = (frequency_hz >= at_hz[0] * (1 - 1e-12)) & (frequency_hz <= at_hz[-1] * (1 + 1e-12))
+    out = np.zeros(frequency_hz.shape)
+    f = np.clip(frequency_hz[inside], at_hz[0], at_hz[-1])
+    k = np.clip(np.searchsorted(at_hz, f, side="right") - 1, 0, at_hz.size - 2)
+    a, b = value[k], value[k + 1]
+    share = np.log(f / at_hz[k]) / np.log(at_hz[k + 1] / at_hz[k])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logarithmic = np.exp((1 - share) * np.log(a) + share * np.log(b))
+    out[inside] = np.where((a > 0) & (b > 0), logarithmic, np.where(share == 0, a, 0.0))
+    return out
+
+
+def _spectrum(
+    at_hz: Floats, value: Floats, period: float, count: int, generator: np.random.Generator
+) -> tuple[Floats, Complexes]:
+    """Frequencies (Hz) and complex amplitudes of the sines."""
+    frequency = np.arange(count // 2 + 1) / period
+    amplitude = np.sqrt(2 * density(frequency, at_hz, value) / period)
+    return frequency, amplitude * np.exp(1j * generator.uniform(0, 2 * np.pi, frequency.size))
+
+
+def noise(at_hz: Floats, value: Floats, period: float, rate: float, generator: np.random.Generator) -> Floats:
+    """Samples of one period, at ``rate`` (rounded up to a whole number of samples)."""
+    count = int(np.ceil(period * rate))
+    _, amplitude = _spectrum(at_hz, value, period, count, generator)
+    return np.asarray(np.fft.irfft(0.5 * count * amplitude, count))
+
+
+def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Signal, Signal, Signal]:
+    """The noise as a smooth piecewise cubic over the run, and its integrals.
+
+    The integrals begin where those of the sines are, so that a base does not drift; with a ramp they begin at 0.
+    """
+    at = np.array([p.frequency for p in excitation.psd])
+    value = np.array([p.density for p in excitation.psd])
+    period = excitation.period or duration or 1.0
+    rate = excitation.sample_rate or SAMPLES_A_CYCLE * float(at[-1])
+    total = duration if duration is not None else period
+    if max(period, total) * rate > MOST_SAMPLES:
+        raise ScenarioError(
+            Problem(
+                "excitation",
+                f"needs {max(period, total) * rate:.3g} samples (at most {MOST_SAMPLES:.0e})",
+                "shorten run.duration, or give excitation.period or a lower excitation.sample_rate",
+            )
+        )
+    count = int(np.ceil(period * rate))
+    frequency, amplitude = _spectrum(at, value, period, count, np.random.default_rng(excitation.seed))
+    one = np.fft.irfft(0.5 * count * amplitude, count)
+    step = period / count
+    index = np.arange(int(np.ceil(total / step)) + 2)
+    time, samples = np.asarray(index * step, dtype=float), np.asarray(one[index % count], dtype=float)
+    velocity_0 = displacement_0 = 0.0
+    if excitation.ramp > 0:
+        x = np.clip(time / excitation.ramp, 0, 1)
+        samples = samples * x**2 * (3 - 2 * x)
+    else:
+        omega = 2 * np.pi * frequency[1:]
+        velocity_0 = float(np.sum(amplitude[1:] / (1j * omega)).real)
+        displacement_0 = float(np.sum(-amplitude[1:] / omega**2).real)
+    signal = interpolate(time, samples, "cubic")
+    velocity = signal.antiderivative(velocity_0)
+    return signal, velocity, velocity.antiderivative(displacement_0)

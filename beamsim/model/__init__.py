@@ -1,1 +1,0 @@
-"""Physics without time: elements, chains, damping, snubbers, forcing, reduction, and the bridge `build_system`."""

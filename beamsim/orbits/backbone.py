@@ -1,0 +1,302 @@
+"""The backbone of a nonlinear normal mode, through the tongues of its internal resonances.
+
+Where n times the mode's frequency meets another mode's, the branch of periodic motions turns off into a *tongue*: its
+energy goes over to the other mode, and the parameter turns back. The backbone is then not connected. It is followed
+here at fixed parameters; a tongue is traced as a branch of its own, and the backbone begun again beyond it from the
+motion dominated by the mode asked for. Such jumps are kept: nothing carries on from a point that has not converged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, correct
+from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.tongues import Tongue, Tongues, resonance_between
+
+__all__ = ["Backbone", "Jump", "Tongue"]
+
+Floats = NDArray[np.float64]
+
+STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
+SHORTER = (0.12, 0.03, 0.008)  # the same where the nonlinearity is strong
+CLEAR = 0.95  # share of a motion that is no part of a tongue
+SAME_TONGUE = 4.0  # steps of the backbone within which a resonance of the same mode and order is the same tongue
+LEAST_SHARE = 0.5  # of the energy in the mode asked for
+FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
+FURTHEST_JUMP = 0.8  # the same beyond a tongue
+FURTHEST_SEARCH = 1.5  # the same where nothing else was found
+SEARCHED_PERIODS = 10
+SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
+CLEAR_ENOUGH = 0.8  # share at which a search may end
+JUMP_ITERATIONS = 12  # of Newton's method there
+LONGEST_JUMP = 64  # steps
+STRAIGHT = 0.9  # cosine between a step and the tangents at its ends that tells a step from a jump
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A gap in the backbone, bridged by starting again."""
+
+    start: float  # parameter of the last point before
+    end: float  # parameter of the first point beyond
+    mode: int  # the other mode of the resonance, from 0
+    ratio: int  # n of n:1
+
+
+@dataclass
+class Backbone:
+    """Iterate over it for the backbone's points; tongues, jumps and the status are kept beside.
+
+    Parameters
+    ----------
+    orbits : the shooting problem (stiffness factor or energy).
+    start : a converged motion, dominated by ``mode``.
+    end : the last parameter (the logarithm of the energy where that is followed).
+    mode : from 0.
+    points : about how many points to make of the path.
+    largest_ratio : internal resonances of a higher order are stepped over, unless the backbone is cut there: then the
+        tongue is followed whatever its order.
+    tongue_points : length of a traced tongue.
+    """
+
+    orbits: BrakeOrbits
+    start: BranchPoint
+    end: float
+    mode: int
+    points: int = 100
+    largest_ratio: int = 20
+    tongue_points: int = 40
+    settings: Settings = field(default_factory=lambda: Settings(iterations=6))
+    status: str = "not begun"
+    tongues: list[Tongue] = field(default_factory=list)
+    jumps: list[Jump] = field(default_factory=list)
+    _clear: list[BranchPoint] = field(default_factory=list, repr=False)
+    _recent: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
+
+    def __post_init__(self) -> None:
+        low, high = sorted((self.start.parameter, self.end))
+        self._search = Tongues(self.orbits, self.mode, low, high, self.tongue_points, self.settings)
+
+    def share(self, point: BranchPoint) -> float:
+        """Share of the energy in the mode asked for."""
+        q, _, factor, _ = self.orbits.split(point.u)
+        return float(self.orbits.share(q, factor)[self.mode])
+
+    def __iter__(self) -> Iterator[BranchPoint]:
+        self.status = INTERRUPTED
+        begin = self.start.parameter
+        forward = 1.0 if self.end > begin else -1.0
+        full = abs(self.end - begin) / self.points
+        a, clean = self._pointing(self.start, forward), self.start
+        step = full
+        self._clear = [a]
+        yield a
+        while (self.end - a.parameter) * forward > 1e-12 * full:
+            left = abs(self.end - a.parameter)
+            b = None
+            for part in STEPS:
+                reach = min(part * step, left)
+                b = self._at(a, clean, a.parameter + forward * reach, forward)
+                if b is not None or (part > 1.0 and reach == left):
+                    break
+            if b is None and self.share(a) > CLEAR:
+                b, step = self._shorter(a, step, left, forward)
+            if b is None:
+                b = self._beyond(a, clean, full, forward)
+                if b is None:
+                    self.status = (
+                        f"stopped at parameter {a.parameter:.9g}: no motion dominated by mode {self.mode + 1} was "
+                        f"found within {LONGEST_JUMP} steps beyond"
+                    )
+                    return
+            else:
+                self._crossed(a, b, forward)
+            yield b
+            a = b
+            step = min(full, 1.6 * step)
+            self._recent = [*self._recent[-3:], b]
+            if self.share(b) > 0.5 * (1.0 + LEAST_SHARE):
+                clean = b
+                self._clear.append(b)
+        self.status = f"complete: reached {self.end:.9g}"
+
+    def _shorter(self, a: BranchPoint, step: float, left: float, forward: float) -> tuple[BranchPoint | None, float]:
+        """A much shorter step, for strong nonlinearity far from any tongue."""
+        for part in SHORTER:
+            reach = min(part * step, left)
+            t = a.tangent
+            if abs(t[-1]) < 1e-3:
+                break
+            guess = a.u + forward * reach / (t[-1] * a.scale[-1]) * t * a.scale
+            b = self._solve(guess, a.parameter + forward * reach, FURTHEST, forward)
+            if b is not None and self.share(b) > CLEAR:
+                return b, part * step
+        return None, step
+
+    @staticmethod
+    def _pointing(point: BranchPoint, forward: float) -> BranchPoint:
+        if point.tangent[-1] * forward < 0:
+            return replace(point, tangent=-point.tangent, orientation=-point.orientation)
+        return point
+
+    def _at(self, a: BranchPoint, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
+        """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
+        for guess in self._predictions(a, clean, value):
+            point = self._solve(guess, value, FURTHEST, forward)
+            if point is not None:
+                return point
+        return None
+
+    def _predictions(self, a: BranchPoint, clean: BranchPoint, value: float) -> Iterator[Floats]:
+        """Guesses close to a: along the tangent where it isn't that of a tongue, along the last chord, and a itself."""
+        t = a.tangent
+        if abs(t[-1]) > 0.7 or (abs(t[-1]) > 0.7 * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3):
+            yield a.u + (value - a.parameter) / (t[-1] * a.scale[-1]) * t * a.scale
+        before = [p for p in self._clear if p is not clean and abs(p.parameter - clean.parameter) > 1e-12]
+        if before:
+            p = before[-1]
+            yield clean.u + (value - clean.parameter) / (clean.parameter - p.parameter) * (clean.u - p.u)
+        yield next(self._guesses(clean, value))
+
+    def _solve(self, guess: Floats, value: float, furthest: float, forward: float) -> BranchPoint | None:
+        guess[-1] = value
+        scale = self.orbits.scale(guess)[0]
+        row = np.zeros(guess.size)
+        row[-1] = 1.0
+        settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=JUMP_ITERATIONS)
+        point = correct(self.orbits, guess, row, value / float(scale[-1]), scale, settings, furthest=furthest)
+        if point is None or self.share(point) <= LEAST_SHARE or not self._once(point):
+            return None
+        return self._pointing(point, forward)
+
+    def _once(self, point: BranchPoint) -> bool:
+        """Whether the mode has swung to its other side half a period on: a motion run through twice has not."""
+        q, _, factor, _ = self.orbits.split(point.u)
+        rest = getattr(self.orbits.family, "rest", None)
+        still = 0.0 if rest is None else rest(factor)
+        shape = self.orbits.vectors[:, self.mode]
+        other = point.data.passage.end[: self.orbits.n]
+        return float(shape @ (q - still)) * float(shape @ (other - still)) < 0
+
+    def _guesses(self, clean: BranchPoint, value: float) -> Iterator[Floats]:
+        """First guesses beyond a tongue: the last clear motion, and the linear mode alone, at periods extrapolated."""
+        periods = [float(clean.u[-2])]
+        history = [(p.parameter, np.log(p.u[-2])) for p in self._clear[-6:]]
+        if len(history) >= 3:
+            x, y = np.array(history).T
+            slope = np.polyfit(x - x[-1], y, 1)
+            periods.insert(0, float(np.exp(np.polyval(slope, value - x[-1]))))
+        estimate = getattr(self.orbits.family, "period_estimate", None)
+        if estimate is not None:
+            _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
+            known = estimate(self.mode, factor, energy)
+            if known is not None:
+                periods.insert(0, known)
+        q, _, before, _ = self.orbits.split(clean.u)
+        _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
+        rest = getattr(self.orbits.family, "rest", None)
+        away = q if rest is None else q - rest(before)
+        still = np.zeros_like(q) if rest is None else rest(factor)
+        shape = self.orbits.vectors[:, self.mode]
+        size = np.sqrt(2.0 * energy) / float(self.orbits.omega[self.mode])
+        pure = still + shape * np.copysign(size, shape @ away)
+        for period in periods:
+            yield self.orbits.unknowns(pure, period, value)
+            yield self.orbits.unknowns(still + away, period, value)
+
+    def _beyond(self, a: BranchPoint, clean: BranchPoint, full: float, forward: float) -> BranchPoint | None:
+        """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue."""
+        distance = 0.5 * full
+        while distance <= LONGEST_JUMP * full:
+            value = a.parameter + forward * distance
+            if (value - self.end) * forward > 0:
+                value = self.end
+            for guess in self._guesses(clean, value):
+                b = self._solve(guess, value, FURTHEST_JUMP, forward)
+                if b is not None:
+                    self._cut(a, b)
+                    return b
+            if distance > full:
+                b = self._searched(clean, value, forward)
+                if b is not None:
+                    self._cut(a, b)
+                    return b
+            if value == self.end:
+                return None
+            distance *= 1.5
+        return None
+
+    def _searched(self, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
+        """The motion with the largest share of the mode that a search over periods and shapes finds at a parameter.
+
+        Where the frequency has grown by tens of per cent along a jump neither the last period nor the linear mode
+        alone is near any motion: the mode then carries a part of those whose frequency is a low multiple of its own.
+        """
+        known = list(self._guesses(clean, value))
+        periods = np.array([self.orbits.split(guess)[1] for guess in known])
+        pure = known[0][: self.orbits.n]
+        _, _, factor, _ = self.orbits.split(known[0])
+        rest = getattr(self.orbits.family, "rest", None)
+        still = np.zeros_like(pure) if rest is None else rest(factor)
+        own = float(self.orbits.omega[self.mode])
+        size = float(self.orbits.vectors[:, self.mode] @ (pure - still))
+        best: BranchPoint | None = None
+        for period in np.geomspace(0.98 * periods.min(), 1.02 * periods.max(), SEARCHED_PERIODS):
+            for other in range(min(self.orbits.n, self.mode + 3)):
+                if other == self.mode or self.orbits.omega[other] <= 0:
+                    continue
+                for part in SEARCHED_PARTS:
+                    lent = part * abs(size) * own / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
+                    shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
+                    b = self._solve(self.orbits.unknowns(shape, period, value), value, FURTHEST_SEARCH, forward)
+                    if b is not None and (best is None or self.share(b) > self.share(best)):
+                        best = b
+            if best is not None and self.share(best) > CLEAR_ENOUGH:
+                break
+        return best
+
+    def _cut(self, a: BranchPoint, b: BranchPoint) -> None:
+        """Keep a jump with its resonance, and the tongue unless it is known."""
+        if self._joined(a, b):
+            return
+        mode, ratio = resonance_between(self.orbits, a, b, self.mode)
+        self.jumps.append(Jump(a.parameter, b.parameter, mode, ratio))
+        if not self._known(mode, ratio, a.parameter):
+            tongue = self._search.between(a, b, mode)
+            within = [p for p in self._recent[-2:] if p is not a]
+            if tongue is None and within:
+                tongue = self._search.from_within([*within, a], mode)
+            if tongue is not None:
+                self.tongues.append(tongue)
+        self._recent = []
+
+    def _joined(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether the branch leads from a to b after all, only faster than the predictions that keep out of tongues."""
+        chord = (b.u - a.u) / self.orbits.scale(a.u)[0]
+        size = float(np.linalg.norm(chord))
+        along = min(float(a.tangent @ chord), float(b.tangent @ chord))
+        return size < FURTHEST and along > STRAIGHT * size and a.orientation * b.orientation > 0
+
+    def _known(self, mode: int, ratio: int, parameter: float) -> bool:
+        near = SAME_TONGUE * abs(self.end - self.start.parameter) / self.points
+        return any((t.mode, t.ratio) == (mode, ratio) and abs(t.parameter - parameter) < near for t in self.tongues)
+
+    def _crossed(self, a: BranchPoint, b: BranchPoint, forward: float) -> None:
+        """Trace the tongues of low order that lie between two neighbours."""
+        for mode in range(self.orbits.n):
+            if mode == self.mode or self.orbits.own(a, mode) * self.orbits.own(b, mode) > 0:
+                continue
+            if self._order(a, mode) > self.largest_ratio + 0.5:
+                continue
+            tongue = self._search.between(a, b, mode)
+            if tongue is not None and not self._known(mode, tongue.ratio, tongue.parameter):
+                self.tongues.append(tongue)
+                self.jumps.append(Jump(a.parameter, b.parameter, mode, tongue.ratio))
+
+    def _order(self, point: BranchPoint, mode: int) -> float:
+        return float(self.orbits.omega[mode]) * self.orbits.split(point.u)[1] / (2 * np.pi)

@@ -1,0 +1,135 @@
+"""Folds of a frequency response curve followed in a second parameter.
+
+Unknowns are the state, the frequency and the second parameter; to the shooting equations :math:`R = 0` comes :math:`g
+= 0` from the bordered system
+
+.. math:: \\begin{pmatrix} M - I & b \\\\ c^T & 0 \\end{pmatrix} \\begin{pmatrix} v \\\\ g \\end{pmatrix} =
+          \\begin{pmatrix} 0 \\\\ 1 \\end{pmatrix},
+
+which vanishes exactly where M has a multiplier 1 (W. Govaerts, *Numerical Methods for Bifurcations of Dynamical
+Equilibria*, 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
+from beamsim.orbits.continuation import BranchPoint, Problem, Settings, solve_at
+from beamsim.orbits.shooting import ForcedOrbits, SpecialPoint
+
+__all__ = ["FoldCurve", "SecondParameter", "TwoParameterCurve", "start_of_curve", "start_of_fold_curve"]
+
+Floats = NDArray[np.float64]
+SecondParameter = Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
+
+DIFFERENCE = 1e-6  # step along v, against the unknowns' scale
+
+
+@dataclass
+class TwoParameterCurve:
+    """What curves in the frequency and a second parameter share; the unknowns are the shooting problem's (state,
+    omega) and the second parameter."""
+
+    orbits: ForcedOrbits  # in frequency
+    second: SecondParameter
+    _moved: tuple[float, VariationalFlow, ContactDirection] | None = field(default=None, init=False, repr=False)
+
+    def flow_at(self, u: Floats) -> VariationalFlow:
+        """The flow with both parameters set."""
+        return self._set(u)[0]
+
+    def _set(self, u: Floats) -> tuple[VariationalFlow, Level | ContactDirection]:
+        omega, value = float(u[-2]), float(u[-1])
+        if omega <= 0:
+            raise ArithmeticError("the frequency became negative")
+        if self.second == "level":
+            flow = self.orbits.flow
+            flow.set(omega, value)
+            return flow, Level()
+        if self._moved is None or self._moved[0] != value:
+            self._moved = (value, *self.second(value))
+        _, flow, direction = self._moved
+        flow.set(omega, self.orbits.level)
+        return flow, direction
+
+    def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
+        """The passage at u, M - I, and the residual's columns by both parameters."""
+        flow, parameter = self._set(u)
+        k = self.orbits.kept
+        period = 2 * np.pi * self.orbits.multiple / flow.omega
+        passage = flow.carry(self.orbits.full(u[:-1]), period, (Frequency(), parameter))
+        columns = passage.parameters[k].copy()
+        columns[:, 0] -= passage.slope[k] * (period / flow.omega)
+        return passage, passage.transition[np.ix_(k, k)] - np.eye(k.size), columns
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As the shooting problem's; the further equation has the scale one."""
+        scale, residual = self.orbits.scale(u[:-1])
+        return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
+
+
+@dataclass
+class FoldCurve(TwoParameterCurve):
+    """Folds as a continuation problem."""
+
+    border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
+
+    def _bordered(self, A: Floats, scale: Floats) -> tuple[float, Floats, Floats]:
+        """g, and the vectors of its derivative ``-w^T dA v`` in the unknowns' own units."""
+        b, c = self.border
+        s = scale[: A.shape[0]]
+        bordered = np.zeros((A.shape[0] + 1,) * 2)
+        bordered[:-1, :-1] = A * s / s[:, None]
+        bordered[:-1, -1], bordered[-1, :-1] = b, c
+        last = np.zeros(A.shape[0] + 1)
+        last[-1] = 1.0
+        right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
+        return float(right[-1]), left[:-1] / s, right[:-1] * s
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual and g, with their Jacobian.
+
+        Second derivatives are symmetric, so that the whole row of g follows from how the first derivatives change along
+        the one direction v: a central difference of two passages, whatever the size of the model.
+        """
+        passage, A, columns = self._passage(u)
+        scale = self.scale(u)[0]
+        k = A.shape[0]
+        g, w, v = self._bordered(A, scale)
+        J = np.zeros((k + 1, k + 2))
+        J[:k, :k], J[:k, k:] = A, columns
+        h = np.zeros(k + 2)
+        h[:k] = v * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
+        above, below = self._passage(u + h), self._passage(u - h)
+        step = 2.0 * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
+        J[k, :k] = -w @ (above[1] - below[1]) / step
+        J[k, k:] = -w @ (above[2] - below[2]) / step
+        return np.append((passage.end - passage.start)[self.orbits.kept], g), J, passage
+
+
+def start_of_curve(curve: Problem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
+    """The first point of a curve, at a value of the second parameter, from what was located on a branch."""
+    settings = Settings(tolerance=1e-9, iterations=12)
+    return solve_at(curve, np.append(begun.point.u, value), settings, value, forward)
+
+
+def start_of_fold_curve(
+    orbits: ForcedOrbits,
+    fold: SpecialPoint,
+    second: SecondParameter,
+    value: float,
+    forward: float = 1.0,
+) -> tuple[FoldCurve, BranchPoint] | None:
+    """The curve of folds through one that was located, from its value of the second parameter on."""
+    scale = orbits.scale(fold.point.u)[0][:-1]
+    A = orbits.monodromy(fold.point) - np.eye(orbits.kept.size)
+    U, _, V = np.linalg.svd(A * scale / scale[:, None])
+    curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
+    point = start_of_curve(curve, fold, value, forward)
+    return None if point is None else (curve, point)

@@ -1,0 +1,134 @@
+"""Periodic motions of the undamped, unforced system that need never be at rest: shooting over a whole period.
+
+Unknowns are the state (2n), the period and a parameter. To ``y(T) - y(0) = 0`` come the energy and a phase condition,
+Poincaré's
+:math:`(y_0 - y_{ref})^T f(y_{ref}) = 0`. Energy being conserved, one of these 2n + 2 equations follows from the others:
+Newton's method takes the least-squares solution of a consistent system, and converges as fast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.variational import Passage, floquet_multipliers
+from beamsim.orbits.continuation import BranchPoint
+from beamsim.orbits.grazing import cyclic
+from beamsim.orbits.reversible import Conservative, HalfPeriod
+
+__all__ = ["FreeOrbits", "slowest_instant"]
+
+STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
+SAMPLES = 256  # of a period, in which its slowest instant is looked for
+ZOOMS = 3  # each into two of them
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass
+class FreeOrbits:
+    """Full-period shooting as a continuation problem; unknowns are y0 (2n), the period and the parameter.
+
+    ``reference`` is the state of the motion that fixes the phase (a motion nearby, in its own phase).
+    """
+
+    family: Conservative
+    reference: Floats  # (2n,)
+    parameter: Literal["stiffness_factor", "energy"] = "stiffness_factor"
+    energy: float = 1.0  # J
+    factor: float = 1.0
+    _slope: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.n = self.family.omega.size
+        self._fix(self.factor)
+
+    def hold(self, u: Floats) -> None:
+        """Fix the phase by another motion, given by its unknowns."""
+        self.reference = u[: 2 * self.n].copy()
+        self._fix(self.split(u)[2])
+
+    def _fix(self, factor: float) -> None:
+        _, gradient, _ = self.family.potential(self.reference[: self.n], factor)
+        self._slope = np.concatenate([self.reference[self.n :], -gradient])
+
+    def split(self, u: Floats) -> tuple[Floats, float, float, float]:
+        """State, period, factor and energy of the unknowns."""
+        if self.parameter == "energy":
+            return u[: 2 * self.n], float(u[-2]), self.factor, float(np.exp(u[-1]))
+        return u[: 2 * self.n], float(u[-2]), float(u[-1]), self.energy
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, HalfPeriod]:
+        """Closure of the motion, its energy and its phase, in scaled form of their own."""
+        n = self.n
+        y, period, factor, energy = self.split(u)
+        if not (np.isfinite(period) and period > 0):
+            raise ArithmeticError("the period became negative")
+        flow, direction = self.family.flow_at(factor)
+        start = np.zeros(2 * n + self.family.extra)
+        start[: 2 * n] = y
+        by_factor = self.parameter == "stiffness_factor"
+        passage = flow.carry(start, period, (direction,) if by_factor else ())
+        value, gradient, slope = self.family.potential(y[:n], factor)
+        value += 0.5 * float(y[n:] @ y[n:])
+        N = 2 * n
+        J = np.zeros((N + 2, N + 2))
+        J[:N, :N] = passage.transition[:N, :N] - np.eye(N)
+        J[:N, N] = passage.slope[:N]
+        J[N, :n], J[N, n:N] = gradient, y[n:]
+        J[N + 1, :N] = self._slope
+        if by_factor:
+            J[:N, N + 1] = passage.parameters[:N, 0]
+            J[N, N + 1] = slope
+        else:
+            J[N, N + 1] = -energy
+        phase = float(self._slope @ (y - self.reference))
+        return np.concatenate([passage.end[:N] - y, [value - energy, phase]]), J, HalfPeriod(passage, value, flow)
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As for half-period shooting."""
+        _, period, _, energy = self.split(u)
+        speed = np.sqrt(2.0 * energy)
+        omega = np.maximum(self.family.omega, 0.2 * np.pi / period)
+        state = np.concatenate([speed / omega, np.full(self.n, speed)])
+        phase = float(np.abs(self._slope) @ state)
+        return np.concatenate([state, [period, 1.0]]), np.concatenate([state, [energy, phase]])
+
+    def cycle(self, point: BranchPoint) -> tuple[Any, Passage]:
+        """The flow at a point, and its motion over a period."""
+        return point.data.flow, point.data.passage
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether two motions have the same order of contacts over a period, wherever it begins."""
+        return cyclic(a.data.passage) == cyclic(b.data.passage)
+
+    def multipliers(self, point: BranchPoint) -> Complexes:
+        """Floquet multipliers; two are 1."""
+        N = 2 * self.n
+        return floquet_multipliers(point.data.passage.transition[:N, :N])
+
+    @staticmethod
+    def stable(multipliers: Complexes) -> bool:
+        """Whether every pair of multipliers lies on the unit circle, where (mu + 1/mu)/2 is real and within [-1, 1]."""
+        a = 0.5 * (multipliers + 1.0 / multipliers)
+        return bool(np.all(np.abs(a.imag) < STABLE) and np.all(np.abs(a.real) < 1.0 + STABLE))
+
+
+def slowest_instant(flow: Any, passage: Passage, n: int) -> tuple[float, float]:
+    """When in a passage the kinetic energy is least, s, and its value, J: zero where everything is at rest at once."""
+    low, high = 0.0, passage.duration
+    best = (0.0, np.inf)
+    for zoom in range(1 + ZOOMS):
+        times = np.linspace(low, high, SAMPLES + 1)
+        v = flow.states_at(passage, times)[:, n : 2 * n]
+        kinetic = 0.5 * np.einsum("ij,ij->i", v, v)
+        k = int(np.argmin(kinetic))
+        if kinetic[k] < best[1]:
+            best = (float(times[k]), float(kinetic[k]))
+        if zoom < ZOOMS:
+            low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, SAMPLES)])
+    return best

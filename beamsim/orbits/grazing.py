@@ -1,0 +1,176 @@
+"""Where along a branch a contact appears or vanishes: the penetration's extreme there is zero.
+
+The extreme of the penetration during the phase that appears is a smooth function of the branch's arclength on either
+side, so that its root is found to round-off, whatever corner the branch itself has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.variational import Passage, VariationalFlow
+from beamsim.orbits.continuation import BranchPoint, Problem, Settings, between, locate
+
+__all__ = ["Cyclic", "Kind", "SpecialPoint", "cyclic", "extremum", "grazings"]
+
+Floats = NDArray[np.float64]
+Kind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "grazing"]
+
+MOST_HALVINGS = 40
+MOST_MIDDLES = 200  # motions looked at between two neighbours
+ONE_PHASE = 4  # events of a phase that appears, and of its mirror image where a motion goes back the way it came
+REORDERED = 2  # halvings where every contact keeps its number of events: contacts met in another order graze nothing
+BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
+TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has truly vanished
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """Where a branch changes."""
+
+    kind: Kind
+    parameter: float
+    point: BranchPoint
+    contact: int = -1  # for a grazing: which contact
+    time: float = np.nan  # s, for a grazing: when in the period
+    closing: bool = True  # a closed phase appears or vanishes (else an open one)
+
+
+class Cyclic(Problem, Protocol):
+    """A continuation problem whose points are periodic motions with contacts."""
+
+    def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
+        """The flow at a point, and its motion over a whole period."""
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether two motions have the same order of contacts."""
+
+
+def cyclic(passage: Passage) -> tuple[tuple[int, bool], ...]:
+    """The order of events over a period, whatever event comes first."""
+    s = passage.signature
+    return min((s[i:] + s[:i] for i in range(len(s))), default=())
+
+
+def _shortest_phase(passage: Passage, few: Passage) -> tuple[int, bool, float] | None:
+    """Contact, kind (closed or open) and middle of the shortest phase of a contact that has fewer events in the
+    other."""
+    best: tuple[float, int, bool, float] | None = None
+    for j in np.unique(passage.event_contact):
+        own = np.flatnonzero(passage.event_contact == j)
+        if own.size <= np.count_nonzero(few.event_contact == j):
+            continue
+        times = passage.event_time[own]
+        following = np.append(times[1:], times[0] + passage.duration)
+        for t, e, closing in zip(times, following, passage.event_closing[own], strict=True):
+            if best is None or e - t < best[0]:
+                best = (float(e - t), int(j), bool(closing), float(0.5 * (t + e)))
+    if best is None:
+        return None
+    return best[1], best[2], best[3] % passage.duration
+
+
+def extremum(flow: VariationalFlow, passage: Passage, j: int, top: bool, near: float) -> tuple[float, float]:
+    """Contact j's penetration at its local maximum (or minimum) nearest to a time of a period: (value, time).
+
+    Both are nan where there is none.
+    """
+    T = passage.duration
+    sign = 1.0 if top else -1.0
+
+    def motion(times: Floats) -> tuple[Floats, Floats]:
+        wrapped = np.mod(times, T)
+        order = np.argsort(wrapped)
+        d, v = flow.penetration(passage, wrapped[order])
+        back = np.argsort(order)
+        return sign * d[back, j], sign * v[back, j]
+
+    for half in (T / 64, T / 16, T / 4):
+        times = near + np.linspace(-half, half, 65)
+        _, v = motion(times)
+        turns = np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0))
+        if turns.size == 0:
+            continue
+        i = turns[np.argmin(np.abs(times[turns] - near))]
+        a, b, fa, fb = float(times[i]), float(times[i + 1]), float(v[i]), float(v[i + 1])
+        c = b
+        side = 0
+        for _ in range(80):
+            c = b - fb * (b - a) / (fb - fa)
+            if not a < c < b:
+                c = 0.5 * (a + b)
+            fc = float(motion(np.array([c]))[1][0])
+            if fc > 0:
+                a, fa = c, fc
+                fb, side = (0.5 * fb if side == 1 else fb), 1
+            else:
+                b, fb = c, fc
+                fa, side = (0.5 * fa if side == -1 else fa), -1
+            if b - a < 1e-14 * T or abs(fc) < 1e-15 * float(np.abs(v).max()):
+                break
+        value = float(motion(np.array([c]))[0][0])
+        return sign * value, float(c % T)
+    return np.nan, np.nan
+
+
+def grazings(problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
+    """Grazing points between two neighbours of a branch whose events differ, in the order of the branch."""
+    yield from _within(problem, a, b, settings, 0, iter(range(MOST_MIDDLES)))
+
+
+def _within(
+    problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, left: Iterator[int]
+) -> Iterator[SpecialPoint]:
+    if problem.same_events(a, b) or depth > MOST_HALVINGS:
+        return
+    cycle_a, cycle_b = problem.cycle(a)[1], problem.cycle(b)[1]
+    if depth >= REORDERED and np.array_equal(np.sort(cycle_a.event_contact), np.sort(cycle_b.event_contact)):
+        return
+    ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
+    if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
+        more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
+        phase = _shortest_phase(more, few)
+        if phase is not None:
+            contact, closed, when = phase
+            share = when / more.duration
+
+            def penetration(point: BranchPoint) -> float:
+                flow, cycle = problem.cycle(point)
+                return extremum(flow, cycle, contact, closed, share * cycle.duration)[0]
+
+            values = penetration(a), penetration(b)
+            found = locate(problem, a, b, penetration, settings, values)
+            if found is not None:
+                flow, cycle = problem.cycle(found)
+                value, time = extremum(flow, cycle, contact, closed, share * cycle.duration)
+                touching = abs(value) <= TOUCHING * max(abs(values[0]), abs(values[1]))
+                if touching and (depth > MOST_HALVINGS // 2 or _explains(problem, a, found, b, settings)):
+                    yield SpecialPoint("grazing", found.parameter, found, contact, time, closed)
+                    return
+    middle = None if next(left, None) is None else between(problem, a, b, 0.5, settings)
+    if middle is None:
+        return
+    yield from _within(problem, a, middle, settings, depth + 1, left)
+    yield from _within(problem, middle, b, settings, depth + 1, left)
+
+
+def _explains(problem: Cyclic, a: BranchPoint, found: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
+    """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
+
+    The point itself has the events of one side; the other side is looked at.
+    """
+    w = a.u / a.scale
+    chord = b.u / a.scale - w
+    share = float((found.u / a.scale - w) @ chord) / float(chord @ chord)
+    if problem.same_events(a, found):
+        near, other = between(problem, a, b, share + BESIDE * (1.0 - share), settings, (share, found, 1.0, b)), b
+    elif problem.same_events(found, b):
+        near, other = between(problem, a, b, share * (1.0 - BESIDE), settings, (0.0, a, share, found)), a
+    else:
+        return False
+    return near is not None and problem.same_events(near, other)

@@ -1,0 +1,557 @@
+r"""Periodic motions by harmonic balance, condensed exactly to the nonlinear springs.
+
+With :math:`w = B q` the deflections of the one-sided and cubic springs and :math:`\Lambda_h(W)` the harmonics of their
+forces, the
+motions of fundamental frequency :math:`\Omega` solve
+
+.. math:: R_h = W_h - W^0_h(\Omega) - G_h(\Omega)\, (\Lambda_h(W) + S W_h) = 0, \qquad h = 0 \dots H,
+
+where the receptances G carry the whole linear structure (:mod:`beamsim.orbits.condensation`) and the springs' forces
+are
+Galerkin's, without aliasing (:mod:`beamsim.orbits.aft`). The unknowns are ``2 H + 1`` numbers a spring, whatever the
+model's size.
+Problems are those of :mod:`beamsim.orbits.continuation`; the Jacobian is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
+from beamsim.orbits.condensation import Condensation, Receptances
+
+if TYPE_CHECKING:
+    from beamsim.contacts.equilibrium import CubicSprings
+    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.orbits.continuation import BranchPoint
+    from beamsim.system.equations import PiecewiseLinearSystem
+
+__all__ = ["ForcedBalance", "FreeBalance", "HarmonicMotion", "Truncation", "resampled", "truncation"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class HarmonicMotion:
+    """A periodic motion as a sum of harmonics; what a balance keeps with each point."""
+
+    fundamental: float  # rad/s
+    coordinates: Complexes  # (H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}
+    deflections: Complexes  # (H + 1, r) of the springs, one-sided ones first
+    forces: Complexes  # (H + 1, r) their forces on the structure
+    closed: tuple[Floats, ...]  # (c, 2) of every one-sided spring, the phases during which it is closed, rad
+    tangent: Complexes  # (r, 2H + 1) two-sided coefficients of the contact's indicator, or of a cubic spring's 3 w²
+    energy: float  # J, averaged over the period, springs included; less the rest energy given
+
+    @property
+    def period(self) -> float:
+        """s."""
+        return 2 * np.pi / self.fundamental
+
+    @property
+    def highest(self) -> int:
+        """H."""
+        return int(self.coordinates.shape[0]) - 1
+
+    def states(self, times: Floats) -> Floats:
+        """(nt, 2n) displacements and velocities."""
+        iw = 1j * np.arange(self.highest + 1) * self.fundamental
+        e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
+        return np.hstack([(e @ self.coordinates).real, (e @ (iw[:, None] * self.coordinates)).real])
+
+    def shooting_guess(self, faces: int = 0) -> Floats:
+        """(2n + faces,) the state at t = 0, for :func:`beamsim.orbits.shooting.find_orbit`."""
+        return np.concatenate([self.states(np.zeros(1))[0], np.zeros(faces)])
+
+    def amplitudes(self, shape: Floats) -> Floats:
+        """(H + 1,) amplitude of each harmonic of the deflection ``shape @ q``."""
+        return np.asarray(np.abs(self.coordinates @ shape))
+
+
+@dataclass(frozen=True)
+class Truncation:
+    """What the harmonics left out are worth."""
+
+    neglected: float  # norm of the harmonics above H, by one Newton step with twice as many, against the motion's
+    retained: float  # the same of the change in harmonics 0 … H
+
+    @property
+    def error(self) -> float:
+        """Both together."""
+        return float(np.hypot(self.neglected, self.retained))
+
+
+@dataclass
+class _Forces:
+    """Forces of the springs, for a factor of one, and their derivatives."""
+
+    value: Complexes  # (H + 1, r)
+    by_deflection: Complexes  # (r, H + 1, 2H + 1) of spring j by its own real coefficients
+    by_frequency: Complexes  # (H + 1, r) by the fundamental frequency
+    by_level: Complexes  # (H + 1, r) through the base's motion
+    tangent: Complexes  # (r, 2H + 1)
+    potential: float  # J, mean over the period
+    closed: tuple[Floats, ...]
+
+
+class _Springs:
+    """One-sided and cubic springs behind one condensed structure."""
+
+    def __init__(self, system: PiecewiseLinearSystem, cubic_springs: CubicSprings | None, typical: float) -> None:
+        c = system.contacts
+        if np.any(c.no_tension & (c.dashpot > 0)):
+            raise ScenarioError(
+                Problem(
+                    "snubbers",
+                    "with law no_tension and a dashpot are beyond harmonic balance: their faces move by themselves",
+                    "use shooting (continuation), or law kelvin_voigt",
+                )
+            )
+        self.rows = c.shape if cubic_springs is None else np.vstack([c.shape, cubic_springs.shape])
+        if self.rows.shape[0] == 0:
+            raise ScenarioError(
+                Problem("", "harmonic balance needs a snubber or a nonlinear spring", "it is linear without one")
+            )
+        self.system = system
+        self.cubic = np.zeros(0) if cubic_springs is None else cubic_springs.stiffness
+        self.felt = np.zeros(0) if cubic_springs is None else cubic_springs.felt
+        self.structure = Condensation(system.stiffness, system.damping, self.rows, typical)
+        self.count = self.rows.shape[0]
+
+    def forces(self, W: Complexes, omega: float, base: Complexes, base_w: Complexes, base_l: Complexes) -> _Forces:
+        """Forces at deflections W (H + 1, r) over a base motion (H + 1,), given with its derivatives."""
+        c, H = self.system.contacts, W.shape[0] - 1
+        value, by_w, by_l = (np.zeros((H + 1, self.count), dtype=complex) for _ in range(3))
+        by_x = np.zeros((self.count, H + 1, 2 * H + 1), dtype=complex)
+        tangent = np.zeros((self.count, 2 * H + 1), dtype=complex)
+        h = np.arange(H + 1)
+        potential, closed = 0.0, []
+        for j in range(c.count):
+            s = float(c.sign[j])
+            D = -s * (W[:, j] + base if c.on_ground[j] else W[:, j])
+            D[0] = D[0].real - c.gap[j]
+            found = one_sided(D)
+            closed.append(found.closed)
+            tangent[j] = found.chi
+            # k delta_+ + c (delta_+)': the force of Kelvin and Voigt while closed
+            rate = c.stiffness[j] + 1j * h * omega * c.dashpot[j]
+            value[:, j] = s * rate * found.positive
+            by_x[j] = -rate[:, None] * toeplitz(found.chi, H, H)
+            by_w[:, j] = s * 1j * h * c.dashpot[j] * found.positive
+            if c.on_ground[j]:
+                by_w[:, j] += by_x[j] @ to_real(base_w)
+                by_l[:, j] = by_x[j] @ to_real(base_l)
+            potential += 0.5 * c.stiffness[j] * _mean(found.positive, D)
+        for i, k in enumerate(self.cubic):
+            j = c.count + i
+            absolute = W[:, j] + self.felt[i] * base
+            absolute[0] = absolute[0].real
+            third, slope = cubic(absolute)
+            tangent[j] = slope
+            by_x[j] = -k * toeplitz(slope, H, H)
+            value[:, j] = -k * third
+            by_w[:, j] = self.felt[i] * (by_x[j] @ to_real(base_w))
+            by_l[:, j] = self.felt[i] * (by_x[j] @ to_real(base_l))
+            potential += 0.25 * k * _mean(third, absolute)
+        return _Forces(value, by_x, by_w, by_l, tangent, potential, tuple(closed))
+
+
+def _mean(a: Complexes, b: Complexes) -> float:
+    """Mean over a period of the product of two real functions given by their harmonics."""
+    return float(a[0].real * b[0].real + 0.5 * np.sum((a[1:] * np.conj(b[1:])).real))
+
+
+def _rows_real(R: Complexes) -> Floats:
+    """((2H + 1) r,) real equations, harmonic by harmonic."""
+    return to_real(R).ravel()
+
+
+def _residual(W: Complexes, found: Receptances, S: Complexes, force: Complexes) -> Floats:
+    return _rows_real(W - found.response - (found.receptance @ (force + S * W)[:, :, None])[:, :, 0])
+
+
+def _with_shifts(by_x: Complexes, S: Complexes) -> Complexes:
+    """Derivative of ``force + S W`` by the real coefficients, from that of the force."""
+    M = by_x.copy()
+    k = np.arange(1, by_x.shape[1])
+    M[:, 0, 0] += S[0]
+    M[:, k, 2 * k - 1] += S[1:].T
+    M[:, k, 2 * k] += 1j * S[1:].T
+    return M
+
+
+def _jacobian(found: Receptances, S: Complexes, by_x: Complexes) -> Floats:
+    """((2H+1) r, (2H+1) r) derivative of the residual by the real coefficients."""
+    r, hs, xs = by_x.shape
+    k, i = np.arange(1, hs), np.arange(r)
+    J = -np.einsum("hij,jhx->hixj", found.receptance, _with_shifts(by_x, S))
+    J[0, i, 0, i] += 1.0
+    J[k[:, None], i, 2 * k[:, None] - 1, i] += 1.0
+    J[k[:, None], i, 2 * k[:, None], i] += 1j
+    return to_real(J).reshape(xs * r, xs * r)
+
+
+@dataclass
+class ForcedBalance:
+    """Forced periodic motions as a continuation problem; the unknowns are the springs' harmonics and the parameter.
+
+    Parameters
+    ----------
+    system : the structure and its one-sided springs (law ``no_tension`` only without a dashpot).
+    forcing : its periodic loads.
+    harmonics : H.
+    parameter : what changes: the excitation's frequency (rad/s) or its level.
+    omega, level : what doesn't.
+    multiple : periods of the excitation in one of the motion.
+    cubic : cubic springs.
+
+    Raises
+    ------
+    ScenarioError : where the springs' law is beyond the method, or there are fewer harmonics than the loads have.
+    """
+
+    system: PiecewiseLinearSystem
+    forcing: PeriodicForcing
+    harmonics: int = 21
+    parameter: Literal["frequency", "level"] = "frequency"
+    omega: float = 1.0
+    level: float = 1.0
+    multiple: int = 1
+    cubic: CubicSprings | None = None
+    _springs: _Springs = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        least = int(np.max(self.forcing.multiple * self.multiple, initial=1))
+        if self.harmonics < least:
+            raise ScenarioError(
+                Problem(
+                    "harmonics", f"= {self.harmonics} does not reach the excitation's {least}", f"use {least} or more"
+                )
+            )
+        self._springs = _Springs(self.system, self.cubic, self.omega)
+
+    @property
+    def rows(self) -> Floats:
+        """(r, n) where the springs act, one-sided ones first."""
+        return self._springs.rows
+
+    def with_harmonics(self, harmonics: int) -> ForcedBalance:
+        """The same problem with another number of harmonics."""
+        return replace(self, harmonics=harmonics)
+
+    def at(self, value: float) -> tuple[float, float]:
+        """Excitation frequency, rad/s, and level at a value of the parameter."""
+        return (value, self.level) if self.parameter == "frequency" else (self.omega, value)
+
+    def _loads(self, omega: float, level: float) -> tuple[Complexes, ...]:
+        """Loads (H+1, n) and base motions (H+1,), then their derivatives by the frequency and by the level."""
+        H, n = self.harmonics, self.system.size
+        F, dF, lF = (np.zeros((H + 1, n), dtype=complex) for _ in range(3))
+        d, dd, ld = (np.zeros(H + 1, dtype=complex) for _ in range(3))
+        F[0] = self.system.constant_load
+        force, base, force_w, base_w = self.forcing.at(omega, level)
+        unit, unit_base, _, _ = self.forcing.at(omega, 1.0)
+        index = self.forcing.multiple * self.multiple
+        for target, source in ((F, force), (dF, force_w), (lF, unit), (d, base), (dd, base_w), (ld, unit_base)):
+            np.add.at(target, index, source)
+        return F, d, dF, dd, lF, ld
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, HarmonicMotion]:
+        """The balance, its exact Jacobian, and the motion."""
+        omega, level = self.at(float(u[-1]))
+        if not (np.isfinite(omega) and omega > 0):
+            raise ArithmeticError("the frequency became negative")
+        r, nu = self._springs.count, self.multiple
+        W = to_complex(u[:-1].reshape(-1, r))
+        F, d, dF, dd, lF, ld = self._loads(omega, level)
+        w = omega / nu
+        structure = self._springs.structure
+        S = structure.shifts(self.harmonics)
+        found = structure.at(w, F, nu * dF)  # derivatives by the fundamental frequency: nu times those by omega
+        forces = self._springs.forces(W, w, d, nu * dd, ld)
+        total = forces.value + S * W
+        J = np.empty((u.size - 1, u.size))
+        J[:, :-1] = _jacobian(found, S, forces.by_deflection)
+        if self.parameter == "frequency":
+            moved = found.receptance_slope @ total[:, :, None] + found.receptance @ forces.by_frequency[:, :, None]
+            J[:, -1] = -_rows_real(found.response_slope + moved[:, :, 0]) / nu
+        else:
+            by_load = structure.at(w, lF, np.zeros_like(lF)).response
+            J[:, -1] = -_rows_real(by_load + (found.receptance @ forces.by_level[:, :, None])[:, :, 0])
+        Q = structure.coordinates(w, F, forces.value, W)
+        energy = _linear_energy(self.system, w, Q) + forces.potential
+        motion = HarmonicMotion(w, Q, W, forces.value, forces.closed, forces.tangent, energy)
+        return _residual(W, found, S, forces.value), J, motion
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """Deflections by the size of each spring's motion, or its gap."""
+        size = _sizes(u[:-1].reshape(-1, self._springs.count), self.system)
+        omega = abs(self.omega) if self.parameter == "frequency" else max(abs(float(u[-1])), 1e-12)
+        return np.append(size, omega), size
+
+    def linear_guess(self, value: float) -> Floats:
+        """Unknowns of the response with every spring open."""
+        omega, level = self.at(value)
+        F = self._loads(omega, level)[0]
+        r, structure = self._springs.count, self._springs.structure
+        found = structure.at(omega / self.multiple, F, np.zeros_like(F))
+        S = structure.shifts(self.harmonics)
+        W = np.zeros((self.harmonics + 1, r), dtype=complex)
+        for h in range(self.harmonics + 1):  # R = 0 without forces
+            W[h] = np.linalg.lstsq(np.eye(r) - found.receptance[h] * S[h], found.response[h], rcond=1e-12)[0]
+        return np.append(_rows_real(W), value)
+
+    def guess(self, coordinates: Floats, value: float) -> Floats:
+        """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates."""
+        return np.append(_rows_real(_harmonics(coordinates @ self.rows.T, self.harmonics)), value)
+
+
+@dataclass
+class FreeBalance:
+    """Periodic motions of the undamped, unforced structure, their frequency unknown.
+
+    Unknowns are the springs' harmonics, the frequency (rad/s) and the parameter: the ``"stiffness_factor"`` of all
+    nonlinear
+    springs at a fixed energy, or the natural logarithm of the ``"energy"`` at a fixed factor; for ``"frequency"`` the
+    harmonics and the
+    frequency only. There are more equations than needed, which are consistent.
+
+    Parameters
+    ----------
+    system : damping and dashpots are left out.
+    harmonics : H.
+    even : motions that are at rest at t = 0 (cosines only), else any, with a phase condition against ``reference``.
+    energy : J, the mean over a period, less ``rest_energy`` (that of static equilibrium).
+    reference : (H + 1, r) deflections whose phase the motion keeps, for ``even = False`` (default: the first guess).
+    """
+
+    system: PiecewiseLinearSystem
+    harmonics: int = 21
+    parameter: Literal["stiffness_factor", "energy", "frequency"] = "stiffness_factor"
+    energy: float = 1.0
+    factor: float = 1.0
+    even: bool = True
+    cubic: CubicSprings | None = None
+    rest_energy: float = 0.0
+    typical: float | None = None  # rad/s
+    reference: Complexes | None = None
+    _springs: _Springs = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        c = self.system.contacts
+        system = replace(
+            self.system,
+            damping=np.zeros_like(self.system.damping),
+            contacts=replace(c, dashpot=np.zeros_like(c.dashpot)),
+        )
+        moving = system.stiffness[system.stiffness > 0]
+        typical = self.typical
+        if typical is None:
+            typical = float(np.sqrt(moving.min())) if moving.size else 1.0
+        self._springs = _Springs(system, self.cubic, typical)
+        x = np.arange(2 * self.harmonics + 1)
+        kept = x[(x == 0) | (x % 2 == 1)] if self.even else x
+        self._kept = (kept[:, None] * self._springs.count + np.arange(self._springs.count)).ravel()
+        self._tail = 1 if self.parameter == "frequency" else 2
+
+    @property
+    def rows(self) -> Floats:
+        """(r, n) where the springs act, one-sided ones first."""
+        return self._springs.rows
+
+    def split(self, u: Floats) -> tuple[Complexes, float, float, float]:
+        """Deflections (H + 1, r), frequency (rad/s), factor and energy (nan where it isn't held)."""
+        r = self._springs.count
+        x = np.zeros((2 * self.harmonics + 1) * r)
+        x[self._kept] = u[: -self._tail]
+        W = to_complex(x.reshape(-1, r))
+        if self.parameter == "frequency":
+            return W, float(u[-1]), self.factor, np.nan
+        if self.parameter == "energy":
+            return W, float(u[-2]), self.factor, float(np.exp(u[-1]))
+        return W, float(u[-2]), float(u[-1]), self.energy
+
+    def unknowns(self, W: Complexes, frequency: float, value: float) -> Floats:
+        """The reverse; ``value`` is the parameter (factor, logarithm of the energy, or rad/s)."""
+        tail = [value] if self.parameter == "frequency" else [frequency, value]
+        return np.concatenate([_rows_real(W)[self._kept], tail])
+
+    def guess(self, coordinates: Floats, frequency: float, value: float) -> Floats:
+        """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates."""
+        return self.unknowns(_harmonics(coordinates @ self.rows.T, self.harmonics), frequency, value)
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, HarmonicMotion]:
+        """The balance, the energy and the phase, with the exact Jacobian, and the motion."""
+        W, w, factor, energy = self.split(u)
+        if not (np.isfinite(w) and w > 0):
+            raise ArithmeticError("the frequency became negative")
+        H, n = self.harmonics, self.system.size
+        none = np.zeros(H + 1, dtype=complex)
+        F = np.zeros((H + 1, n), dtype=complex)
+        F[0] = self.system.constant_load
+        structure = self._springs.structure
+        S = structure.shifts(H)
+        found = structure.at(w, F, np.zeros_like(F))
+        forces = self._springs.forces(W, w, none, none, none)
+        value = factor * forces.value
+        R = _residual(W, found, S, value)
+        by_frequency = found.response_slope + (found.receptance_slope @ (value + S * W)[:, :, None])[:, :, 0]
+        columns = [
+            _jacobian(found, S, factor * forces.by_deflection)[:, self._kept],
+            -_rows_real(by_frequency)[:, None],
+        ]
+        if self.parameter == "stiffness_factor":
+            columns.append(-_rows_real((found.receptance @ forces.value[:, :, None])[:, :, 0])[:, None])
+        elif self.parameter == "energy":
+            columns.append(np.zeros((R.size, 1)))
+        equations, rows = [R], [np.hstack(columns)]
+        if self.parameter != "frequency":
+            own, gradient, by_w, by_f = self._energy(W, F, w, factor, forces)
+            last = by_f if self.parameter == "stiffness_factor" else -energy
+            equations.append(np.array([own - energy]))
+            rows.append(np.concatenate([gradient[self._kept], [by_w, last]])[None, :])
+        if not self.even:
+            if self.reference is None:
+                self.reference = W.copy()
+            row = to_real(1j * np.arange(H + 1)[:, None] * self.reference).ravel()
+            equations.append(np.array([float(row @ _rows_real(W))]))
+            rows.append(np.concatenate([row[self._kept], np.zeros(self._tail)])[None, :])
+        Q = structure.coordinates(w, F, value, W)
+        mean = _linear_energy(self._springs.system, w, Q) + factor * forces.potential - self.rest_energy
+        motion = HarmonicMotion(w, Q, W, value, forces.closed, forces.tangent, mean)
+        return np.concatenate(equations), np.vstack(rows), motion
+
+    def _energy(
+        self, W: Complexes, F: Complexes, w: float, factor: float, forces: _Forces
+    ) -> tuple[float, Floats, float, float]:
+        """Mean energy with its derivatives by all real coefficients, the frequency and the factor."""
+        structure, system = self._springs.structure, self._springs.system
+        H, r = self.harmonics, self._springs.count
+        S, K = structure.shifts(H), system.stiffness
+        carried = np.empty((H + 1, r), dtype=complex)
+        energy, by_w = factor * forces.potential - self.rest_energy, 0.0
+        right = F + (factor * forces.value + S * W) @ self.rows
+        for k in range(H + 1):
+            inertia = (k * w) ** 2
+            inverse = np.linalg.inv(np.diag(K - inertia).astype(complex) + (self.rows.T * S[k]) @ self.rows)
+            Q = inverse @ right[k]
+            if k == 0:
+                weight = K * Q.real - system.constant_load + 0j
+                energy += float(0.5 * Q.real @ (K * Q.real) - system.constant_load @ Q.real)
+            else:
+                weight = 0.5 * (K + inertia) * np.conj(Q)
+                energy += float(0.25 * (K + inertia) @ np.abs(Q) ** 2)
+            adjoint = inverse @ weight  # the inverse is symmetric
+            carried[k] = self.rows @ adjoint
+            by_w += k * k * w * float(2.0 * (adjoint @ Q).real + 0.5 * np.sum(np.abs(Q) ** 2))
+        # Q_h = Z_S^-1 (F + B^T (factor Lambda + S W)), and the springs' energy gives -mean(force dw)
+        M = _with_shifts(factor * forces.by_deflection, S)
+        gradient = np.einsum("hr,rhx->xr", carried, M).real
+        gradient[0] -= factor * forces.value[0].real
+        gradient[1::2] -= 0.5 * factor * forces.value[1:].real
+        gradient[2::2] -= 0.5 * factor * forces.value[1:].imag
+        by_factor = float(np.sum(carried * forces.value).real) + forces.potential
+        return energy, gradient.ravel(), by_w, by_factor
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """Deflections by the size of each spring's motion, or its gap."""
+        r = self._springs.count
+        W, w, _, energy = self.split(u)
+        size = _sizes(to_real(W), self.system)
+        frequency = w if w > 0 else 1.0
+        tail = [frequency] if self.parameter == "frequency" else [frequency, 1.0]
+        residual = [size]
+        if self.parameter != "frequency":
+            residual.append(np.array([energy]))
+        if not self.even:
+            residual.append(np.array([float(np.sum(size[:r] ** 2)) * max(self.harmonics, 1)]))
+        return np.concatenate([size[self._kept], tail]), np.concatenate(residual)
+
+    def linear_guess(self, mode: int, value: float, sign: float = 1.0) -> Floats:
+        """Unknowns of linear mode ``mode`` (from 0) with the energy asked for.
+
+        Raises
+        ------
+        ScenarioError : where the nonlinear springs don't feel the mode: it stays linear.
+        """
+        omega = float(np.sqrt(self.system.stiffness[mode]))
+        if not np.any(self.rows[:, mode]) or omega == 0:
+            raise ScenarioError(
+                Problem(
+                    "nnm.mode", f"= {mode + 1} is not felt by the nonlinear springs", "it stays linear; ask for another"
+                )
+            )
+        energy = float(np.exp(value)) if self.parameter == "energy" else self.energy
+        W = np.zeros((self.harmonics + 1, self._springs.count), dtype=complex)
+        W[1] = sign * self.rows[:, mode] * np.sqrt(2.0 * energy) / omega
+        return self.unknowns(W, omega, value)
+
+
+def _linear_energy(system: PiecewiseLinearSystem, w: float, Q: Complexes) -> float:
+    """Mean energy of the linear structure, dead loads included."""
+    h = np.arange(1, Q.shape[0])[:, None]
+    moving = 0.25 * np.sum((system.stiffness + (h * w) ** 2) * np.abs(Q[1:]) ** 2)
+    still = 0.5 * np.sum(system.stiffness * Q[0].real ** 2) - system.constant_load @ Q[0].real
+    return float(moving + still)
+
+
+def _sizes(x: Floats, system: PiecewiseLinearSystem) -> Floats:
+    """((2H+1) r,) the size of each spring's motion, for each of its coefficients."""
+    gap = np.zeros(x.shape[1])
+    gap[: system.contacts.count] = np.abs(system.contacts.gap)
+    size = np.sqrt(np.sum(x**2, axis=0))
+    size = np.maximum(size, 1e-3 * max(float(gap.max(initial=0.0)), float(size.max(initial=0.0))))
+    return np.asarray(np.broadcast_to(np.maximum(size, 1e-30), x.shape)).ravel()
+
+
+def _harmonics(samples: Floats, highest: int) -> Complexes:
+    """(H + 1, r) harmonics of equidistant samples (N, r) over a period."""
+    count = samples.shape[0]
+    found = np.fft.rfft(samples, axis=0) * (2.0 / count)
+    found[0] *= 0.5
+    return resampled(found[: (count + 1) // 2], highest)
+
+
+def resampled(W: Complexes, highest: int) -> Complexes:
+    """The same motion with harmonics 0 … ``highest``: cut, or filled up with zeros."""
+    out = np.zeros((highest + 1, *W.shape[1:]), dtype=complex)
+    used = min(W.shape[0], highest + 1)
+    out[:used] = W[:used]
+    return out
+
+
+def truncation(
+    problem: ForcedBalance, point: BranchPoint, more: int | None = None, *, across: bool = False
+) -> Truncation:
+    """What the neglected harmonics are worth: one Newton step with ``more`` (default 2 H + 1) harmonics.
+
+    The parameter is fixed, or with ``across`` the step is taken across the branch: at a fold, whose parameter moves,
+    only that has a meaning.
+
+    The step is the error of the deflections at the springs up to terms of second order, the harmonics beyond ``more``
+    excepted.
+    """
+    larger = problem.with_harmonics(2 * problem.harmonics + 1 if more is None else more)
+    motion: Any = point.data
+    W = resampled(motion.deflections, larger.harmonics)
+    u = np.append(_rows_real(W), point.parameter)
+    R, J, _ = larger.residual(u)
+    if across:
+        scale = larger.scale(u)[0]
+        tangent = point.tangent * point.scale
+        row = np.zeros(u.size)
+        row[: tangent.size - 1], row[-1] = tangent[:-1], tangent[-1]
+        row /= scale
+        bordered = np.vstack([J * scale, row / np.linalg.norm(row)])
+        step = np.asarray((np.linalg.solve(bordered, np.append(-R, 0.0)) * scale)[:-1], dtype=float)
+    else:
+        step = np.asarray(np.linalg.solve(J[:, :-1], -R), dtype=float)
+    size = float(np.linalg.norm(u[:-1]))
+    cut = (2 * problem.harmonics + 1) * W.shape[1]
+    return Truncation(float(np.linalg.norm(step[cut:])) / size, float(np.linalg.norm(step[:cut])) / size)

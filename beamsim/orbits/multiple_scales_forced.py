@@ -1,0 +1,398 @@
+r"""Forced motions of a structure with weak one-sided springs, by multiple scales.
+
+*Away from resonance* everything but the springs is kept, and the response is the series :math:`q_0 + \varepsilon q_1 +
+\varepsilon^2 q_2` with
+:math:`Z q_0 = F`, :math:`Z q_1 = f(q_0)`, :math:`Z q_2 = f'(q_0) q_1` harmonic by harmonic.
+
+*Near mode j*, with weak springs, damping and force,
+
+.. math:: \ddot q + \varepsilon C \dot q + \mathrm{diag}(\omega_l^2) q
+          = \varepsilon f(q, \dot q) + \varepsilon\, \mathrm{Re}(F e^{i\omega t}), \qquad \omega = \omega_j +
+          \varepsilon \sigma,
+
+the motion is :math:`q = \mathrm{Re}(Q e^{i\omega t}) e_j + \varepsilon q_1` and the complex amplitude changes on the
+slow time
+:math:`T = \varepsilon t` only:
+
+.. math:: \frac{dQ}{dT} = i [\Psi(|Q|) - \sigma] Q - \frac{i F_j}{2 \omega_j}, \qquad
+          \Psi(a) = -\frac{f_{j,1}(a)}{2 \omega_j a} + \frac{i C_{jj}}{2},
+
+:math:`f_{j,1}` being the fundamental of the springs' force under :math:`a \cos\omega_j t`. Its real part is the
+first-order change of the
+nonlinear mode's frequency: the response curve leans along the backbone. Steady motions are
+:math:`a |\Psi(a) - \sigma| = |F_j| / (2\omega_j)`, stable where the slow flow contracts. With :math:`g = 0`,
+:math:`\Psi` is constant
+and the slow flow linear: one steady motion, always stable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.orbits.aft import one_sided
+from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, product_harmonics, rest_clearances
+
+if TYPE_CHECKING:
+    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.system.equations import PiecewiseLinearSystem
+
+__all__ = ["ForcedExpansion", "ResonantForcing", "SteadyMotion", "expand_forced"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+AMPLITUDES = 2000  # points between which steady amplitudes are bracketed
+
+
+def _states(coefficients: Complexes, omega: float, times: Floats) -> Floats:
+    """(nt, 2n) displacements and velocities of a sum of harmonics."""
+    used = np.flatnonzero(np.any(np.abs(coefficients) > 1e-17 * np.abs(coefficients).max(), axis=1))
+    iw = 1j * used * omega
+    e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
+    Q = coefficients[used]
+    return np.hstack([(e @ Q).real, (e @ (iw[:, None] * Q)).real])
+
+
+@dataclass(frozen=True)
+class ForcedExpansion:
+    """Steady response away from resonance, in powers of the stiffness factor."""
+
+    omega: float  # rad/s
+    terms: tuple[Complexes, Complexes, Complexes]  # q_0, q_1, q_2: (H + 1, n) each
+
+    def coefficients(self, factor: float, order: int = 1) -> Complexes:
+        """(H + 1, n) harmonics of the motion to order 0, 1 or 2."""
+        total = self.terms[0].copy()
+        for power, term in enumerate(self.terms[1 : order + 1], start=1):
+            total += factor**power * term
+        return total
+
+    def states(self, factor: float, times: Floats, order: int = 1) -> Floats:
+        """(nt, 2n) displacements and velocities."""
+        return _states(self.coefficients(factor, order), self.omega, times)
+
+
+def expand_forced(
+    system: PiecewiseLinearSystem,
+    forcing: PeriodicForcing,
+    omega: float,
+    level: float = 1.0,
+    harmonics: int = HARMONICS,
+) -> ForcedExpansion:
+    """The response to periodic loads away from resonance; the factor multiplies the springs' stiffness and dashpots.
+
+    Parameters
+    ----------
+    system : the structure, its damping of any size (none is allowed).
+    forcing : loads; contacts on the ground see the base's displacement.
+    omega, level : of the excitation, rad/s.
+
+    Raises
+    ------
+    ScenarioError : where an undamped mode resonates with a harmonic.
+    """
+    n, c, H = system.size, system.contacts, harmonics
+    h = np.arange(H + 1)
+    load, base, _, _ = forcing.at(omega, level)
+    F = np.zeros((H + 1, n), dtype=complex)
+    F[0] = system.constant_load
+    np.add.at(F, forcing.multiple, load)
+    d = np.zeros(H + 1, dtype=complex)
+    np.add.at(d, forcing.multiple, base)
+
+    def solve(right: Complexes) -> Complexes:
+        out = np.zeros_like(right)
+        scale = np.abs(right).max()
+        for k in h:
+            w = k * omega
+            Z = np.diag(system.stiffness - w**2) + 1j * w * system.damping
+            weak = np.abs(np.diag(Z)) <= RESONANT * (system.stiffness + w**2 + 1e-300)
+            if np.any(weak):
+                bad = weak & (np.abs(right[k]) > 1e-13 * scale)
+                if np.any(bad):
+                    raise ScenarioError(
+                        Problem(
+                            "excitation.frequency",
+                            f"= {omega:g} rad/s: harmonic {k} excites undamped mode {int(np.argmax(bad)) + 1}",
+                            "give the structure damping, or use the expansion near resonance",
+                        )
+                    )
+                Z[weak, weak] = 1.0
+                right = right.copy()
+                right[k, weak] = 0.0
+            out[k] = np.linalg.solve(Z, right[k])
+        return out
+
+    q0 = solve(F)
+    f0, f1 = np.zeros_like(F), np.zeros_like(F)
+    chi = []
+    for i in range(c.count):
+        s = float(c.sign[i])
+        D = -s * (q0 @ c.shape[i] + (d if c.on_ground[i] else 0.0))
+        D[0] = D[0].real - c.gap[i]
+        last = int(np.flatnonzero(np.abs(D) > 0)[-1]) + 1 if np.any(np.abs(D[1:]) > 0) else 1
+        found = one_sided(D[: max(last, 2)], 2 * H)
+        chi.append(found.chi[: 2 * H + 1])
+        rate = c.stiffness[i] + 1j * h * omega * c.dashpot[i]
+        f0 += np.multiply.outer(rate * found.positive[: H + 1], s * c.shape[i])
+    q1 = solve(f0)
+    for i in range(c.count):
+        rate = c.stiffness[i] + 1j * h * omega * c.dashpot[i]
+        f1 -= np.multiply.outer(rate * product_harmonics(chi[i], q1 @ c.shape[i], H), c.shape[i])
+    return ForcedExpansion(omega, (q0, q1, solve(f1)))
+
+
+@dataclass(frozen=True)
+class SteadyMotion:
+    """A steady response near a mode, to leading order."""
+
+    amplitude: float  # |Q|
+    phase: float  # rad, by which the response lags the force
+    sigma: float  # detuning: omega = omega_j + factor * sigma
+    exponents: Complexes  # (2,) growth rates of the slow flow, per unit of slow time
+    quality: float  # |Psi - sigma| / Im Psi: how far from phase resonance (zero there)
+
+    @property
+    def complex_amplitude(self) -> complex:
+        """Q."""
+        return complex(self.amplitude * np.exp(-1j * self.phase))
+
+    @property
+    def stable(self) -> bool:
+        """The slow flow contracts."""
+        return bool(np.max(self.exponents.real) < 0)
+
+
+@dataclass
+class ResonantForcing:
+    """A structure shaken near one of its modes; all small quantities are given for a factor of one.
+
+    Parameters
+    ----------
+    system : the structure; the factor multiplies its springs, dashpots and damping.
+    mode : j, from 0.
+    load : (n,) complex force F, ``Re(F e^{i omega t})``, multiplied by the factor too.
+    harmonics : where series are cut.
+    """
+
+    system: PiecewiseLinearSystem
+    mode: int
+    load: Complexes
+    harmonics: int = HARMONICS
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mode < self.system.size or self.system.stiffness[self.mode] <= 0:
+            raise ScenarioError(
+                Problem("nnm.mode", f"= {self.mode + 1} is no flexible mode of the model", "ask for another")
+            )
+        self.omega = float(np.sqrt(self.system.stiffness[self.mode]))
+        self.load = np.asarray(self.load, dtype=complex)
+        _, self.gap = rest_clearances(self.system)
+
+    def backbone(self, amplitude: float) -> complex:
+        """Psi: its real part the change of the mode's frequency, its imaginary part the decay, both per factor."""
+        return complex(self.backbones(np.array([amplitude]))[0])
+
+    def backbones(self, amplitude: Floats) -> Complexes:
+        r"""(na,) Psi at several amplitudes a.
+
+        A spring that is closed for the angle :math:`2 \alpha`, :math:`\cos\alpha = g / (|\phi| a)`, adds
+        :math:`(k + i \omega c) \phi^2 (\alpha - \sin\alpha \cos\alpha) / (2 \pi \omega)`.
+        """
+        c, j = self.system.contacts, self.mode
+        reach = np.multiply.outer(amplitude, np.abs(c.shape[:, j]))
+        cosine = np.clip(self.gap / np.maximum(reach, 1e-300), -1.0, 1.0)
+        closed = np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)
+        rate = (c.stiffness + 1j * self.omega * c.dashpot) * c.shape[:, j] ** 2
+        return np.asarray(closed @ rate / (2.0 * np.pi * self.omega) + 0.5j * self.system.damping[j, j])
+
+    def detunings(self, amplitude: float) -> tuple[float, ...]:
+        """The detunings of steady motions of this amplitude: none, or two about the backbone (equal at its tip)."""
+        psi = self.backbone(amplitude)
+        square = (abs(self.load[self.mode]) / (2.0 * self.omega * amplitude)) ** 2 - psi.imag**2
+        if square < 0:
+            return ()
+        return (psi.real - float(np.sqrt(square)), psi.real + float(np.sqrt(square)))
+
+    def motion(self, amplitude: float, sigma: float) -> SteadyMotion:
+        """The steady motion of an amplitude and a detuning that belong together."""
+        psi = self.backbone(amplitude)
+        Q = self.load[self.mode] / (2.0 * self.omega) / (psi - sigma)
+        step = 1e-5 * amplitude
+        slope = (self.backbone(amplitude + step) - self.backbone(amplitude - step)) / (2.0 * step)
+        # perturbation (xi + i eta) e^{-i phase}: p' = i (Psi - sigma) p + i Psi' a xi
+        along, across = 1j * (psi - sigma) + 1j * slope * amplitude, 1j * (psi - sigma) * 1j
+        J = np.array([[along.real, across.real], [along.imag, across.imag]])
+        return SteadyMotion(
+            amplitude,
+            float(-np.angle(Q)),
+            sigma,
+            np.linalg.eigvals(J).astype(complex),
+            abs(psi.real - sigma) / psi.imag if psi.imag else np.inf,
+        )
+
+    def steady(self, sigma: float) -> tuple[SteadyMotion, ...]:
+        """All steady motions at a detuning, the smallest first.
+
+        Raises
+        ------
+        ScenarioError : without damping exactly on the backbone of a structure without gap, where no steady motion
+        exists.
+        """
+        from scipy.optimize import brentq
+
+        F = abs(self.load[self.mode]) / (2.0 * self.omega)
+        if F == 0.0:
+            return ()
+
+        def excess(a: float) -> float:
+            return float(a * abs(self.backbone(a) - sigma) - F)
+
+        # far below and far above every gap the backbone is flat, so beyond these amplitudes excess has one sign
+        c = self.system.contacts
+        with np.errstate(divide="ignore"):
+            reach = np.where(c.shape[:, self.mode] != 0, np.abs(self.gap / c.shape[:, self.mode]), 0.0)
+        near = float(np.max(reach[np.isfinite(reach)], initial=0.0))
+        floor = abs(self.backbone(1e6 * (near + 1.0)) - sigma)
+        if floor <= 1e-12 * abs(self.backbone(1.0)) or not np.isfinite(floor):
+            floor = 1e-12 * max(abs(sigma), 1e-12)
+        top = 2.0 * max(F / floor, 2.0 * near)
+        grid = np.unique(
+            np.concatenate(
+                [
+                    np.geomspace(1e-9 * top, top, AMPLITUDES),
+                    np.linspace(1e-9 * top, 20.0 * near + F, AMPLITUDES),
+                ]
+            )
+        )
+        grid = grid[grid > 0]
+        values = grid * np.abs(self.backbones(grid) - sigma) - F
+        found = [
+            float(brentq(excess, grid[i], grid[i + 1], xtol=1e-15 * grid[i + 1], rtol=1e-14))
+            for i in np.flatnonzero(values[:-1] * values[1:] < 0)
+        ]
+        if not found:
+            raise ScenarioError(
+                Problem(
+                    "excitation.frequency",
+                    "is on the backbone of an undamped structure: its response grows",
+                    "give damping",
+                )
+            )
+        return tuple(self.motion(a, sigma) for a in found)
+
+    def slow_flow(self, start: complex, sigma: float, times: Floats) -> Complexes:
+        """Q at increasing slow times, from Q at the first of them.
+
+        The amplitude and phase of a motion that begins near the mode, with or without force (``load`` zero) and
+        damping.
+        """
+        from scipy.integrate import solve_ivp
+
+        F = self.load[self.mode] / (2.0 * self.omega)
+
+        def rate(_: float, y: Floats) -> Floats:
+            Q = complex(y[0], y[1])
+            psi = self.backbone(abs(Q)) if Q != 0 else 0.5j * self.system.damping[self.mode, self.mode]
+            out = 1j * (psi - sigma) * Q - 1j * F
+            return np.array([out.real, out.imag])
+
+        found = solve_ivp(
+            rate,
+            (float(times[0]), float(times[-1])),
+            [start.real, start.imag],
+            "DOP853",
+            times,
+            rtol=1e-11,
+            atol=1e-13 * max(abs(start), abs(F), 1e-12),
+        )
+        return np.asarray(found.y[0] + 1j * found.y[1])
+
+    def correction(self, Q: complex, omega: float) -> Complexes:
+        """(H + 1, n) harmonics of q_1 under ``Re(Q e^{i omega t}) e_j``, without the fundamental of mode j."""
+        return self._first(Q, omega)[0]
+
+    def _first(self, Q: complex, omega: float) -> tuple[Complexes, Complexes, list[Complexes]]:
+        """q_1, the force at leading order, and the indicators of contact."""
+        system, c, j, H = self.system, self.system.contacts, self.mode, self.harmonics
+        h = np.arange(H + 1)
+        force = np.zeros((H + 1, system.size), dtype=complex)
+        chi = []
+        for i in range(c.count):
+            D = np.array([-self.gap[i], -c.sign[i] * c.shape[i, j] * Q], dtype=complex)
+            found = one_sided(D, 2 * H)
+            chi.append(found.chi[: 2 * H + 1])
+            rate = c.stiffness[i] + 1j * h * omega * c.dashpot[i]
+            force += np.multiply.outer(rate * found.positive[: H + 1], c.sign[i] * c.shape[i])
+        right = force.copy()
+        right[1] += self.load - 1j * omega * system.damping[:, j] * Q
+        divisor = system.stiffness - (h[:, None] * omega) ** 2
+        divisor[1, j] = np.inf
+        small = np.abs(divisor) <= RESONANT * (system.stiffness + (h[:, None] * omega) ** 2 + 1e-300)
+        if np.any(small & (np.abs(right) > 1e-13 * np.abs(right).max())):
+            k, other = (int(x[0]) for x in np.nonzero(small))
+            raise ScenarioError(
+                Problem(
+                    "excitation.frequency",
+                    f"times {k} is the frequency of mode {other + 1}: multiple scales has no correction there",
+                    "leave the comparison out, or change the frequency",
+                )
+            )
+        return np.where(small, 0.0, right / np.where(small, 1.0, divisor)), force, chi
+
+    def response(self, motion: SteadyMotion, factor: float, order: int = 1) -> Complexes:
+        """(H + 1, n) harmonics of the steady motion.
+
+        Order 0: the leading motion, in error by O(factor). Order 1: with q_1, and the fundamental of mode j from the
+        solvability
+        condition one order higher, so that the error is O(factor²).
+        """
+        omega = self.omega + factor * motion.sigma
+        Q, j = motion.complex_amplitude, self.mode
+        if order == 0:
+            out = np.zeros((self.harmonics + 1, self.system.size), dtype=complex)
+            out[1, j] = Q
+            return out
+
+        def balance(x: Floats) -> Floats:
+            R = self._fundamental(complex(x[0], x[1]), omega, factor)
+            return np.array([R.real, R.imag])
+
+        x = np.array([Q.real, Q.imag])
+        for _ in range(20):
+            R = balance(x)
+            step = 1e-6 * abs(Q)
+            J = np.array([(balance(x + e) - balance(x - e)) / (2 * step) for e in step * np.eye(2)]).T
+            move = np.linalg.solve(J, -R)
+            x = x + move
+            if np.linalg.norm(move) <= 1e-11 * abs(Q):
+                break
+        return self.with_correction(complex(x[0], x[1]), omega, factor)
+
+    def with_correction(self, Q: complex, omega: float, factor: float) -> Complexes:
+        """(H + 1, n) harmonics of ``Re(Q e^{i omega t}) e_j + factor q_1``."""
+        out = factor * self.correction(Q, omega)
+        out[1, self.mode] += Q
+        return out
+
+    def _fundamental(self, Q: complex, omega: float, factor: float) -> complex:
+        """Balance of the fundamental of mode j, over the factor, with first-order corrections elsewhere."""
+        system, c, j = self.system, self.system.contacts, self.mode
+        first, force, chi = self._first(Q, omega)
+        R = (system.stiffness[j] - omega**2) * Q / factor + 1j * omega * system.damping[j, j] * Q - self.load[j]
+        R -= force[1, j]
+        R += factor * 1j * omega * complex(system.damping[j] @ first[1])
+        for i in range(c.count):
+            rate = c.stiffness[i] + 1j * omega * c.dashpot[i]
+            product = product_harmonics(chi[i], first @ c.shape[i], 1)[1]
+            R += factor * rate * product * c.shape[i, j]
+        return complex(R)
+
+    def states(self, coefficients: Complexes, omega: float, times: Floats) -> Floats:
+        """(nt, 2n) displacements and velocities of a response."""
+        return _states(coefficients, omega, times)

@@ -1,0 +1,99 @@
+"""The thesis's method, kept for comparison: minimise how far a motion is from periodic, step by step in epsilon.
+
+The functional is :math:`J(q_0, T) = |q(T) - q_0|^2_\\Omega + |\\dot q(T)|^2` of a motion started at rest, energies as
+weights, over twice the energy, with the energy's own excess; it is *relaxed*: a step counts as done when J falls
+below a tolerance (1e-5 or 1e-6 in the thesis), from the result of the step before. No stability, no tongues, and a
+jump to another branch goes unnoticed.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.orbits.reversible import BrakeOrbits
+
+__all__ = ["RelaxedStep", "relaxed_path"]
+
+Floats = NDArray[np.float64]
+
+STALLS = 3  # restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
+GAINED = 0.99  # of the functional or less counts as gained
+SHORTEST, LONGEST = 0.5, 1.5  # of the last step's period: J vanishes as the period does, which is no motion
+
+
+@dataclass(frozen=True)
+class RelaxedStep:
+    """One step of the path."""
+
+    factor: float
+    shape: Floats  # (n,)
+    period: float  # s
+    functional: float
+    passages: int  # motions computed for this step
+    processor_time_s: float
+    reached: bool  # whether the functional fell below the tolerance
+    stalled: bool  # whether the optimiser ended by itself before that, its iterations not used up
+
+
+def relaxed_path(
+    orbits: BrakeOrbits, start: Floats, factors: Floats, tolerance: float = 1e-6, iterations: int = 200
+) -> Iterator[RelaxedStep]:
+    """Minimise J at each factor by a quasi-Newton method (L-BFGS-B), from the last result.
+
+    ``start`` are unknowns as of :func:`~beamsim.orbits.reversible.linear_mode`: a motion at the factor before the
+    first one.
+    """
+    from scipy.optimize import minimize
+
+    n, energy = orbits.n, orbits.energy
+    omega = np.maximum(orbits.family.omega, 0.2 * np.pi / start[-2])  # a rigid-body mode has none of its own
+    weight = np.append(np.sqrt(2 * energy) / omega, start[-2])
+    x = start[: n + 1] / weight
+    for factor in factors:
+        begin, count = clock.process_time(), 0
+        flow, _ = orbits.family.flow_at(float(factor))
+
+        def functional(w: Floats, factor: float = float(factor), flow: object = flow) -> tuple[float, Floats]:
+            nonlocal count
+            count += 1
+            q, period = w[:n] * weight[:n], float(w[n] * weight[n])
+            z = np.zeros(2 * n + orbits.family.extra)
+            z[:n] = q
+            passage = flow.carry(z, period)  # type: ignore[attr-defined]
+            miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
+            J = np.zeros((2 * n, n + 1))
+            J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
+            J[n:, :n] = passage.transition[n : 2 * n, :n]
+            J[:n, n], J[n:, n] = omega * passage.slope[:n], passage.slope[n : 2 * n]
+            value, gradient, _ = orbits.family.potential(q, factor)
+            excess = value / energy - 1.0
+            total = float(miss @ miss) / (2 * energy) + excess**2
+            by = (J.T @ miss) / energy
+            by[:n] += 2 * excess * gradient / energy
+            return total, by * weight
+
+        bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
+        value, left, stalls = np.inf, iterations, 0
+        while left > 0 and stalls < STALLS and value > tolerance:
+            done = minimize(
+                functional, x, jac=True, method="L-BFGS-B", bounds=bounds,
+                options={"maxiter": left, "maxfun": 20 * left, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
+                callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
+            )  # fmt: skip
+            x, left = done.x, left - max(int(done.nit), 1)
+            stalls += done.fun > GAINED * value
+            value = float(done.fun)
+        yield RelaxedStep(
+            float(factor), x[:n] * weight[:n], float(x[n] * weight[n]), value, count, clock.process_time() - begin,
+            value <= tolerance, left > 0,
+        )  # fmt: skip
+
+
+def _enough(value: float, tolerance: float) -> None:
+    if value <= tolerance:
+        raise StopIteration

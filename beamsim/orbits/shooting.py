@@ -1,0 +1,442 @@
+"""Periodic motions of the forced system by shooting, and what happens along their branches.
+
+A motion of period :math:`T = 2\\pi j/\\omega` solves :math:`z(T; z_0, \\lambda) - z_0 = 0`, z being the state and the
+compression of the contacts' faces. The Jacobian is the monodromy matrix less one, exact
+(:mod:`beamsim.flow.variational`).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.variational import (
+    ContactDirection,
+    Direction,
+    Frequency,
+    Level,
+    Parameter,
+    Passage,
+    VariationalFlow,
+    floquet_multipliers,
+)
+from beamsim.orbits.continuation import Branch, BranchPoint, Settings, between, correct, locate, solve_at
+from beamsim.orbits.grazing import SpecialPoint, cyclic, grazings
+
+__all__ = [
+    "ContactPath",
+    "ForcedOrbits",
+    "Orbit",
+    "SpecialPoint",
+    "find_orbit",
+    "follow_orbits",
+    "special_points",
+    "switch_at_period_doubling",
+]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
+AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
+NEAR_MINUS_ONE = 0.1  # distance of a multiplier within which a step is looked into for a pair of period doublings
+NEAR_CIRCLE = 0.02  # the same for complex multipliers and two Neimark–Sacker points
+EARLY = 30  # periods of a transient before the path of falling damping is tried
+MOST_DAMPED = 400  # points of that path
+GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
+REMEMBERED = 4  # points whose multipliers are kept: neighbours ask for the same
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A converged periodic motion."""
+
+    z: Floats  # (N + m,) state and faces at t = 0
+    omega: float  # rad/s
+    level: float
+    period: float  # s
+    passage: Passage
+    multipliers: Complexes  # largest first
+    residual: float  # largest component of z(T) - z(0), against the motion's size
+
+    @property
+    def stable(self) -> bool:
+        """No multiplier outside the unit circle."""
+        return bool(np.abs(self.multipliers[0]) <= 1.0 + STABLE)
+
+
+@dataclass(frozen=True)
+class ContactPath:
+    """Systems whose contacts move along a straight line with the parameter."""
+
+    flow: VariationalFlow  # at parameter 0
+    direction: ContactDirection
+
+    def __call__(self, parameter: float) -> tuple[VariationalFlow, ContactDirection]:
+        """The flow at a parameter, and the direction there."""
+        return self.flow.moved(self.direction, parameter), self.direction
+
+
+@dataclass
+class ForcedOrbits:
+    """Shooting for periodic motions as a continuation problem.
+
+    Parameters
+    ----------
+    flow : system and loads.
+    parameter : what changes: ``"frequency"`` (rad/s), ``"level"``, or a path of systems (stiffness, gap, position …).
+    multiple : periods of the excitation in one of the motion.
+    """
+
+    flow: VariationalFlow
+    parameter: Literal["frequency", "level"] | Callable[[float], tuple[VariationalFlow, Direction]] = "frequency"
+    multiple: int = 1
+    _moved: tuple[float, VariationalFlow, Direction] | None = field(default=None, repr=False)
+    _spectra: list[tuple[Passage, Complexes]] = field(default_factory=list, repr=False)
+
+    def __post_init__(self) -> None:
+        self.kept = np.flatnonzero(self.flow.free)
+        self._block = np.ix_(self.kept, self.kept)
+        self._one = np.eye(self.kept.size)
+        self._smallest = max(1e-3 * float(np.max(np.abs(self.flow.system.contacts.gap), initial=0.0)), 1e-30)
+        self._n2 = 2 * self.flow.system.size
+        # the flow may be shared: what doesn't change here is set again with what does
+        self.omega, self.level = self.flow.omega, self.flow.level
+
+    def with_multiple(self, multiple: int) -> ForcedOrbits:
+        """The same problem for another multiple of the excitation's period."""
+        other = ForcedOrbits(self.flow, self.parameter, multiple)
+        other.omega, other.level = self.omega, self.level
+        return other
+
+    @property
+    def value(self) -> float:
+        """The parameter's value in the flow as it is (frequency and level)."""
+        return self.omega if self.parameter == "frequency" else self.level
+
+    def flow_at(self, value: float) -> tuple[VariationalFlow, Direction | None]:
+        """The flow with its parameter set."""
+        if self.parameter == "frequency":
+            if value <= 0:
+                raise ArithmeticError("the frequency became negative")
+            self.flow.set(value, self.level)
+            return self.flow, None
+        if self.parameter == "level":
+            self.flow.set(self.omega, value)
+            return self.flow, None
+        if self._moved is None or self._moved[0] != value:
+            flow, direction = self.parameter(value)
+            flow.set(self.omega, self.level)
+            self._moved = (value, flow, direction)
+        return self._moved[1], self._moved[2]
+
+    def full(self, u: Floats) -> Floats:
+        """State and faces (N + m,) from the unknowns."""
+        z = np.zeros(self.flow.size)
+        z[self.kept] = u[:-1]
+        return z
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """``z(T) - z(0)`` with its Jacobian."""
+        flow, direction = self.flow_at(float(u[-1]))
+        period = 2 * np.pi * self.multiple / flow.omega
+        parameter: Parameter
+        parameter = direction if direction is not None else Frequency() if self.parameter == "frequency" else Level()
+        z = self.full(u)
+        passage = flow.carry(z, period, (parameter,))
+        k = self.kept
+        J = np.empty((k.size, k.size + 1))
+        J[:, :-1] = passage.transition[self._block] - self._one
+        J[:, -1] = passage.parameters[k, 0]
+        if self.parameter == "frequency":
+            J[:, -1] -= passage.slope[k] * (period / flow.omega)
+        return (passage.end - z)[k], J, passage
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """Displacements by the largest amplitude of the state, velocities by it times omega."""
+        n = self._n2 // 2
+        omega = u[-1] if self.parameter == "frequency" else self.omega
+        v = u[n : 2 * n] / omega
+        size = max(float(np.sqrt(u[:n] @ u[:n] + v @ v)), self._smallest)
+        scale = np.full(u.size, size)
+        scale[n : 2 * n] *= omega
+        residual = scale[:-1].copy()
+        scale[-1] = max(abs(u[-1]), 1e-12)
+        return scale, residual
+
+    def multipliers(self, point: BranchPoint) -> Complexes:
+        """Floquet multipliers, the largest first."""
+        for known, values in self._spectra:
+            if known is point.data:
+                return values
+        values = floquet_multipliers(self.monodromy(point))
+        self._spectra = [(point.data, values), *self._spectra[: REMEMBERED - 1]]
+        return values
+
+    def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
+        """The flow at a point, and its motion over a period."""
+        return self.flow_at(point.parameter)[0], point.data
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether two motions have the same cyclic order of contacts."""
+        sa, sb = a.data.signature, b.data.signature
+        return bool(sa == sb) or (len(sa) == len(sb) and cyclic(a.data) == cyclic(b.data))
+
+    def orbit(self, point: BranchPoint) -> Orbit:
+        """What a converged point means."""
+        flow, _ = self.flow_at(point.parameter)
+        passage: Passage = point.data
+        return Orbit(
+            self.full(point.u),
+            flow.omega,
+            flow.level,
+            passage.duration,
+            passage,
+            self.multipliers(point),
+            point.residual,
+        )
+
+    def monodromy(self, point: BranchPoint) -> Floats:
+        """The monodromy matrix over the free unknowns."""
+        return np.asarray(point.data.transition[self._block])
+
+
+def linear_guess(flow: VariationalFlow) -> Floats:
+    """The response of the open structure at t = 0, as a first guess; lightly damped modes have one per cent there."""
+    n = flow.system.size
+    force, _, _, _ = flow.loads.at(flow.omega, flow.level)
+    z = np.zeros(flow.size)
+    K, C = np.diag(flow.system.stiffness), flow.system.damping
+    least = 2.0 * GUESSED_RATIO * np.sqrt(flow.system.stiffness)
+    C = C + np.diag(np.maximum(least - np.diag(C), 0.0))
+    with np.errstate(divide="ignore"):
+        z[:n] = np.where(flow.system.stiffness > 0, flow.system.constant_load / flow.system.stiffness, 0.0)
+    for h in range(flow.loads.count):
+        w = flow.loads.multiple[h] * flow.omega
+        q = np.linalg.solve(K - w**2 * np.eye(n) + 1j * w * C, force[h])
+        z[:n] += q.real
+        z[n : 2 * n] += (1j * w * q).real
+    return z
+
+
+def find_orbit(
+    problem: ForcedOrbits,
+    guess: Floats | None = None,
+    *,
+    settings: Settings | None = None,
+    settle: int = 300,
+    forward: float = 1.0,
+) -> BranchPoint | None:
+    """A periodic motion at the present parameter: Newton from a guess, else one that is well determined.
+
+    Without a guess a stable motion is looked for: Newton from the linear response and from the ends of ever longer
+    transients. Where they find none early, the motion that continues the linear response is followed from heavy
+    damping down to the structure's own, whatever its stability; longer transients come last. An unstable motion that
+    Newton happens to find on the way is taken only if nothing else is: at low frequencies there are many, on branches
+    that need not lead anywhere.
+
+    Returns None where nothing converges (no motion of this period is reached within ``settle`` periods).
+    """
+    settings = Settings(iterations=25) if settings is None else settings
+    value = problem.value if isinstance(problem.parameter, str) else 0.0
+    flow, _ = problem.flow_at(value)
+    z = linear_guess(flow) if guess is None else guess.copy()
+    period = 2 * np.pi * problem.multiple / flow.omega
+    done, chance = 0, None
+    for target in (0, 3, 10, 30, 100, settle):
+        if target > EARLY and guess is None:
+            point = _from_heavy_damping(problem, flow, value, settings, forward) if done <= EARLY else None
+            if point is not None:
+                return point
+        while done < target:
+            z = flow.carry(z, period).end
+            done += 1
+        point = solve_at(problem, np.append(z[problem.kept], value), settings, value, forward)
+        if point is not None and (guess is not None or problem.orbit(point).stable):
+            return point
+        chance = point if chance is None else chance
+    return chance
+
+
+def _from_heavy_damping(
+    problem: ForcedOrbits, flow: VariationalFlow, value: float, settings: Settings, forward: float
+) -> BranchPoint | None:
+    """The motion at the end of the path of :class:`beamsim.orbits.damping_path.DampingPath`."""
+    from beamsim.orbits.damping_path import DampingPath
+
+    if not isinstance(flow, VariationalFlow):
+        return None
+    path = DampingPath(flow)
+    damped = ForcedOrbits(flow, path, problem.multiple)
+    heavy, _ = damped.flow_at(path.heavy)
+    period = 2 * np.pi * problem.multiple / flow.omega
+    z = linear_guess(heavy)
+    for _ in range(EARLY):
+        z = heavy.carry(z, period).end
+    start = solve_at(damped, np.append(z[problem.kept], path.heavy), settings, path.heavy, -1.0)
+    if start is None:
+        return None
+    branch = follow_orbits(damped, start, 1.0, 2.0 * path.heavy, Settings(largest_step=0.2, most_points=MOST_DAMPED))
+    last = list(branch)[-1]
+    if last.parameter != 1.0:
+        return None
+    return solve_at(problem, np.append(last.u[:-1], value), settings, value, forward)
+
+
+def _period_doubling_test(problem: ForcedOrbits) -> Callable[[BranchPoint], float]:
+    def test(point: BranchPoint) -> float:
+        mu = problem.multipliers(point)
+        return float(np.prod((1.0 + mu) / (1.0 + np.abs(mu))).real)
+
+    return test
+
+
+def _neimark_sacker_test(problem: ForcedOrbits) -> Callable[[BranchPoint], float]:
+    def test(point: BranchPoint) -> float:
+        mu = problem.multipliers(point)
+        i, j = np.triu_indices(mu.size, 1)
+        pair = mu[i] * mu[j]
+        return float(np.prod((pair - 1.0) / (1.0 + np.abs(pair))).real)
+
+    return test
+
+
+def special_points(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+    """Folds, period doublings, Neimark–Sacker points, branch points and grazings between two neighbours.
+
+    A change of stability at a corner of the branch (grazing) is no bifurcation of a smooth family and is left to the
+    grazing point.
+    """
+    found: list[SpecialPoint] = []
+    smooth = problem.same_events(a, b)
+    pieces = [(a, b)]
+    if not smooth:
+        touching = list(grazings(problem, a, b, settings))
+        found += touching
+        # between the corners the branch is smooth again
+        w0 = a.u / a.scale
+        chord = b.u / a.scale - w0
+        inner = sorted(touching, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
+        ends = [a, *[g.point for g in inner], b]
+        pieces = list(itertools.pairwise(ends))
+    doubling, torus = _period_doubling_test(problem), _neimark_sacker_test(problem)
+    for left, right in itertools.chain.from_iterable(
+        _parts(problem, x, y, settings, (x is not a, y is not b)) for x, y in pieces
+    ):
+        if left.tangent[-1] * right.tangent[-1] < 0:
+            fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
+            if fold is not None:
+                found.append(SpecialPoint("fold", fold.parameter, fold))
+        if smooth and left.orientation * right.orientation < 0:
+            branching = locate(problem, left, right, lambda p: p.orientation, settings)
+            if branching is not None:
+                found.append(SpecialPoint("branch_point", branching.parameter, branching))
+        (flips, turns, outside), (flips_right, turns_right, outside_right) = (
+            _outside(problem.multipliers(p)) for p in (left, right)
+        )
+        if (flips - flips_right) % 2:
+            point = locate(problem, left, right, doubling, settings)
+            if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
+                found.append(SpecialPoint("period_doubling", point.parameter, point))
+        if turns != turns_right or outside != outside_right:
+            point = locate(problem, left, right, torus, settings)
+            if point is not None:
+                mu = problem.multipliers(point)
+                circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
+                if np.any(circle & (np.abs(mu.imag) > 0.1 * AT_BOUNDARY)):
+                    found.append(SpecialPoint("neimark_sacker", point.parameter, point))
+    return found
+
+
+def _outside(mu: Complexes) -> tuple[int, int, int]:
+    """Multipliers outside the unit circle: real negative ones, complex ones, all."""
+    out = np.abs(mu) > 1.0
+    turning = mu.imag != 0.0
+    return (
+        int(np.count_nonzero(out & ~turning & (mu.real < 0))), int(np.count_nonzero(out & turning)),
+        int(np.count_nonzero(out)),
+    )  # fmt: skip
+
+
+def _parts(
+    problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Settings, corner: tuple[bool, bool]
+) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """A step, or two parts of it where a pair of special points may hide between its ends.
+
+    Two folds: where the parameter's cubic through both ends with their tangents turns, though both ends point the same
+    way. Two period doublings, or two Neimark–Sacker points: where a multiplier close to -1, or a complex one to the
+    unit circle, stays inside, or outside, at both ends. Beside a grazing point (``corner``, for either end) multipliers
+    change with the square root of the distance: the motion a quarter away is half-way between them.
+    """
+    if a is b:
+        return
+    share = _hidden_turn(a, b)
+    if share is None and any(corner):
+        share = 0.5 if all(corner) else 0.25 if corner[0] else 0.75
+    elif share is None:
+        for mu in (problem.multipliers(a), problem.multipliers(b)):
+            turning = mu[np.abs(mu.imag) > AT_BOUNDARY]
+            if np.any(np.abs(mu + 1.0) < NEAR_MINUS_ONE) or np.any(np.abs(np.abs(turning) - 1.0) < NEAR_CIRCLE):
+                share = 0.5
+    middle = None if share is None else between(problem, a, b, share, settings)
+    if middle is None:
+        yield a, b
+    elif any(corner):
+        yield from _parts(problem, a, middle, settings, (False, False))
+        yield from _parts(problem, middle, b, settings, (False, False))
+    else:
+        yield a, middle
+        yield middle, b
+
+
+def _hidden_turn(a: BranchPoint, b: BranchPoint) -> float | None:
+    """Where the parameter's cubic over a step has its extreme slope, if that is of another sign than both ends'."""
+    scale = a.scale
+    left, right = float(a.tangent[-1]), float(b.tangent[-1] * b.scale[-1] / scale[-1])
+    if left * right <= 0:
+        return None
+    mean = float((b.u[-1] - a.u[-1]) / scale[-1]) / float(np.linalg.norm((b.u - a.u) / scale))
+    bend = 3.0 * (left + right) - 6.0 * mean  # the slope is left + (…) x + bend x^2
+    if bend == 0.0:
+        return None
+    x = (2.0 * left + right - 3.0 * mean) / bend
+    if not 0.0 < x < 1.0 or (left - bend * x**2) * left > 0:
+        return None
+    return x
+
+
+def follow_orbits(
+    problem: ForcedOrbits, start: BranchPoint, low: float, high: float, settings: Settings | None = None
+) -> Branch:
+    """A branch of periodic motions, to iterate over; see :class:`beamsim.orbits.continuation.Branch`."""
+    return Branch(problem, start, low, high, Settings() if settings is None else settings, problem.same_events)
+
+
+def switch_at_period_doubling(
+    problem: ForcedOrbits, special: SpecialPoint, settings: Settings | None = None, amplitude: float = 0.01
+) -> tuple[ForcedOrbits, BranchPoint] | None:
+    """The first motion of the branch of doubled period that leaves at a period doubling.
+
+    The eigenvector of the multiplier -1, ``amplitude`` times the motion's size, is added to the state; Newton then
+    finds the parameter that belongs to this distance from the old branch. Its tangent points away from the old
+    branch.
+    """
+    settings = Settings(iterations=15) if settings is None else settings
+    doubled = problem.with_multiple(2 * problem.multiple)
+    M = problem.monodromy(special.point)
+    mu, vectors = np.linalg.eig(M)
+    v = vectors[:, int(np.argmin(np.abs(mu + 1.0)))].real
+    scale, _ = doubled.scale(special.point.u)
+    row = np.append(v, 0.0) / scale
+    row /= np.linalg.norm(row)
+    for size in (amplitude, 0.1 * amplitude, 0.01 * amplitude, 5.0 * amplitude):
+        w = special.point.u / scale + size * row
+        point = correct(doubled, w * scale, row, float(row @ w), scale, settings, reference=row, furthest=10.0 * size)
+        if point is not None:
+            return doubled, point
+    return None

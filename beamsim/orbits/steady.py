@@ -1,0 +1,195 @@
+"""Steady motions under a sine of one frequency, reached by letting the transient die; and what they are if they don't.
+
+The state is looked at once a cycle (a Poincare section). A motion of period p cycles is steady when the section
+repeats after p cycles to a tolerance, with what is still to come estimated from how fast the difference shrinks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.swept_sine import SweptFlow
+from beamsim.inputs.swept import SweepWindows
+
+__all__ = ["CycleStepper", "Measured", "Motion", "Settled", "measure", "settle"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
+OutputOf = Callable[[Bools], LinearOutput]
+
+CYCLES_A_CALL = 16
+DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
+
+
+@dataclass
+class CycleStepper:
+    """Carries a state cycle by cycle through a flow whose windows may change between calls.
+
+    Parameters
+    ----------
+    flow : its windows are replaced by ``use``; the diagonalised contact states are kept.
+    channels_of : the channels' coefficients for given windows.
+    """
+
+    flow: SweptFlow
+    channels_of: Callable[[SweepWindows], Complexes]
+    most_evaluations: int = 200_000_000
+    events: int = field(init=False, default=0)
+    segments: int = field(init=False, default=0)
+    evaluations: int = field(init=False, default=0)
+    cycles: int = field(init=False, default=0)
+
+    def use(self, windows: SweepWindows) -> None:
+        """Change the sine."""
+        self.flow.windows = windows
+        self.flow.channel = self.channels_of(windows)
+
+    def carry(
+        self, motion: Motion, cycles: int, output_of: OutputOf | None = None, orders: Floats | None = None
+    ) -> tuple[Floats, Measured | None]:
+        """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, 2n) after every cycle.
+
+        Raises
+        ------
+        ArithmeticError
+            When the work exceeds ``most_evaluations``.
+        """
+        from beamsim.flow import sweep_kernels as kernels
+
+        flow, m, N = self.flow, motion.face.size, motion.y.size
+        output = output_of if output_of is not None else self._nothing
+        order = np.zeros(0) if orders is None else np.asarray(orders, dtype=float)
+        K = output(flow.bare.states[motion.state].closed).row.shape[0]
+        record = kernels.Cycles(
+            np.full((cycles, K), -np.inf), np.full((cycles, K), np.inf), np.zeros((cycles, K)),
+            np.zeros((cycles, K, order.size), dtype=complex), np.zeros((cycles, m)),
+            np.zeros((cycles, m), dtype=np.int64), np.zeros(K),
+        )  # fmt: skip
+        empty = (
+            np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty((0, N)), np.empty((0, m)),
+            np.empty(1), np.empty(1, np.int64), np.empty(1, np.bool_),
+        )  # fmt: skip
+        tables = self._tables(output, order)
+        states = np.empty((cycles, N))
+        for k in range(cycles):
+            at, x = k, 0.0
+            while at == k:
+                code, at, x, motion.state, n_seg, n_ev, n_eval, motion.contact = kernels.march(  # type: ignore[call-arg]
+                    *tables, record, at, k + 1, x, motion.state, motion.contact, motion.y, motion.face, *empty, False,
+                    self.most_evaluations - self.evaluations,
+                )  # fmt: skip
+                self.events, self.segments = self.events + n_ev, self.segments + n_seg
+                self.evaluations += n_eval
+                if code == kernels.BUDGET:
+                    raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
+                if code == kernels.NEED_STATE:
+                    motion.state = flow.follow(motion.state, motion.contact)
+                    if flow.bare.states[motion.state].closed[motion.contact]:
+                        record.closings[k, motion.contact] += 1
+                    self.events += 1
+                    tables = self._tables(output, order)
+            states[k] = motion.y
+        self.cycles += cycles
+        if output_of is None:
+            return states, None
+        period = flow.windows.length[0]
+        harmonic = record.harmonic / np.where(order == 0, 2 * np.pi, np.pi)
+        return states, Measured(
+            record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings
+        )
+
+    def _tables(self, output: OutputOf, order: Floats) -> tuple[object, ...]:
+        flow = self.flow
+        return (
+            flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output), flow.kernel_windows(order)
+        )  # fmt: skip
+
+    def _nothing(self, closed: Bools) -> LinearOutput:
+        return self.flow.template.empty_output(0)
+
+
+@dataclass
+class Motion:
+    """A state that is carried along: (q, q'), the faces, the contact state, and the contact whose event is here."""
+
+    y: Floats
+    face: Floats
+    state: int
+    contact: int = -1
+
+    def copy(self) -> Motion:
+        """Another one that starts from here."""
+        return Motion(self.y.copy(), self.face.copy(), self.state, self.contact)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Envelopes, mean squares and harmonics of whole cycles; K outputs."""
+
+    high: Floats  # (cycles, K)
+    low: Floats  # (cycles, K)
+    mean_square: Floats  # (cycles, K)
+    harmonic: Complexes  # (cycles, K, R)
+    contact_share: Floats  # (cycles, m)
+    closings: NDArray[np.int64]  # (cycles, m)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """How the motion came to rest in a periodic one, or did not."""
+
+    period: int  # cycles; 0 where the motion did not become periodic
+    cycles: int
+    change: float  # of the section over one period (over one cycle where there is none), over its size
+    section: Floats  # (cycles kept, 2n) states at the ends of the last cycles
+
+
+def settle(
+    stepper: CycleStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
+) -> Settled:
+    """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size."""
+    n = motion.y.size // 2
+    omega = float(stepper.flow.windows.omega[0])
+    weight = np.concatenate([np.full(n, omega), np.ones(n)])  # to velocities
+    section = [motion.y * weight]
+    done, change = 0, np.inf
+    while done < most_cycles:
+        chunk = min(CYCLES_A_CALL, most_cycles - done, stepper.flow.windows.count)
+        states, _ = stepper.carry(motion, chunk)
+        section.extend(states * weight)
+        done += chunk
+        size = float(np.max(np.abs(section[-2 * longest_period :])))
+        if size == 0.0:
+            return Settled(1, done, 0.0, np.array(section[-longest_period:]) / weight)
+        shorter = np.inf  # smallest change over fewer cycles
+        for p in range(1, longest_period + 1):
+            if len(section) < 3 * p + 1:
+                break
+            last = np.array(section[-3 * p - 1 :])
+            now = float(np.abs(last[-p:] - last[-2 * p : -p]).max())
+            before = float(np.abs(last[-2 * p : -p] - last[-3 * p : -2 * p]).max())
+            if p == 1:
+                change = now / size
+            # a difference that shrinks by a factor r a period adds up to r / (1 - r) of itself
+            ratio = min(now / before, 0.999) if before > 0 else 0.0
+            if shorter <= DISTINCT * tolerance * size:
+                break  # a shorter period is about to be reached
+            shorter = min(shorter, now)
+            if now <= 1e-12 * size or now * max(1.0, ratio / (1 - ratio)) <= tolerance * size:
+                return Settled(p, done, now / size, np.array(section[-max(p, 1) :]) / weight)
+    return Settled(0, done, change, np.array(section[-min(len(section), 256) :]) / weight)
+
+
+def measure(
+    stepper: CycleStepper, motion: Motion, cycles: int, output_of: OutputOf, orders: Floats
+) -> tuple[Floats, Measured]:
+    """Carry a motion on for some cycles, keeping envelopes and harmonics; returns the section too."""
+    states, measured = stepper.carry(motion, cycles, output_of, orders)
+    assert measured is not None
+    return states, measured

@@ -1,0 +1,236 @@
+"""Tongues of internal resonance: which mode a backbone loses its energy to, and the branch on which it goes over.
+
+Close to ``n omega = omega_r`` motions of one period exist that hold any share of the energy in mode r. They are entered
+here by asking for a share instead of a parameter, and followed until the energy has gone over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.orbits.continuation import BranchPoint, Settings, correct
+from beamsim.orbits.reversible import BrakeOrbits
+
+__all__ = ["Tongue", "Tongues", "harmonics", "resonance_between"]
+
+Floats = NDArray[np.float64]
+
+FIRST_AMPLITUDES = (0.3, 0.4)  # of the other mode, against all the energy in it, at which a tongue is entered
+ENTERED = 0.6  # of the amplitude asked for, for a motion to count as one in the tongue
+INWARD = (0.2, 0.1)  # the same amplitudes on the way back to the backbone
+STEPS = (1.0, 0.6, 1.7, 0.3)  # of the step, tried in turn: over the thinner tongues of third modes
+SHORTEST, LONGEST = 1e-3, 0.12  # steps in scaled unknowns
+BACKGROUND = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
+GONE_OVER = 0.02  # of the energy left in the mode asked for ends a tongue's tracing
+LEAST_SHARE = 0.5  # of the energy in the mode asked for: a tongue has less somewhere
+RIGID = 1e-6  # of the frequency of the mode asked for: a slower mode is a rigid-body mode
+MOST_FAILURES = 12  # attempts without a motion, in one tongue
+ITERATIONS = 12  # of Newton's method on the way in
+SAMPLES_A_TURN = 8  # of the fastest coordinate
+MOST_HARMONICS = 1024
+
+
+@dataclass(frozen=True)
+class Tongue:
+    """A branch of internal resonance."""
+
+    mode: int  # the other mode, from 0
+    ratio: int  # n: the other mode makes n oscillations in a period
+    parameter: float  # where it leaves the backbone
+    points: list[BranchPoint]
+    status: str
+
+
+def harmonics(orbits: BrakeOrbits, point: BranchPoint, count: int) -> Floats:
+    """(count, n) cosine amplitudes of the linear modes' coordinates, over those that carry all the energy alone.
+
+    A motion from rest to rest is even about both instants, so that half of it makes a type-I cosine transform.
+    """
+    period = orbits.split(point.u)[1]
+    times = np.linspace(0.0, 0.5 * period, count + 1)
+    x = point.data.flow.states_at(point.data.passage, times)[:, : orbits.n] @ orbits.vectors
+    even = np.concatenate([x, x[-2:0:-1]])
+    spectrum = np.fft.rfft(even, axis=0).real[:count] / count
+    return np.asarray(spectrum * orbits.omega / np.sqrt(2.0 * point.data.energy))
+
+
+def resonance_between(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, mode: int) -> tuple[int, int]:
+    """The other mode (from 0) and the order n of the resonance that lies between two motions of a backbone.
+
+    It is where the harmonics of the other modes differ most: on its two sides a resonance answers in opposite phase.
+    """
+    period = max(orbits.split(p.u)[1] for p in (a, b))
+    count = min(int(np.ceil(SAMPLES_A_TURN * float(orbits.omega.max()) * period / (2 * np.pi))), MOST_HARMONICS)
+    change = np.abs(harmonics(orbits, b, count) - harmonics(orbits, a, count))
+    change[0] = 0.0
+    change[:, mode] = 0.0
+    order, other = np.unravel_index(int(np.argmax(change)), change.shape)
+    return int(other), int(order)
+
+
+@dataclass
+class Tongues:
+    """The tongues of one mode's backbone.
+
+    Parameters
+    ----------
+    orbits : the shooting problem.
+    mode : whose backbone, from 0.
+    low, high : the parameter's range.
+    most_points : of a tongue.
+    """
+
+    orbits: BrakeOrbits
+    mode: int
+    low: float
+    high: float
+    most_points: int = 40
+    settings: Settings = field(default_factory=lambda: Settings(iterations=6))
+
+    def amplitude(self, u: Floats, mode: int) -> float:
+        """A mode's coordinate at rest, over the one that would carry all the energy."""
+        row, still = self._row(u, mode)
+        return float(row @ (u / self.orbits.scale(u)[0])) - still
+
+    def _row(self, u: Floats, mode: int) -> tuple[Floats, float]:
+        """The amplitude of a mode as a row on scaled unknowns, and its value at static equilibrium."""
+        o = self.orbits
+        scale = o.scale(u)[0]
+        _, _, factor, energy = o.split(u)
+        rest = getattr(o.family, "rest", None)
+        row = np.zeros(u.size)
+        row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * energy))
+        still = 0.0 if rest is None else float(row[: o.n] @ rest(factor))
+        return row * scale, still
+
+    def share(self, point: BranchPoint) -> Floats:
+        """(n,) share of the energy in each mode."""
+        q, _, factor, _ = self.orbits.split(point.u)
+        return self.orbits.share(q, factor)
+
+    def between(self, a: BranchPoint, b: BranchPoint, other: int) -> Tongue | None:
+        """The tongue of another mode that a step of the backbone from a to b goes over; None where none is found.
+
+        A disturbance of the shape in the other mode alone comes to rest again after half a period where
+        ``n omega = omega_r``: there the derivative of its velocity by its own amplitude changes sign. A rigid-body mode
+        has neither a multiple of the frequency nor a share of the strain energy.
+        """
+        if self.orbits.omega[other] < RIGID * self.orbits.omega[self.mode]:
+            return None
+        left, right = self.orbits.own(a, other), self.orbits.own(b, other)
+        at = left / (left - right) if left * right < 0 else 0.5
+        u = a.u + at * (b.u - a.u)
+        towards = np.copysign(1.0, self.amplitude(a.u, other) - self.amplitude(b.u, other))
+        for sign in (towards, -towards):
+            points = self._entered(u, other, float(sign))
+            if points is not None:
+                return self._traced(points, other, float(u[-1]))
+        return None
+
+    def from_within(self, points: list[BranchPoint], other: int) -> Tongue | None:
+        """The tongue that the last points of a backbone have already entered."""
+        return self._traced(points, other, points[-1].parameter)
+
+    def _entered(self, u: Floats, other: int, sign: float) -> list[BranchPoint] | None:
+        """Motions of growing amplitude in the other mode, from a backbone's motion u at the resonance."""
+        scale = self.orbits.scale(u)[0]
+        row, still = self._row(u, other)
+        ground = self.amplitude(u, other)
+        q, _, factor, _ = self.orbits.split(u)
+        shares = self.orbits.share(q, factor)
+        most_third = 1.0 - float(shares[self.mode] + shares[other]) + 2 * BACKGROUND
+        settings = replace(self.settings, iterations=ITERATIONS)
+        direction = np.zeros(u.size)  # in scaled unknowns, of unit amplitude in the other mode alone
+        direction[: self.orbits.n] = row[: self.orbits.n] / float(row @ row)
+
+        def at(guess: Floats, amplitude: float) -> BranchPoint | None:
+            target = ground + sign * amplitude
+            w = guess / scale
+            w = w + (target - (float(row @ w) - still)) * direction
+            point = correct(self.orbits, w * scale, row, target + still, scale, settings, furthest=0.5)
+            if point is None or not self.low <= point.parameter <= self.high:
+                return None
+            entered = self.share(point)[other] > (ENTERED * amplitude) ** 2
+            return point if entered and self._third(point, other) < most_third else None
+
+        points: list[BranchPoint] = []
+        for amplitude in FIRST_AMPLITUDES:
+            guess = u if not points else points[-1].u
+            point = at(guess, amplitude)
+            if point is None:
+                return None
+            points.append(point)
+        for amplitude in INWARD:
+            ahead = points[0].u + (points[0].u - points[1].u)
+            point = at(ahead, amplitude)
+            if point is None:
+                break
+            points.insert(0, point)
+        return points
+
+    def _traced(self, begin: list[BranchPoint], other: int, parameter: float) -> Tongue | None:
+        """Follow a tongue over the thinner tongues of third modes that cross it."""
+        points = list(begin)
+        scale = self.orbits.scale(points[-1].u)[0]
+        ds = LONGEST if len(begin) > 2 else float(np.linalg.norm((points[-1].u - points[-2].u) / scale))
+        ds = min(max(ds, SHORTEST), LONGEST)
+        failures = 0
+        status = f"stopped after {self.most_points} points, the most asked for"
+        third = self._third(points[-1], other)
+        while len(points) < self.most_points:
+            new = None
+            for part in STEPS:
+                new = self._ahead(points, scale, part * ds, other, third + BACKGROUND)
+                if new is not None:
+                    break
+                failures += 1
+            if new is None:
+                ds *= 0.4
+                if ds < SHORTEST or failures > MOST_FAILURES:
+                    status = "stopped: no further motion of these two modes alone was found"
+                    break
+                continue
+            points.append(new)
+            third = 0.5 * (third + self._third(new, other))
+            if self.share(new)[self.mode] < GONE_OVER:
+                status = "complete: the energy has gone over to the other mode"
+                break
+            ds = min(LONGEST, 1.4 * ds) if part == 1.0 else min(ds, max(part, 0.5) * ds)
+        shares = [float(self.share(p)[self.mode]) for p in points]
+        if min(shares) > LEAST_SHARE:
+            return None
+        deepest = points[int(np.argmin(shares))]
+        return Tongue(other, self.order(deepest, other), parameter, points, status)
+
+    def _third(self, point: BranchPoint, other: int) -> float:
+        share = self.share(point)
+        return float(1.0 - share[self.mode] - share[other])
+
+    def _ahead(
+        self, points: list[BranchPoint], scale: Floats, ds: float, other: int, most_third: float
+    ) -> BranchPoint | None:
+        """The motion a step beyond the last one; None where there is none, or it belongs to a third mode's tongue."""
+        w = [p.u / scale for p in points[-3:]]
+        chord = w[-1] - w[-2]
+        last = float(np.linalg.norm(chord))
+        row = chord / last
+        guess = w[-1] + ds * row
+        if len(w) == 3:
+            before = w[-2] - w[-3]
+            size = float(np.linalg.norm(before))
+            # Newton's form of the parabola in the length along the chords
+            guess = guess + ds * (ds + last) * (row - before / size) / (last + size)
+        target = float(row @ guess)
+        point = correct(self.orbits, guess * scale, row, target, scale, self.settings, row, furthest=0.7 * ds)
+        if point is None or not self.low <= point.parameter <= self.high:
+            return None
+        return point if self._third(point, other) < most_third else None
+
+    def order(self, point: BranchPoint, other: int) -> int:
+        """n: the strongest harmonic of the other mode's coordinate."""
+        period = self.orbits.split(point.u)[1]
+        count = int(np.ceil(SAMPLES_A_TURN * (2.0 + float(self.orbits.omega[other]) * period / (2 * np.pi))))
+        return 1 + int(np.argmax(np.abs(harmonics(self.orbits, point, count)[1:, other])))

@@ -1,0 +1,134 @@
+"""Assembly of a beam: mesh, supports, point masses, rigid-body modes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.structures.full import FullModel
+from beamsim.structures.hermite import curvature_factor, mass_matrix, shape_functions
+from beamsim.structures.mesh import Mesh, build_mesh
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Beam
+
+__all__ = ["assemble_beam", "supported_dofs"]
+
+Floats = NDArray[np.float64]
+
+# What an end holds: (deflection, slope).
+_HELD = {
+    "clamped": (True, True),
+    "pinned": (True, False),
+    "guided": (False, True),
+    "free": (False, False),
+}
+
+
+def supported_dofs(left: str, right: str, nodes: int) -> NDArray[np.int64]:
+    """Degrees of freedom that the supports hold at zero (relative to the base)."""
+    first = [i for i, held in enumerate(_HELD[left]) if held]
+    last = [2 * (nodes - 1) + i for i, held in enumerate(_HELD[right]) if held]
+    return np.array(first + last, dtype=np.int64)
+
+
+def _scatter(blocks: Floats, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Any:
+    """Sum (e, a, b) element blocks into a sparse matrix."""
+    from scipy.sparse import csr_array
+
+    i = np.broadcast_to(rows[:, :, None], blocks.shape).ravel()
+    j = np.broadcast_to(columns[:, None, :], blocks.shape).ravel()
+    matrix = csr_array((blocks.ravel(), (i, j)), shape=shape)
+    matrix.sum_duplicates()
+    return matrix
+
+
+def deflection_row(mesh: Mesh, x: float) -> Floats:
+    """(2 nodes,) row that gives the deflection at adimensional x."""
+    row = np.zeros(2 * mesh.nodes.size)
+    element, xi = mesh.locate(x)
+    row[mesh.dofs[element]] = shape_functions(xi, mesh.lengths[element])
+    return row
+
+
+def _rigid_modes(mesh: Mesh, mass: Any, held: NDArray[np.int64]) -> Floats:
+    """(2 nodes, r) rigid-body modes that the supports allow, orthonormal in the mass matrix.
+
+    Known by construction, so that their frequencies are zero and not round-off.
+    """
+    both = np.zeros((2 * mesh.nodes.size, 2))
+    both[0::2, 0] = 1.0  # translation
+    both[0::2, 1] = mesh.nodes  # rotation about the left end
+    both[1::2, 1] = 1.0
+    constraint = both[held]
+    if held.size == 0:
+        allowed = both
+    else:
+        _, s, vt = np.linalg.svd(constraint)
+        rank = int(np.sum(s > 1e-9))
+        allowed = both @ vt[rank:].T
+    modes: list[Floats] = []
+    for column in allowed.T:
+        for done in modes:
+            column = column - done * (done @ (mass @ column))
+        modes.append(column / np.sqrt(column @ (mass @ column)))
+    return np.array(modes).reshape(len(modes), 2 * mesh.nodes.size).T
+
+
+def assemble_beam(beam: Beam) -> FullModel:
+    """Sparse matrices of a beam on its supports (equations: docs/theory.md, section 1).
+
+    Point masses are placed on nodes of their own; consistent mass everywhere else.
+    """
+    length = beam.length
+    mesh = build_mesh(beam.elements, [m.position / length for m in beam.point_masses])
+    size = 2 * mesh.nodes.size
+    dofs = mesh.dofs
+    mass_scale = beam.mass_per_length * length
+
+    distributed = _scatter(mass_matrix(mesh.lengths), dofs, dofs, (size, size))
+    strips = np.arange(2 * mesh.elements).reshape(-1, 2)
+    factor = _scatter(curvature_factor(mesh.lengths), strips, dofs, (2 * mesh.elements, size))
+    mass = distributed
+    if beam.point_masses:
+        from scipy.sparse import csr_array
+
+        rows = np.array(
+            [np.sqrt(m.mass / mass_scale) * deflection_row(mesh, m.position / length) for m in beam.point_masses]
+        )
+        lumped = csr_array(rows)
+        mass = distributed + lumped.T @ lumped
+
+    translation = np.zeros(size)
+    translation[0::2] = 1.0
+    held = supported_dofs(beam.supports.left, beam.supports.right, mesh.nodes.size)
+    free = np.setdiff1d(np.arange(size), held)
+    damping = None
+    if beam.damping is not None and beam.damping.kind == "viscous":
+        # xi * integral of N N^T dx: the distributed mass matrix over rho S, point masses left out.
+        damping = (distributed * (beam.damping.coefficient * length))[free][:, free].tocsc()
+
+    masses = len(beam.point_masses)
+
+    def frequency_count(omega: float) -> int:
+        # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
+        # both rigid-body modes counted. A mass added lowers at most one more frequency past the limit.
+        return int(np.ceil(np.sqrt(omega) / np.pi)) + 2 + masses
+
+    return FullModel(
+        mass=mass[free][:, free].tocsc(),
+        factor=factor[:, free].tocsr(),
+        damping=damping,
+        inertia=(mass @ translation)[free],
+        ground=np.zeros(free.size),
+        rigid=_rigid_modes(mesh, mass, held)[free],
+        mass_scale=mass_scale,
+        stiffness_scale=beam.bending_stiffness / length**3,
+        deflection=lambda x: deflection_row(mesh, x / length)[free],
+        frequency_count=frequency_count,
+        deflection_dofs=np.flatnonzero(free % 2 == 0),
+        free=free,
+        mesh=mesh,
+    )

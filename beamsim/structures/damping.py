@@ -1,0 +1,56 @@
+"""Damping of the open structure in reduced coordinates; the same in every contact state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Beam, Chain
+    from beamsim.structures.full import FullModel
+    from beamsim.structures.reduction import ReducedBasis
+
+__all__ = ["damping_matrix", "damping_ratios"]
+
+Floats = NDArray[np.float64]
+
+
+def damping_matrix(structure: Beam | Chain, model: FullModel, basis: ReducedBasis, omega: Floats) -> Floats:
+    """(n, n) symmetric C, 1/s, of the open structure.
+
+    Parameters
+    ----------
+    structure : the scenario's beam or chain, for its ``damping``.
+    model, basis : the full model (dashpots and viscous damping) and the reduced basis.
+    omega : (n,) physical angular frequencies of the coordinates, rad/s.
+
+    Notes
+    -----
+    Modal: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, rigid-body modes
+    included (they take none); later modes and static vectors take the last. Rayleigh: alpha I + beta diag(omega^2).
+    Viscous and dashpots: the physical matrix projected.
+    """
+    c = np.zeros((omega.size, omega.size))
+    damping = structure.damping
+    if damping is not None and damping.kind == "modal":
+        given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
+        ratio = np.full(omega.size, given[-1])
+        count = min(given.size, basis.modes)
+        ratio[:count] = given[:count]
+        c += np.diag(2 * ratio * omega)
+    elif damping is not None and damping.kind == "rayleigh":
+        c += np.diag(damping.mass + damping.stiffness * omega**2)
+    if model.damping is not None:
+        projected = basis.vectors.T @ (model.damping @ basis.vectors) / model.mass_scale
+        c += (projected + projected.T) / 2
+    return c
+
+
+def damping_ratios(c: Floats, omega: Floats) -> Floats:
+    """(n,) ratios C_ii / (2 omega_i); nan for rigid-body modes."""
+    flexible = omega > 0
+    ratio = np.full(omega.size, np.nan)
+    ratio[flexible] = np.diag(c)[flexible] / (2 * omega[flexible])
+    return ratio

@@ -1,0 +1,152 @@
+"""Bending moments along a beam, from equilibrium instead of from curvature.
+
+The nodal forces of an element, k u - f with f its distributed inertia and the point loads inside it,
+converge as fast as the nodal displacements (fourth order), while second derivatives of the shape
+functions lose two orders. Between the nodes the moment follows from the left-hand nodal force and moment by
+integrating the load, so that a station under a point load sees the peak there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
+from beamsim.structures.reduction import static_deflections
+
+if TYPE_CHECKING:
+    from beamsim.structures.full import FullModel
+    from beamsim.structures.mesh import Mesh
+    from beamsim.structures.reduction import ReducedBasis
+
+__all__ = ["deflection_rows", "inertia_remainder", "moment_rows", "stations"]
+
+Floats = NDArray[np.float64]
+
+
+def stations(mesh: Mesh, extra: list[float]) -> Floats:
+    """(nx,) adimensional positions: nodes, element midpoints and the extra points (snubbers, forces)."""
+    x = np.concatenate([mesh.nodes, mesh.nodes[:-1] + mesh.lengths / 2])
+    far = [p for p in extra if np.min(np.abs(x - p)) > 1e-9]
+    return np.unique(np.concatenate([x, far]))
+
+
+def deflection_rows(mesh: Mesh, x: Floats, vectors: Floats) -> Floats:
+    """(nx, n) deflections at x of (all dofs, n) displacement fields."""
+    element, xi = mesh.locate(x)
+    shape = shape_functions(xi, mesh.lengths[element])
+    return np.asarray(np.einsum("xd,xdn->xn", shape, vectors[mesh.dofs[element]]))
+
+
+@dataclass(frozen=True)
+class _Fields:
+    """Columns of displacement with the loads that hold them in equilibrium, K u = M a + point forces."""
+
+    displacement: Floats  # (all dofs, c)
+    acceleration: Floats  # (all dofs, c)
+    point: Floats  # (patterns, c) unit point forces
+
+
+def moment_rows(model: FullModel, basis: ReducedBasis, x: Floats, length: float) -> Floats:
+    """(nx, n) scaled moments w'' at adimensional x, for a unit of each column of the basis.
+
+    Parameters
+    ----------
+    model, basis : the full beam model and its reduced basis.
+    x : (nx,) adimensional stations.
+    length : m, turns the positions of the load patterns into adimensional ones.
+
+    Notes
+    -----
+    With all modes kept there are no static vectors to carry the kinks under point loads. The modes
+    that the mesh does not resolve (numbers above that of the elements) then take what the moments of the static
+    deflections lack, so that these are exact in that case as well.
+    """
+    places = [None if pattern.position is None else pattern.position / length for pattern in basis.patterns]
+    a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
+    moment = _moments(model, x, places, _fields(model, places, basis.vectors, a, basis.pattern))
+    moment[:, : basis.rigid] = 0.0  # a rigid motion bends nothing; round-off does
+    if basis.modes == model.size and basis.patterns:
+        moment = moment + _static_correction(model, basis, x, places, moment)
+    return moment
+
+
+def inertia_remainder(model: FullModel, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
+    """(nx,) scaled moment under the uniform inertia load, statically, that the reduced basis lacks.
+
+    Deflections need few modes under base motion, moments many more: the modes left out respond statically, and this
+    is their share for a unit acceleration (the mode-acceleration method).
+
+    Parameters
+    ----------
+    moment : (nx, n) moment rows of the basis at x.
+    """
+    u = static_deflections(model, model.inertia[:, None])
+    relief = -model.rigid @ (model.rigid.T @ model.inertia[:, None])
+    exact = _moments(model, x, [None], _fields(model, [None], u, relief, np.ones((1, 1))))[:, 0]
+    flexible = slice(basis.rigid, None)
+    coordinates = basis.vectors[:, flexible].T @ model.inertia / basis.omega[flexible] ** 2
+    return np.asarray(exact - moment[:, flexible] @ coordinates)
+
+
+def _fields(model: FullModel, places: list[float | None], u: Floats, a: Floats, p: Floats) -> _Fields:
+    """Fields on all dofs; the inertia pattern (place None) becomes a uniform acceleration, supports included."""
+    assert model.mesh is not None
+    displacement = np.zeros((2 * model.mesh.nodes.size, u.shape[1]))
+    acceleration = np.zeros_like(displacement)
+    displacement[model.free] = u
+    acceleration[model.free] = a
+    for place, row in zip(places, p, strict=True):
+        if place is None:
+            acceleration[0::2] += row
+    return _Fields(displacement, acceleration, p)
+
+
+def _moments(model: FullModel, x: Floats, places: list[float | None], fields: _Fields) -> Floats:
+    """(nx, c) scaled moments of the fields."""
+    mesh = model.mesh
+    assert mesh is not None
+    h, dofs = mesh.lengths, mesh.dofs
+    u, a = fields.displacement[dofs], fields.acceleration[dofs]
+    force = np.einsum("esd,esn->edn", curvature_factor(h), np.einsum("esd,edn->esn", curvature_factor(h), u))
+    force -= np.einsum("edc,ecn->edn", mass_matrix(h), a)
+    element, xi = mesh.locate(x)
+    levers: list[tuple[Floats, Floats]] = []
+    for place, p in zip(places, fields.point, strict=True):
+        if place is None or not p.any():
+            continue
+        at, inside = mesh.locate(place)
+        e, within = int(at), float(inside)
+        force[e] -= shape_functions(within, h[e])[:, None] * p
+        levers.append((np.where(element == e, np.clip(xi - within, 0.0, None), 0.0) * h[e], p))
+
+    moment = -force[element, 1] + force[element, 0] * (xi * h[element])[:, None]
+    moment += np.einsum("xd,xdn->xn", double_integral(xi, h[element]), a[element])
+    for lever, p in levers:
+        moment += lever[:, None] * p
+    # The right-hand end has its own nodal moment, free of the integration's round-off.
+    moment[np.isclose(x, 1.0, rtol=0, atol=1e-12)] = force[-1, 3]
+    return np.asarray(moment)
+
+
+def _static_correction(
+    model: FullModel, basis: ReducedBasis, x: Floats, places: list[float | None], moment: Floats
+) -> Floats:
+    """(nx, n) what unresolved modes have to add so that the patterns' static moments come out exactly."""
+    assert model.mesh is not None
+    loads = np.array([pattern.vector for pattern in basis.patterns]).T
+    u = static_deflections(model, loads)
+    relief = -model.rigid @ (model.rigid.T @ loads)
+    exact = _moments(model, x, places, _fields(model, places, u, relief, np.eye(len(places))))
+    coordinates = basis.vectors.T @ (model.mass @ u)
+    coordinates[: basis.rigid] = 0.0
+    lacking = exact - moment @ coordinates
+    high = slice(min(model.mesh.elements, basis.size - 1), None)
+    # The share of a motion that follows the static deflections, by projection in the energy norm.
+    static = basis.omega[high, None] * coordinates[high]
+    correction = np.zeros_like(moment)
+    correction[:, high] = (lacking @ np.linalg.pinv(static, rcond=1e-9)) * basis.omega[high]
+    return correction

@@ -1,0 +1,220 @@
+r"""Modal reduction with residual-flexibility vectors.
+
+The basis is the lowest modes plus, for each load pattern that the structure will feel at a point, the
+part of its static deflection that the kept modes lack. With rigid-body modes the deflection is that
+of the free-flying structure in steady acceleration (inertia relief). Vectors that add nothing are dropped.
+
+Orthogonality: a vector that is M-orthogonal to exact modes is K-orthogonal to them as well, so the
+kept modes keep their frequencies and only the added vectors are diagonalised, among themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.structures.modes import Modes, natural_modes, orient
+
+if TYPE_CHECKING:
+    from beamsim.structures.full import FullModel
+
+__all__ = ["FREQUENCY_MARGIN", "LoadPattern", "ReducedBasis", "reduce_model", "static_deflections"]
+
+Floats = NDArray[np.float64]
+
+# Modes are kept up to this multiple of the highest frequency of interest.
+FREQUENCY_MARGIN = 1.5
+# A static vector whose missing part is below this share of the compliance (energy norm squared) adds nothing.
+_SPANNED = 1e-12
+
+
+@dataclass(frozen=True)
+class LoadPattern:
+    """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
+
+    vector: Floats  # (N,) scaled load on the free dofs
+    position: float | None  # of the unit force (m, or mass number); None for the inertia load (gravity)
+
+
+@dataclass(frozen=True)
+class ReducedBasis:
+    """n mass-normalised coordinates: modes first (rigid-body modes first of all), then static vectors.
+
+    Every column v satisfies K v = M a + sum_i p_i f_i, which is how bending moments are recovered from
+    equilibrium: ``acceleration_modes`` and ``pattern`` say what a and p are.
+    """
+
+    omega: Floats  # (n,) scaled angular frequencies; exact zeros for rigid-body modes
+    vectors: Floats  # (N, n) orthonormal in the scaled mass matrix
+    rigid: int
+    modes: int  # kept modes, rigid-body modes included; the rest of the n columns are static vectors
+    patterns: tuple[LoadPattern, ...]
+    pattern: Floats  # (patterns, n): p
+    acceleration_modes: Floats  # (modes, n): a = vectors[:, :modes] @ acceleration_modes
+    highest_frequency: float  # scaled angular frequency that the reduction was made for
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return int(self.omega.size)
+
+    @property
+    def static_vectors(self) -> int:
+        """Number of static vectors among them."""
+        return self.size - self.modes
+
+
+def static_deflections(model: FullModel, loads: Floats) -> Floats:
+    """(N, c) deflections under (N, c) loads; under the load minus its rigid-body inertia where nothing holds the model.
+
+    The deflection is M-orthogonal to the rigid-body modes. One step of iterative refinement with the
+    residual taken through the factor, B^T (B u), restores the digits that K's conditioning costs.
+    """
+    from scipy.sparse import block_array, csc_array
+    from scipy.sparse.linalg import splu
+
+    stiffness: Any = csc_array(model.factor.T @ model.factor)
+    rigid = model.rigid.shape[1]
+    loads = loads - model.mass @ (model.rigid @ (model.rigid.T @ loads))
+    if rigid:
+        border = csc_array(model.mass @ model.rigid)
+        stiffness = block_array([[stiffness, border], [border.T, None]], format="csc")
+    lu = splu(csc_array(stiffness))
+
+    def solve(f: Floats) -> Floats:
+        padded = np.vstack([f, np.zeros((rigid, f.shape[1]))])
+        return np.asarray(lu.solve(padded)[: model.size])
+
+    u = solve(loads)
+    for _ in range(2):
+        u = u + solve(loads - model.factor.T @ (model.factor @ u))
+    return np.asarray(u - model.rigid @ (model.rigid.T @ (model.mass @ u)))
+
+
+def _independent(energy_vectors: Floats, reference: Floats) -> tuple[Floats, list[int]]:
+    """Pivoted Gram-Schmidt: coefficients T with energy_vectors @ T orthonormal, and the columns kept.
+
+    A column is dropped when what is left of its squared norm is below `_SPANNED` of its reference.
+    """
+    work = energy_vectors.copy()
+    count = work.shape[1]
+    transform = np.eye(count)
+    columns: list[Floats] = []
+    left = list(range(count))
+    kept: list[int] = []
+    while left:
+        share = [float(work[:, j] @ work[:, j]) / reference[j] if reference[j] > 0 else 0.0 for j in left]
+        best = int(np.argmax(share))
+        if share[best] <= _SPANNED:
+            break
+        j = left.pop(best)
+        norm = float(np.linalg.norm(work[:, j]))
+        q, t = work[:, j] / norm, transform[:, j] / norm
+        columns.append(t)
+        kept.append(j)
+        for i in left:
+            for _ in range(2):
+                along = float(q @ work[:, i])
+                work[:, i] -= q * along
+                transform[:, i] -= t * along
+    return np.array(columns).reshape(len(columns), count).T, kept
+
+
+def reduce_model(
+    model: FullModel,
+    patterns: Sequence[LoadPattern] = (),
+    *,
+    count: int | None = None,
+    highest_frequency: float | None = None,
+    least: int = 1,
+    most: int | None = None,
+) -> ReducedBasis:
+    """Lowest modes plus the static vectors of the load patterns.
+
+    Parameters
+    ----------
+    model : the full model.
+    patterns : loads whose static deflection must be exact.
+    count : number of modes (at least the rigid-body modes are kept).
+    highest_frequency : scaled angular frequency of interest: modes up to `FREQUENCY_MARGIN` times it
+        are kept. With neither, all modes are, and no static vector is needed.
+    least, most : bounds on the number of modes that `highest_frequency` selects, rigid-body modes included;
+        the frequency that the result reports is moved accordingly.
+    """
+    rigid = model.rigid.shape[1]
+    if count is not None:
+        kept = min(max(count, rigid), model.size)
+        modes = natural_modes(model, count=kept).first(kept)
+    elif highest_frequency is not None:
+        limit = FREQUENCY_MARGIN * highest_frequency
+        least = min(max(least, rigid, 1), model.size)
+        modes = natural_modes(model, count=least, below=limit)
+        kept = max(int(np.searchsorted(modes.omega, limit, side="right")), least)
+        if kept == least or (most is not None and kept > most):
+            kept = max(least, kept if most is None else min(kept, most))
+            highest_frequency = max(float(modes.omega[kept - 1]) / FREQUENCY_MARGIN, 0.0)
+        modes = modes.first(kept)
+    else:
+        modes = natural_modes(model)
+    return _with_static_vectors(model, modes, tuple(patterns), highest_frequency)
+
+
+def _with_static_vectors(
+    model: FullModel, modes: Modes, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
+) -> ReducedBasis:
+    phi, omega = modes.vectors, modes.omega
+    kept = omega.size
+    rigid = model.rigid.shape[1]
+    if highest_frequency is None:
+        highest_frequency = float(omega[-1]) if kept == model.size else float(omega[-1]) / FREQUENCY_MARGIN
+    own_acceleration = np.diag(omega**2)
+    if kept == model.size or not patterns:
+        return ReducedBasis(
+            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), own_acceleration, highest_frequency
+        )
+
+    loads = np.array([pattern.vector for pattern in patterns]).T
+    modal_loads = phi.T @ loads
+    whole = static_deflections(model, loads)
+    # What the kept modes lack: solved for the load they do not feel, so that small remainders keep their digits.
+    residual = static_deflections(model, loads - model.mass @ (phi @ modal_loads))
+    for _ in range(2):
+        residual = residual - phi @ (phi.T @ (model.mass @ residual))
+    transform, _ = _independent(
+        np.asarray(model.factor @ residual), np.sum(np.asarray(model.factor @ whole) ** 2, axis=0)
+    )
+    if transform.shape[1] == 0:
+        return ReducedBasis(
+            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), own_acceleration, highest_frequency
+        )
+    # Orthonormal in K; the eigenvalues of M in this basis are 1 / omega^2.
+    basis = residual @ transform
+    mu, y = np.linalg.eigh(basis.T @ (model.mass @ basis))
+    transform = transform @ (y[:, ::-1] / np.sqrt(mu[::-1]))
+    static = residual @ transform
+    static_omega = np.sqrt(
+        np.sum(np.asarray(model.factor @ static) ** 2, axis=0) / np.sum(static * (model.mass @ static), axis=0)
+    )
+    sign = np.sum(orient(static, model.deflection_dofs) * static, axis=0) / np.sum(static * static, axis=0)
+    static, transform = static * sign, transform * sign
+
+    size = kept + static.shape[1]
+    pattern = np.zeros((len(patterns), size))
+    pattern[:, kept:] = transform
+    acceleration = np.zeros((kept, size))
+    acceleration[:, :kept] = own_acceleration
+    acceleration[:, kept:] = -modal_loads @ transform
+    return ReducedBasis(
+        np.concatenate([omega, static_omega]),
+        np.hstack([phi, static]),
+        rigid,
+        kept,
+        patterns,
+        pattern,
+        acceleration,
+        highest_frequency,
+    )

@@ -1,0 +1,147 @@
+r"""How far the reduced model is from the full one: one number.
+
+Three things are compared, in the two linear states "every contact open" and "every contact closed": the dynamic
+receptance at the contacts, the response to the excitation (both at the excitation frequencies), and the closed
+structure's natural frequencies up to the highest frequency of interest. The kept modes are
+common to both models, so only what lies outside their span is computed anew, with one
+sparse solve a frequency: the full model's part of the receptance in the M-complement of the kept modes is
+
+.. math:: (K - \omega^2 M)^{-1} (I - M \Phi \Phi^T) f,
+
+which stays regular at the kept modes' resonances. Damping of what lies outside is left out of the
+difference (there the response is far below its resonances).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies
+
+if TYPE_CHECKING:
+    from beamsim.structures.full import FullModel
+    from beamsim.structures.reduction import ReducedBasis
+
+__all__ = ["LinearState", "reduction_error"]
+
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class LinearState:
+    """What the comparison needs beside the two models; rows act on the full model's dofs."""
+
+    contact_rows: Floats  # (m, N)
+    stiffness: Floats  # (m,) N/m
+    dashpot: Floats  # (m,) N s/m
+    output_rows: Floats  # (o, N) where responses are compared (contacts are added)
+    load: Floats | None  # (N,) scaled excitation pattern
+    omega: tuple[float, ...]  # excitation frequencies, rad/s
+
+
+def reduction_error(model: FullModel, basis: ReducedBasis, damping: Floats, state: LinearState) -> float:
+    """Largest relative difference between the reduced and the full linear models (0 where nothing was left out).
+
+    Parameters
+    ----------
+    model, basis : full model and reduced basis.
+    damping : (n, n) C of the reduced model, 1/s.
+    state : contacts, outputs, excitation.
+    """
+    if basis.modes == model.size:
+        return 0.0
+    errors = [_frequency_error(model, basis, state)]
+    errors += [_response_error(model, basis, damping, state, omega) for omega in state.omega]
+    return float(max(errors))
+
+
+def _response_error(model: FullModel, basis: ReducedBasis, damping: Floats, state: LinearState, omega: float) -> float:
+    m = state.stiffness.size
+    outputs = np.vstack([state.contact_rows, state.output_rows])
+    inputs = [state.contact_rows] if state.load is None else [state.contact_rows, state.load[None, :]]
+    loads = np.vstack(inputs).T
+    if outputs.size == 0 or loads.size == 0:
+        return 0.0
+    s = omega / model.frequency_scale
+    if np.any(np.abs(s - basis.omega) <= 1e-9 * s):
+        s *= 1 + 1e-6  # on an undamped resonance both responses are infinite: compare beside it
+    v = basis.vectors
+    impedance = np.diag(basis.omega**2 - s**2) + 1j * s * damping / model.frequency_scale
+    reduced = np.asarray((outputs @ v) @ np.linalg.solve(impedance, v.T @ loads), dtype=complex)
+
+    phi, static = v[:, : basis.modes], v[:, basis.modes :]
+    outside = _complement_response(model, phi, loads, s)
+    known = static @ ((static.T @ loads) / (basis.omega[basis.modes :] ** 2 - s**2)[:, None])
+    full = np.asarray(reduced + outputs @ (outside - known), dtype=complex)
+
+    spring = np.asarray(np.diag((state.stiffness + 1j * omega * state.dashpot) / model.stiffness_scale), dtype=complex)
+    error = _difference(full, reduced)
+    if m:
+        error = max(error, _difference(_close(full, spring), _close(reduced, spring)))
+    return error
+
+
+def _complement_response(model: FullModel, phi: Floats, loads: Floats, s: float) -> Floats:
+    """Undamped response at scaled frequency s of what the kept modes do not span."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    lu = splu(csc_array(model.factor.T @ model.factor - s**2 * model.mass))
+    x = np.asarray(lu.solve(loads - model.mass @ (phi @ (phi.T @ loads))))
+    return np.asarray(x - phi @ (phi.T @ (model.mass @ x)))
+
+
+def _close(receptance: Complex, spring: Complex) -> Complex:
+    """Receptance (outputs, inputs) with the springs closed; the first m outputs and inputs are the contacts."""
+    m = spring.shape[0]
+    at_contacts = np.linalg.solve(np.eye(m) + receptance[:m, :m] @ spring, receptance[:m])
+    return receptance - receptance[:, :m] @ spring @ at_contacts
+
+
+def _difference(full: Complex, reduced: Complex) -> float:
+    """Largest difference over the outputs relative to the largest output, for the worst input."""
+    size = np.abs(full).max(axis=0)
+    return float(np.max(np.abs(full - reduced).max(axis=0) / np.where(size > 0, size, 1.0)))
+
+
+def _frequency_error(model: FullModel, basis: ReducedBasis, state: LinearState) -> float:
+    """Natural frequencies with every contact closed, up to the highest frequency of interest."""
+    if state.stiffness.size == 0:
+        return 0.0
+    stiffness = state.stiffness / model.stiffness_scale
+    reduced = closed_frequencies(basis.omega, state.contact_rows @ basis.vectors, stiffness, basis.rigid)
+    wanted = reduced <= basis.highest_frequency
+    rigid = int(np.sum(reduced == 0))
+    count = int(wanted.sum())
+    if count <= rigid:
+        return 0.0
+    full = _full_closed(model, state.contact_rows, stiffness, count)
+    return float(np.max(np.abs(full[rigid:count] / reduced[rigid:count] - 1)))
+
+
+def _full_closed(model: FullModel, rows: Floats, stiffness: Floats, count: int) -> Floats:
+    """The lowest `count` scaled frequencies of the full model with springs added."""
+    from scipy.linalg import solve_triangular, svdvals
+    from scipy.sparse import csc_array, vstack
+
+    springs = rows * np.sqrt(stiffness)[:, None]
+    if model.size <= DENSE_LIMIT:
+        lower = np.linalg.cholesky(model.mass.toarray())
+        factor = np.vstack([model.factor.toarray(), springs])
+        values = svdvals(solve_triangular(lower, factor.T, lower=True).T)
+        # Fewer rows than columns: the missing singular values are rigid-body modes.
+        return np.concatenate([np.zeros(model.size - values.size), values[::-1]])[:count]
+    from scipy.sparse.linalg import eigsh
+
+    factor_sparse: Any = vstack([model.factor, csc_array(springs)], format="csc")
+    _, vectors = eigsh(
+        csc_array(factor_sparse.T @ factor_sparse), k=count, M=model.mass, sigma=-1e-3, v0=np.linspace(1, 2, model.size)
+    )
+    lower = np.linalg.cholesky(vectors.T @ (model.mass @ vectors))
+    ritz = svdvals(solve_triangular(lower, np.asarray(factor_sparse @ vectors).T, lower=True).T)
+    return np.asarray(ritz[::-1])

@@ -1,0 +1,50 @@
+"""What the mathematics needs to know of a structure: arrays in mass-normalised coordinates.
+
+With one-sided springs closed in the set *s*, the system is linear,
+
+.. math:: \\ddot q + C_s \\dot q + K_s q = f_0 + \\sum_l L_l\\, a_l(t) + \\text{contact constants},
+
+where :math:`M = I` and the open structure's stiffness is diagonal. Nothing here knows files, units
+or what the coordinates stand for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.contacts.contacts import Contacts
+from beamsim.inputs.signal import Signal
+
+__all__ = ["Forcing", "PiecewiseLinearSystem"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PiecewiseLinearSystem:
+    """A structure in n mass-normalised coordinates (M = I) with m one-sided springs."""
+
+    stiffness: Floats  # (n,) diagonal of K of the open structure, rad^2/s^2; exact zeros for rigid-body modes
+    damping: Floats  # (n, n) symmetric C of the open structure, 1/s
+    contacts: Contacts
+    constant_load: Floats  # (n,) gravity and dead loads, N per sqrt(kg)
+
+    @property
+    def size(self) -> int:
+        """n."""
+        return int(self.stiffness.size)
+
+
+@dataclass(frozen=True)
+class Forcing:
+    """Time-dependent loads: ``sum_l load[l] * signal[l](t)``, and the base's own displacement d(t).
+
+    ``base_displacement`` is needed only by contacts on the ground (``None`` means d = 0).
+    """
+
+    load: Floats  # (L, n)
+    signal: tuple[Signal, ...]  # (L,)
+    base_displacement: Signal | None = None

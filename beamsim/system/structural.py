@@ -1,0 +1,118 @@
+"""What `build_system` hands to the analyses: one structure, ready to move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.contacts.springs import SpringInfo
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+__all__ = [
+    "BeamRecovery",
+    "CubicSprings",
+    "ModeTable",
+    "ProbeRow",
+    "SnubberInfo",
+    "SnubberNumbers",
+    "SpringInfo",
+    "StructuralSystem",
+]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ProbeRow:
+    """A place whose motion is recorded: deflection = shape @ q, relative to the base."""
+
+    name: str
+    position: float  # m along the beam; the mass number for a chain
+    shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
+
+
+@dataclass(frozen=True)
+class SnubberNumbers:
+    """The numbers that describe a snubber, all resolved."""
+
+    name: str
+    position: float  # m along the beam; the mass number for a chain, halfway for a snubber between two masses
+    side: str  # "below" or "above"; between two masses "approach" or "separation"
+    stiffness: float  # N/m
+    dashpot: float  # N s/m
+    gap: float  # m, clearance positive; resolved where a preload was given
+    preload: float  # N, contact force at static equilibrium (nan where there is none)
+    blocked_force: float  # N, stiffness * max(-gap, 0): the force if the structure could not move
+    stiffness_ratio: float  # k L^3 / (E I); k over the largest chain spring for a chain
+
+
+@dataclass(frozen=True)
+class SnubberInfo(SnubberNumbers):
+    """One snubber of a model."""
+
+    shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
+
+
+@dataclass(frozen=True)
+class BeamRecovery:
+    """Deflection and bending moment along a beam for a unit of each coordinate.
+
+    Stations are the nodes, the element midpoints and the points where forces act.
+    """
+
+    position: Floats  # (nx,) m
+    deflection: Floats  # (nx, n) 1/sqrt(kg)
+    bending_moment: Floats  # (nx, n) N m per coordinate; E I w'', positive where the beam's top is in compression
+    stress_per_moment: float  # extreme_fibre / I, Pa per N m
+    base_moment: Floats  # (nx,) N m per m/s^2 of base acceleration, to be added: static share of the modes left out
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """Natural frequencies and shapes behind a run."""
+
+    open_frequencies_hz: Floats  # (r,) reduced model, every contact open
+    closed_frequencies_hz: Floats  # (r,) every snubber closed, piecewise-linear springs as at rest
+    shapes: Floats  # (r, nx) open mode shapes, unit modal mass (1/sqrt(kg)) at `position`
+    position: Floats  # (nx,) m, or mass numbers
+    damping_ratios: Floats  # (r,) of the open structure (nan for rigid-body modes)
+    kept_modes: int
+    static_vectors: int
+    highest_frequency_hz: float  # the highest frequency the reduction was made for
+    reduction_error: float  # estimated relative error of the reduction; see docs/theory.md
+
+
+@dataclass(frozen=True)
+class StructuralSystem:
+    """A scenario turned into mathematics, with what is needed to turn the solution back.
+
+    Coordinates q are mass-normalised (M = I) and relative to the base: absolute = relative + base, the
+    influence of the base being 1 on every deflection.
+    """
+
+    dynamics: PiecewiseLinearSystem
+    forcing: Forcing
+    initial_state: Floats  # (2 n,) q then q'
+    probes: tuple[ProbeRow, ...]
+    base_acceleration: Signal | None  # m/s^2; None where the base is at rest
+    base_velocity: Signal | None  # m/s
+    base_displacement: Signal | None  # m
+    snubbers: tuple[SnubberInfo, ...]
+    beam: BeamRecovery | None  # None for a chain
+    modes: ModeTable
+    static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
+    static_reason: str  # why there is no static equilibrium; empty where there is one
+    excitation_frequency_hz: float  # nan where there is none, or several
+    cubic: CubicSprings
+    springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; one-sided parts follow the snubbers in ``dynamics.contacts``
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """(m,) whose each of the contacts is: a snubber's name, or that of a piecewise-linear spring."""
+        parts = [spring.name for spring in self.springs for _ in range(spring.gap.size)]
+        return (*(snubber.name for snubber in self.snubbers), *parts)
