@@ -10,16 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = [
-    "BeamsimError",
-    "LimitExceededError",
-    "NotTrustedError",
-    "Problem",
-    "ResultFileError",
-    "ScenarioError",
-    "StoppedEarlyError",
-]
-
 
 @dataclass(frozen=True)
 class Problem:

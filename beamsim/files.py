@@ -10,8 +10,6 @@ from pathlib import Path
 
 from beamsim.errors import ResultFileError
 
-__all__ = ["check_writable", "replacing"]
-
 
 @contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-__all__ = ["Stop", "never", "until"]
-
 Stop = Callable[[], bool]  # whether it is time to end
 Point = TypeVar("Point")
 

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamsim.scenario.limits import Limits
 
-__all__ = ["LIMITED", "exceeded_limits", "margin_of", "margins"]
-
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 LIMITED = {

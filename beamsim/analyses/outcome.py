@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-__all__ = ["Outcome"]
-
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")

@@ -14,8 +14,6 @@ from typing import Any, TypeVar
 
 from beamsim.errors import NotTrustedError, ScenarioError
 
-__all__ = ["default_workers", "on_cluster", "on_this_machine"]
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

@@ -14,8 +14,6 @@ from beamsim.cli.nnm import register as register_nnm
 from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
 from beamsim.cli.sweep import register as register_sweep
 
-__all__ = ["app"]
-
 app = typer.Typer(
     name="beamsim",
     help="Exact simulation of structures that vibrate against one-sided elastic stops.",

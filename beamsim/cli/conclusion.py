@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from beamsim.cli.interruption import Interruption
     from beamsim.scenario import Scenario
 
-__all__ = ["conclude", "need_limits"]
-
 Result = TypeVar("Result", bound="Outcome", contravariant=True)
 
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
     from beamsim.scenario import Scenario
 
-__all__ = ["ContinuationOptions", "continue_response", "print_response", "response_rows"]
-
 SHOWN = 12  # special points of a branch in a table
 MOST_BRANCHES = 12  # in a table
 

@@ -19,14 +19,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.scenario import Scenario
 
-__all__ = [
-    "StudyOptions",
-    "design_rows",
-    "print_designs",
-    "refuse_study_options",
-    "sweep_designs",
-]
-
 SAVED_EVERY_S = 30.0  # how often the result file is brought up to date
 TOLD_EVERY_S = 30.0  # how often progress is told where there is no terminal
 MOST_ROWS = 24

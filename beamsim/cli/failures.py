@@ -27,8 +27,6 @@ import typer
 
 from beamsim.errors import BeamsimError, ScenarioError
 
-__all__ = ["guarded", "say", "verdict"]
-
 Parameters = ParamSpec("Parameters")
 
 INTERRUPTED = 130

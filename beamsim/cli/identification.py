@@ -10,8 +10,6 @@ import typer
 from beamsim.cli.failures import guarded
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""

@@ -18,15 +18,6 @@ from beamsim.analyses.identify.result import (
 from beamsim.cli.report import print_outcome
 from beamsim.plots.style import scale_for
 
-__all__ = [
-    "comparison_rows",
-    "identification_rows",
-    "print_comparison",
-    "print_identification",
-    "save_comparison",
-    "save_identification",
-]
-
 Row = tuple[str, str]
 SENSITIVITIES_SHOWN = 6
 

@@ -12,8 +12,6 @@ from typing import Any
 from beamsim.cli.failures import say
 from beamsim.errors import StoppedEarlyError
 
-__all__ = ["Interruption", "interruptible"]
-
 
 class Interruption:
     """Asked by an analysis whether it is time to end."""

@@ -13,16 +13,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.scenario import Scenario
 
-__all__ = [
-    "Comparison",
-    "compare_response",
-    "expansion_rows",
-    "forced_expansion_rows",
-    "forced_expansion_summary",
-    "refuse_comparison",
-]
-
-
 NOT_YET = 3.0  # times the largest small factor: poles beyond it leave the orders alone
 
 

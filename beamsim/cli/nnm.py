@@ -16,8 +16,6 @@ from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Q
 if TYPE_CHECKING:
     from beamsim.analyses.nnm.result import NormalModeResult
 
-__all__ = ["nnm_rows", "print_nnm", "register"]
-
 
 class Comparison(StrEnum):
     """What ``beamsim nnm --compare`` lays beside the exact mode."""

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamsim.analyses.nnm.result import NormalModeResult
 
-__all__ = ["nnm_rows"]
-
 Row = tuple[str, str]
 
 SHOWN = 6  # jumps and the like in one row

@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["Case", "Check", "Debug", "Json", "NoPlots", "Output", "Overrides", "Quiet", "Stored"]
-
 Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
 Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
 Overrides = Annotated[

@@ -7,8 +7,6 @@ from pathlib import Path
 from beamsim.analyses.run.result import RunResult
 from beamsim.files import check_writable
 
-__all__ = ["output_file", "output_folder", "save_run"]
-
 
 def output_file(output: Path | None, stem: str, *suffixes: str) -> Path:
     """File named by ``-o``: the file itself when it ends in one of the suffixes, else ``stem`` in that folder.

@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-__all__ = ["phase_resonance_rows"]
-
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 

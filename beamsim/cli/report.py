@@ -16,17 +16,6 @@ from beamsim.analyses.run.result import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
-__all__ = [
-    "margin_rows",
-    "print_files",
-    "print_json",
-    "print_outcome",
-    "print_result",
-    "print_run",
-    "print_table",
-    "summary_rows",
-]
-
 LINES_SHOWN = 6
 Row = tuple[str, str]
 

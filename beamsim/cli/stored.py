@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from beamsim.analyses.run.result import RunResult
 
-__all__ = ["export_stored", "plot_stored", "print_stored"]
-
 Row = tuple[str, str]
 
 

@@ -11,8 +11,6 @@ from beamsim.cli.failures import guarded
 from beamsim.cli.multiple_scales import Comparison, refuse_comparison
 from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet
 
-__all__ = ["register", "sweep"]
-
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with what an interrupted sweep left in the result file.")]
 
 

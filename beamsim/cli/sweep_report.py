@@ -9,8 +9,6 @@ from pathlib import Path
 from beamsim.analyses.sweep.result import ResponsePeak, SweepResult
 from beamsim.cli.report import Row, _si, margin_rows, print_outcome
 
-__all__ = ["print_sweep", "save_sweep", "sweep_rows"]
-
 PEAKS_SHOWN = 6
 
 

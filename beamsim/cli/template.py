@@ -8,8 +8,6 @@ from typing import Literal
 from beamsim.errors import ScenarioError
 from beamsim.files import replacing
 
-__all__ = ["write_template"]
-
 
 def write_template(path: Path, kind: Literal["beam", "chain"], *, force: bool) -> None:
     """Write a template; an existing file is kept unless ``force``.

@@ -6,8 +6,6 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = ["schema_text", "validated"]
-
 
 def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...]]:
     """Load the case and, when it is one to run, build its model; returns its title and the warnings.

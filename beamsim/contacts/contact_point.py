@@ -5,20 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import DENSE_LIMIT, natural_modes
 from beamsim.structures.places import place_of, row_of
 from beamsim.structures.reduction import LoadPattern, reduce_model
 from beamsim.structures.secular import SpringPoint
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = ["free_frequencies", "mode_shapes", "snubber_point"]
-
-Floats = NDArray[np.float64]
 
 # Modes kept of a model too large for all of them, beyond those wanted; the static vector stands for the others.
 _EXTRA_MODES = 60

@@ -11,14 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.snubbers import dashpot_from_ratio
-
-__all__ = ["ContactRates", "MovedContact"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from beamsim.typing import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -23,8 +22,8 @@ class Contacts:
     stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
     dashpot: Floats  # (m,) N s/m
     gap: Floats  # (m,) m; clearance positive, prestress negative
-    on_ground: NDArray[np.bool_]  # (m,) feels the absolute deflection, shape @ q + d(t)
-    no_tension: NDArray[np.bool_]  # (m,) leaves when the force, not the penetration, reaches zero
+    on_ground: Bools  # (m,) feels the absolute deflection, shape @ q + d(t)
+    no_tension: Bools  # (m,) leaves when the force, not the penetration, reaches zero
 
     @property
     def count(self) -> int:

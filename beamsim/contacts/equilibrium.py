@@ -17,14 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.nonnegative import nonnegative_least_squares
 from beamsim.errors import NotTrustedError
-
-__all__ = ["FLOATS", "RUNS_AWAY", "CubicSprings", "Equilibrium", "Springs", "find_equilibrium"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Bools, Floats, Ints
 
 # Relative size of what counts as round-off in loads and gaps.
 _ROUND_OFF = 1e-10
@@ -45,7 +41,7 @@ class Springs:
     stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
     gap: Floats  # (m,) m
 
-    def take(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Springs:
+    def take(self, index: Ints | Bools) -> Springs:
         """Some of them."""
         return Springs(self.shape[index], self.sign[index], self.stiffness[index], self.gap[index])
 
@@ -56,7 +52,7 @@ class CubicSprings:
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    on_ground: NDArray[np.bool_] | None = None  # (nc,) feels the base's displacement d(t); None: all of them
+    on_ground: Bools | None = None  # (nc,) feels the base's displacement d(t); None: all of them
 
     @property
     def count(self) -> int:
@@ -144,7 +140,7 @@ def _balanced(away: Floats, push: Floats) -> bool:
     return bool(np.linalg.norm(unit.T @ n + push / size) <= _ROUND_OFF)
 
 
-def _held(away: Floats, closed: NDArray[np.bool_], touching: NDArray[np.bool_]) -> bool:
+def _held(away: Floats, closed: Bools, touching: Bools) -> bool:
     """Whether no rigid-body motion leaves every closed contact alone and no touching one is pressed."""
     loose = _loose(away[closed])
     if loose.shape[0] == 0:
@@ -189,7 +185,7 @@ def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: F
 
 
 def _meet_conditions(
-    compliance: Floats, clearance: Floats, away: Floats, push: Floats, closed: NDArray[np.bool_], drift: Floats
+    compliance: Floats, clearance: Floats, away: Floats, push: Floats, closed: Bools, drift: Floats
 ) -> tuple[Floats, Floats] | None:
     """N and d for a closed set, None where they break a contact condition by more than round-off.
 

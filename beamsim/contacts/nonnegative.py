@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["nonnegative_least_squares"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 
 def nonnegative_least_squares(a: Floats, b: Floats) -> Floats:

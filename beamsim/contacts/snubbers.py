@@ -7,20 +7,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
 from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.modes import closed_frequencies
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
     from beamsim.scenario.snubber import SnubberBase
-
-__all__ = ["build_contacts", "dashpot_from_ratio", "resists", "resolve_preloads", "springs_of"]
-
-Floats = NDArray[np.float64]
 
 
 def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:

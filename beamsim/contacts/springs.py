@@ -18,26 +18,15 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.places import pair_of
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Chain
-
-__all__ = [
-    "SpringInfo",
-    "cubic_springs",
-    "describe_springs",
-    "nonlinear_springs",
-    "one_sided_parts",
-    "spring_contacts",
-]
-
-Floats = NDArray[np.float64]
 
 
 def one_sided_parts(

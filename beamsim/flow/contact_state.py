@@ -14,17 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.invariant_blocks import Block, block_diagonalise, second_order_blocks
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-
-__all__ = ["ContactState", "LinearOutput", "build_state", "state_loads"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Ints = NDArray[np.int64]
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
@@ -50,7 +44,7 @@ class LinearOutput:
 class ContactState:
     """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""
 
-    closed: NDArray[np.bool_]  # (m,)
+    closed: Bools  # (m,)
     exponent: Complexes  # (B,)
     power: Ints  # (B,)
     projector: Complexes  # (Z, 2n) free amplitudes = projector @ (y - y_forced(0))
@@ -118,7 +112,7 @@ def build_state(
     forcing: Forcing,
     sources: Sources,
     base_channel: int,
-    closed: NDArray[np.bool_],
+    closed: Bools,
     longest_window: float,
 ) -> ContactState:
     """Diagonalise the system with the given contacts closed and tabulate its flow.
@@ -197,7 +191,7 @@ def build_state(
 
 
 def _diagonalise(
-    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, closed: NDArray[np.bool_], window: float
+    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, closed: Bools, window: float
 ) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
     """Undamped modes first; those that the damping couples go through the general form, the others stay exact."""
     n = system.size
@@ -229,9 +223,7 @@ def _diagonalise(
     return (X, Xi, lam), blocks
 
 
-def _undamped_modes(
-    system: PiecewiseLinearSystem, stiffness: Floats, closed: NDArray[np.bool_]
-) -> tuple[Floats, Floats]:
+def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, closed: Bools) -> tuple[Floats, Floats]:
     """Squared frequencies (n,) and orthonormal modes (n, n); rigid-body motions that no contact feels stay exact."""
     n = system.size
     if not closed.any():
@@ -256,7 +248,7 @@ def state_loads(
     forcing: Forcing,
     sources: Sources,
     base_channel: int,
-    closed: NDArray[np.bool_],
+    closed: Bools,
 ) -> tuple[Floats, Floats]:
     """(F, n) generalised force per unit of each source, and per unit of its time derivative."""
     contacts = system.contacts

@@ -7,21 +7,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads
 from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.state_tables import StateTables, pad
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-
-__all__ = ["ExactFlow"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 HIGHEST_DERIVATIVE = 6  # looked at to tell on which side a motion that starts at zero gap goes
@@ -106,7 +101,7 @@ class ExactFlow:
             )  # fmt: skip
         return self._inputs
 
-    def output_table(self, output_of: Callable[[Bools], LinearOutput]) -> NDArray[np.complex128]:
+    def output_table(self, output_of: Callable[[Bools], LinearOutput]) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
         return pad([s.coefficients(output_of(s.closed), self.sources) for s in self.states])
 
@@ -195,7 +190,7 @@ class ExactFlow:
         return closed
 
 
-def _first_sign(gamma: NDArray[np.complex128], exponent: NDArray[np.complex128], power: NDArray[np.int64]) -> int:
+def _first_sign(gamma: Complexes, exponent: Complexes, power: Ints) -> int:
     """Sign of the first derivative at 0 of ``Re sum gamma tau^p e^{lambda tau}`` that exceeds its round-off."""
     from math import factorial
 

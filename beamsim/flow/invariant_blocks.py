@@ -14,12 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Block", "block_diagonalise", "second_order_blocks"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
 ACCEPTABLE_PROJECTOR = 1e6  # what is still taken where merging does not get below the former
@@ -129,7 +125,7 @@ def _clusters(A: Floats, window: float) -> tuple[tuple[Complexes, Complexes, Com
     return nothing, blocks
 
 
-def _groups(lam: Complexes, tolerance: float, window: float) -> list[NDArray[np.int64]]:
+def _groups(lam: Complexes, tolerance: float, window: float) -> list[Ints]:
     """Single-linkage clusters; of two conjugate clusters only the upper one."""
     largest = float(np.max(np.abs(lam), initial=0.0))
     # what splits a multiple eigenvalue at zero is round-off of the largest, or too small to be seen within the window
@@ -156,7 +152,7 @@ def _mean(group: Complexes, real: bool) -> complex:
     return complex(mean.real) if real else mean
 
 
-def _invariant(A: Floats, lam: Complexes, group: NDArray[np.int64]) -> Block | None:
+def _invariant(A: Floats, lam: Complexes, group: Ints) -> Block | None:
     """The block of a cluster from two ordered Schur forms, or None where the ordering is ambiguous."""
     from scipy.linalg import schur
 

@@ -13,17 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-__all__ = [
-    "Inputs",
-    "Tables",
-    "advance",
-    "extremes",
-    "pair_integrals",
-    "panel_integrals",
-    "sample",
-    "segment_coefficients",
-]
-
 EPS = 2.220446049250313e-16
 DONE, NEED_STATE, BUDGET, FULL = 0, 1, 2, 3
 

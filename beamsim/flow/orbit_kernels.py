@@ -22,8 +22,6 @@ from numba import njit
 
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
 
-__all__ = ["ContactArrays", "Parameters", "Variation", "carry_sensitivity", "force_terms", "signs_at_start"]
-
 
 class ContactArrays(NamedTuple):
     """The contacts as flat arrays (see :class:`beamsim.system.equations.Contacts`)."""

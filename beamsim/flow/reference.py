@@ -11,16 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.system.structural import CubicSprings
-
-__all__ = ["ReferenceTrajectory", "integrate"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -36,7 +31,7 @@ class ReferenceTrajectory:
     dissipated: Floats  # (nt,) J, integrated along
     power_in: Floats  # (nt,) W
     event_time: Floats  # (E,)
-    event_contact: NDArray[np.int64]  # (E,)
+    event_contact: Ints  # (E,)
     event_closing: Bools  # (E,)
     evaluations: int  # of the right-hand side
     restarts: int

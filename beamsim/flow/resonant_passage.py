@@ -13,24 +13,20 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import ContactState
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.variational import Parameter, Passage, VariationalFlow
 
-__all__ = ["carry_by_series", "is_resonant"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
 NEAR = 1e-4  # |i k w - lambda| over w below which more than four digits would be lost
 DIFFERENCE = 1e-6  # relative step of the differences
 FIRST_LOG = 256
 
 
-def is_resonant(states: Sequence[ContactState], multiple: NDArray[np.int64], omega: float) -> bool:
+def is_resonant(states: Sequence[ContactState], multiple: Ints, omega: float) -> bool:
     """Whether a harmonic of the load is that close to an eigenvalue of one of the contact states."""
     target = 1j * multiple * omega
     return any(bool(np.any(np.abs(state.exponent[:, None] - target) < NEAR * np.abs(target))) for state in states)

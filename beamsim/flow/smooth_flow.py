@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import (
     ContactDirection,
@@ -23,11 +22,7 @@ from beamsim.flow.variational import (
     penetration_of_states,
 )
 from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["CubicStiffness", "SmoothFlow", "SpringFactor"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Floats
 
 FIRST_LOG = 128
 LARGEST_LOG = 131072

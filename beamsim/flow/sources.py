@@ -10,15 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.inputs.signal import Signal
-
-__all__ = ["Sources", "compile_sources"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Ints = NDArray[np.int64]
+from beamsim.typing import Complexes, Floats, Ints
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.flow.contact_state import ContactState
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
-
-__all__ = ["StateTables", "pad"]
 
 
 class StateTables:
@@ -27,7 +26,7 @@ class StateTables:
         self.follower = np.full((0, contacts), -1, dtype=np.int64)
         self._arrays: dict[str, NDArray[np.generic]] = {}
 
-    def append(self, state: ContactState, watch: NDArray[np.complex128], roughness: NDArray[np.float64]) -> int:
+    def append(self, state: ContactState, watch: Complexes, roughness: Floats) -> int:
         """Add a state with the coefficients of its watched functions (T, 2 m) and their round-off scale (T, m)."""
         rows: dict[str, NDArray[np.generic]] = {
             "n_basis": np.array(state.exponent.size),
@@ -72,7 +71,7 @@ class StateTables:
         return Tables(follower=self.follower, **self._arrays)
 
 
-def pad(arrays: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+def pad(arrays: list[Complexes]) -> Complexes:
     """Stack arrays of different sizes, filled up with zeros."""
     out = np.zeros((len(arrays), *np.max([a.shape for a in arrays], axis=0)), dtype=complex)
     for row, a in zip(out, arrays, strict=True):

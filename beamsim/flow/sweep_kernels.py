@@ -39,20 +39,6 @@ from beamsim.flow.kernels import (
     _state_at,
 )
 
-__all__ = [
-    "BUDGET",
-    "DONE",
-    "FULL",
-    "MOST_POWERS",
-    "NEED_STATE",
-    "Cycles",
-    "Forced",
-    "Kept",
-    "Windows",
-    "march",
-    "sample_windows",
-]
-
 MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
 PRUNED = 1e-13  # share of an output below which a group is left out of integrals and searches

@@ -15,13 +15,8 @@ from beamsim.flow.invariant_blocks import Block
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
-__all__ = ["CycleRecord", "SegmentLog", "SweptFlow", "sweep"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 OutputOf = Callable[[Bools], LinearOutput]
 
 WINDOWS_A_CALL = 512  # between two reports of progress
@@ -251,6 +246,7 @@ def sweep(
     keep_history : keep the segments, so that the time history can be sampled.
     """
     from beamsim.flow import sweep_kernels as kernels
+    from beamsim.flow.kernels import BUDGET, NEED_STATE
 
     begin = clock.process_time()
     system, windows = flow.system, flow.windows
@@ -284,7 +280,7 @@ def sweep(
             *seg, *ev, keep_history, max_evaluations - evaluations,
         )  # fmt: skip
         segments, evaluations = segments + n_seg, evaluations + n_eval
-        if code == kernels.NEED_STATE:
+        if code == NEED_STATE:
             state = flow.follow(state, contact)
             closing = flow.bare.states[state].closed[contact]
             if closing:
@@ -297,7 +293,7 @@ def sweep(
         if keep_history:
             logs.append(tuple(a[:n_seg] for a in seg))
             happened.append(tuple(a[:n_ev] for a in ev))
-        if code == kernels.BUDGET:
+        if code == BUDGET:
             status = f"stopped at {windows.start[k] + x:.6g} s after {evaluations} evaluations of the contact gaps"
             break
         if events > max_events:

@@ -19,8 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-__all__ = ["ORDER", "SmoothSystem", "carry_smooth", "sample_smooth"]
-
 ORDER = 26
 LOOKS = 24  # places in a step at which the gaps are looked at
 DONE, FULL, STUCK = 0, 1, 2

@@ -6,16 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-
-__all__ = ["Trajectory"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+from beamsim.typing import Bools, Floats, Ints
 
 PEAK_TOLERANCE = 1e-10  # relative distance within which two peaks of an output are not told apart
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-
-__all__ = ["simulate"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 LOG_LENGTH = 2048  # segments between two reports of progress
 

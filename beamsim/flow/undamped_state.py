@@ -8,14 +8,10 @@ every mode is elastic, its tables are written down from one symmetric eigenvalue
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.contact_state import RESONANCE, ContactState
 from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["undamped_state"]
-
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools
 
 
 def undamped_state(system: PiecewiseLinearSystem, closed: Bools, longest_window: float) -> ContactState | None:

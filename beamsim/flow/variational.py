@@ -16,7 +16,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import ContactState, build_state
@@ -25,29 +24,10 @@ from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.undamped_state import undamped_state
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
-
-__all__ = [
-    "ContactDirection",
-    "Direction",
-    "Frequency",
-    "Level",
-    "Parameter",
-    "Passage",
-    "PeriodicForcing",
-    "StructureDirection",
-    "VariationalFlow",
-    "WorkExceeded",
-    "floquet_multipliers",
-    "moved_system",
-]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 MOST_EVALUATIONS = 20_000_000
 FIRST_LOG = 64

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from beamsim.scenario.level_profile import Notch, ProfilePoint
     from beamsim.scenario.quantities import Rate
 
-__all__ = ["broadband_signals", "make_leg", "make_profile", "phase_of_acceleration"]
-
 MOST_PIECES = 4_000_000
 
 

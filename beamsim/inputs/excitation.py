@@ -22,15 +22,6 @@ if TYPE_CHECKING:
 
     Driven = Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput
 
-__all__ = [
-    "BaseMotion",
-    "base_motion",
-    "half_sine",
-    "level_signal",
-    "single_frequency_hz",
-    "step",
-]
-
 
 @dataclass(frozen=True)
 class BaseMotion:

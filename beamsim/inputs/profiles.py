@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["Profile", "acceleration_amplitude", "power_of"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats, Ints
 
 _POWER = {"acceleration": 0.0, "force": 0.0, "velocity": 1.0, "displacement": 2.0}
 
@@ -83,7 +81,7 @@ class Profile:
         p = self.piece(f)
         return np.asarray(self.amplitude[p] * (f / self.edge[p]) ** self.power[p])
 
-    def piece(self, frequency_hz: Floats) -> NDArray[np.int64]:
+    def piece(self, frequency_hz: Floats) -> Ints:
         """Index of the piece that holds at each frequency."""
         return np.clip(np.searchsorted(self.edge, frequency_hz, side="right") - 1, 0, None)
 

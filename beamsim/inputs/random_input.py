@@ -11,19 +11,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.sampled import MOST_SAMPLES, interpolate
 from beamsim.inputs.signal import Signal
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import RandomInput
-
-__all__ = ["density", "noise", "random_signals"]
-
-Complexes = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 
 SAMPLES_A_CYCLE = 20  # of the highest frequency
 

@@ -6,17 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.signal import Signal
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import SampledInput
-
-__all__ = ["MOST_SAMPLES", "interpolate", "read_samples", "sampled_signal"]
-
-Floats = NDArray[np.float64]
 
 MOST_SAMPLES = 4_000_000
 LARGEST_GAP = 1.5  # a step of the time axis longer than so many median steps is a gap

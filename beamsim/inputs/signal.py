@@ -14,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["Signal"]
+from beamsim.typing import Complexes, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Signal:
     coefficient : (P, E, D) complex coefficients about each piece's own start.
     """
 
-    start: NDArray[np.float64]
-    exponent: NDArray[np.complex128]
-    coefficient: NDArray[np.complex128]
+    start: Floats
+    exponent: Complexes
+    coefficient: Complexes
 
     @classmethod
     def harmonic(cls, amplitude: ArrayLike, omega: ArrayLike, phase: ArrayLike = 0.0) -> Signal:
@@ -49,7 +49,7 @@ class Signal:
         c = np.asarray(coefficient, dtype=complex)
         return cls(np.asarray(start, dtype=float), np.zeros(1, dtype=complex), c[:, None, :])
 
-    def __call__(self, t: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, t: ArrayLike) -> Floats:
         """Value at times t (any shape); before the first piece the first piece is continued."""
         t = np.asarray(t, dtype=float)
         k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, None)
@@ -93,7 +93,7 @@ class Signal:
         out[:, constant, 0] += initial + np.concatenate([[0.0], np.cumsum(grown - first[:-1])]) - first
         return Signal(self.start, exponent, out)
 
-    def within(self, piece: NDArray[np.int64], sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+    def within(self, piece: Ints, sigma: Floats) -> Floats:
         """Value of pieces at times ``sigma`` since their own starts (arrays of one shape)."""
         value = np.zeros(sigma.shape)
         for i, nu in enumerate(self.exponent):

@@ -23,12 +23,7 @@ from numpy.typing import NDArray
 
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.signal import Signal
-
-__all__ = ["Leg", "SweepWindows", "constant_windows", "cut_into_windows", "swept_signals"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Ints = NDArray[np.int64]
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST_DEGREE = 8
 TOLERANCE = 1e-12  # of the amplitude, for what the polynomials leave out
@@ -109,7 +104,7 @@ class SweepWindows:
     frequency_hz: Floats  # (C,) in the middle of each cycle
     cycle_start: Floats  # (C,) s
     cycle_leg: Ints  # (C,)
-    cycle_complete: NDArray[np.bool_]  # (C,)
+    cycle_complete: Bools  # (C,)
     truncation: float  # largest bound on what the polynomials leave out, of the amplitude
 
     @property

@@ -18,12 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Contact", "close_intervals", "cubic", "indicator", "one_sided", "to_complex", "to_real", "toeplitz"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Complexes, Floats
 
 SAMPLES_A_HARMONIC = 8
 LEAST_SAMPLES = 128

@@ -12,15 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, correct
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.tongues import Tongue, Tongues, resonance_between
-
-__all__ = ["Backbone", "Jump", "Tongue"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 SHORTER = (0.12, 0.03, 0.008)  # the same where the nonlinearity is strong

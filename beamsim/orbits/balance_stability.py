@@ -18,7 +18,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
@@ -27,15 +26,12 @@ from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.hill import hill_multipliers
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.orbits.continuation import BranchPoint
     from beamsim.orbits.harmonic_balance import HarmonicMotion
 
-__all__ = ["BalancedOrbits", "reduced_for_stability"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 Finder = Callable[[ForcedOrbits], "BranchPoint | None"]
 
 MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept

@@ -16,12 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Condensation", "Receptances"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Complexes, Floats
 
 NEAR_POLE = 1e-4  # |Z| of a mode against its stiffness or inertia, below which the regular form is solved for directly
 CONSISTENT = 1e-9  # poles and residues of a damped structure against a direct solution

@@ -9,8 +9,6 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import ContactDirection, VariationalFlow
 
-__all__ = ["PathOfContacts"]
-
 
 @dataclass
 class PathOfContacts:

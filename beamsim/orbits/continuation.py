@@ -15,11 +15,8 @@ from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["INTERRUPTED", "Branch", "BranchPoint", "Problem", "Settings", "correct", "locate", "solve_at", "tangent_at"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 INTERRUPTED = "interrupted"  # the status of what is left before its end
 UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction

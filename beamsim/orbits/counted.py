@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from beamsim.orbits.reversible import Conservative
-
-__all__ = ["CountedFamily"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 
 class CountedFamily:

@@ -13,8 +13,6 @@ import numpy as np
 
 from beamsim.flow.variational import StructureDirection, VariationalFlow
 
-__all__ = ["DampingPath"]
-
 HEAVY = 0.5  # added damping ratio at the path's beginning
 SMALLEST_RATIO = 1e-3  # unit in which the added damping is counted where the structure has less
 

@@ -17,15 +17,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
 from beamsim.orbits.continuation import BranchPoint, Problem, Settings, solve_at
-from beamsim.orbits.shooting import ForcedOrbits, SpecialPoint
+from beamsim.orbits.grazing import SpecialPoint
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.typing import Floats
 
-__all__ = ["FoldCurve", "SecondParameter", "TwoParameterCurve", "start_of_curve", "start_of_fold_curve"]
-
-Floats = NDArray[np.float64]
 SecondParameter = Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
 
 DIFFERENCE = 1e-6  # step along v, against the unknowns' scale

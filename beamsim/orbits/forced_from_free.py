@@ -19,16 +19,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.variational import Passage
     from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["Appropriation", "appropriate_force", "quadrature_nodes"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 FEWEST_PIECES, MOST_PIECES = 32, 160  # of a period
 RADIANS = 3.0  # of the fastest mode in a piece, within these bounds

@@ -12,21 +12,16 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import Passage, floquet_multipliers
 from beamsim.orbits.continuation import BranchPoint
 from beamsim.orbits.grazing import cyclic
 from beamsim.orbits.reversible import Conservative, HalfPeriod
-
-__all__ = ["FreeOrbits", "slowest_instant"]
+from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
 SAMPLES = 256  # of a period, in which its slowest instant is looked for
 ZOOMS = 3  # each into two of them
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass

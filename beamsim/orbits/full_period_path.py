@@ -10,15 +10,10 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
 from beamsim.orbits.free_orbits import FreeOrbits
 from beamsim.orbits.reversible import BrakeOrbits
-
-__all__ = ["FullPeriodPath"]
-
-Floats = NDArray[np.float64]
 
 SAME = 1e-6  # relative distance within which two solutions are one motion
 

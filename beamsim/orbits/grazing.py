@@ -11,14 +11,11 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import Passage, VariationalFlow
 from beamsim.orbits.continuation import BranchPoint, Problem, Settings, between, locate
+from beamsim.typing import Floats
 
-__all__ = ["Cyclic", "Kind", "SpecialPoint", "cyclic", "extremum", "grazings"]
-
-Floats = NDArray[np.float64]
 Kind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "grazing"]
 
 MOST_HALVINGS = 40

@@ -11,17 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import Frequency, Passage
 from beamsim.orbits.continuation import BranchPoint
 from beamsim.orbits.folds import SecondParameter, TwoParameterCurve, start_of_curve
 from beamsim.orbits.grazing import SpecialPoint, extremum
 from beamsim.orbits.shooting import ForcedOrbits
-
-__all__ = ["GrazingCurve", "start_of_grazing_curve"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 
 @dataclass

@@ -19,22 +19,17 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.condensation import Condensation, Receptances
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
     from beamsim.flow.variational import PeriodicForcing
     from beamsim.orbits.continuation import BranchPoint
     from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["ForcedBalance", "FreeBalance", "HarmonicMotion", "Truncation", "resampled", "truncation"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -18,17 +18,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Complexes
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
     from beamsim.orbits.harmonic_balance import HarmonicMotion
     from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["hill_multipliers"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 PAIRED = 1e-6  # relative distance of a multiplier from another one's conjugate
 SAME = 0.02  # exponents over the fundamental frequency that differ by i up to this are copies of each other

@@ -13,8 +13,6 @@ import numpy as np
 
 from beamsim.orbits.steady import CycleStepper, Motion
 
-__all__ = ["Exponent", "largest_exponent"]
-
 DISTANCE = 1e-7  # of the motion's size
 BLOCKS = 8
 

@@ -38,29 +38,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.aft import cubic as cubic_harmonics
 from beamsim.orbits.aft import one_sided
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
     from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = [
-    "ModeExpansion",
-    "expand_mode",
-    "expand_mode_at_energy",
-    "observed_orders",
-    "potential_energy",
-    "product_harmonics",
-    "rest_clearances",
-    "weakened",
-]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 HARMONICS = 400
 FELT = 1e-9  # share of the largest harmonic of the force above which one counts

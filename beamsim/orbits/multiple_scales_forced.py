@@ -31,20 +31,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.aft import one_sided
 from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, product_harmonics, rest_clearances
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.variational import PeriodicForcing
     from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["ForcedExpansion", "ResonantForcing", "SteadyMotion", "expand_forced"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 AMPLITUDES = 2000  # points between which steady amplitudes are bracketed
 

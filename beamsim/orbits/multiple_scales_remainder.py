@@ -5,21 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.multiple_scales import expand_mode, weakened
 from beamsim.system.equations import Forcing
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.orbits.multiple_scales_forced import ResonantForcing
     from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = ["forced_remainder", "free_remainder"]
-
-Floats = NDArray[np.float64]
 
 SAMPLES_A_PERIOD = 32
 

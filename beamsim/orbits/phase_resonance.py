@@ -16,17 +16,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.orbits.continuation import BranchPoint, Settings, correct
 from beamsim.orbits.forced_from_free import quadrature_nodes
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.orbits.shooting import ForcedOrbits
-
-__all__ = ["find_phase_resonance", "quadrature", "turned_back"]
-
-Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-8  # of the cosine of the lag: amplitudes are then right to its square
 STEPS = 30  # of the secant

@@ -13,13 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.orbits.reversible import BrakeOrbits
-
-__all__ = ["RelaxedStep", "relaxed_path"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 STALLS = 3  # restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
 GAINED = 0.99  # of the functional or less counts as gained

@@ -19,26 +19,12 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import ContactDirection, Passage, VariationalFlow, moved_system
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings, locate, solve_at
 from beamsim.orbits.grazing import SpecialPoint, grazings
 from beamsim.system.equations import PiecewiseLinearSystem
-
-__all__ = [
-    "BrakeOrbits",
-    "Conservative",
-    "ContactStiffness",
-    "HalfPeriod",
-    "NormalMode",
-    "follow_modes",
-    "linear_mode",
-    "mode_points",
-]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Complexes, Floats
 
 LARGEST_LOG = 600.0  # of an energy
 STABLE = 1e-7  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off

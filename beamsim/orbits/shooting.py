@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import (
     ContactDirection,
@@ -27,20 +26,7 @@ from beamsim.flow.variational import (
 )
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings, between, correct, locate, solve_at
 from beamsim.orbits.grazing import SpecialPoint, cyclic, grazings
-
-__all__ = [
-    "ContactPath",
-    "ForcedOrbits",
-    "Orbit",
-    "SpecialPoint",
-    "find_orbit",
-    "follow_orbits",
-    "special_points",
-    "switch_at_period_doubling",
-]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is

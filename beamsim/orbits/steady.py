@@ -10,17 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.swept_sine import SweptFlow
 from beamsim.inputs.swept import SweepWindows
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
-__all__ = ["CycleStepper", "Measured", "Motion", "Settled", "measure", "settle"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
 OutputOf = Callable[[Bools], LinearOutput]
 
 CYCLES_A_CALL = 16
@@ -61,6 +56,7 @@ class CycleStepper:
             When the work exceeds ``most_evaluations``.
         """
         from beamsim.flow import sweep_kernels as kernels
+        from beamsim.flow.kernels import BUDGET, NEED_STATE
 
         flow, m, N = self.flow, motion.face.size, motion.y.size
         output = output_of if output_of is not None else self._nothing
@@ -86,9 +82,9 @@ class CycleStepper:
                 )  # fmt: skip
                 self.events, self.segments = self.events + n_ev, self.segments + n_seg
                 self.evaluations += n_eval
-                if code == kernels.BUDGET:
+                if code == BUDGET:
                     raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
-                if code == kernels.NEED_STATE:
+                if code == NEED_STATE:
                     motion.state = flow.follow(motion.state, motion.contact)
                     if flow.bare.states[motion.state].closed[motion.contact]:
                         record.closings[k, motion.contact] += 1
@@ -137,7 +133,7 @@ class Measured:
     mean_square: Floats  # (cycles, K)
     harmonic: Complexes  # (cycles, K, R)
     contact_share: Floats  # (cycles, m)
-    closings: NDArray[np.int64]  # (cycles, m)
+    closings: Ints  # (cycles, m)
 
 
 @dataclass(frozen=True)

@@ -15,15 +15,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.orbits.continuation import INTERRUPTED, Branch, BranchPoint, Settings, correct, locate
 from beamsim.orbits.free_orbits import FreeOrbits, slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits
-
-__all__ = ["SymmetryBreaking", "Wandering", "breaking_between"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 KERNEL = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)

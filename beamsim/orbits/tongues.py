@@ -9,14 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.orbits.continuation import BranchPoint, Settings, correct
 from beamsim.orbits.reversible import BrakeOrbits
-
-__all__ = ["Tongue", "Tongues", "harmonics", "resonance_between"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 FIRST_AMPLITUDES = (0.3, 0.4)  # of the other mode, against all the energy in it, at which a tongue is entered
 ENTERED = 0.6  # of the amplitude asked for, for a motion to count as one in the tongue

@@ -6,21 +6,18 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MARKS", "figure_of", "stretches"]
-
-Floats = NDArray[np.float64]
-
 MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P", "grazing": "x",
          "symmetry_breaking": "*"}  # fmt: skip
 
 
-def stretches(x: Floats, y: Floats, stable: NDArray[np.bool_], wanted: bool) -> tuple[Floats, Floats]:
+def stretches(x: Floats, y: Floats, stable: Bools, wanted: bool) -> tuple[Floats, Floats]:
     """The stretches of one stability, joined to their neighbours so that the curve has no holes."""
     keep = stable == wanted
     if not wanted:

@@ -14,8 +14,6 @@ from beamsim.plots.style import finish, scale_for, thinned
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_histories", "plot_spectra", "save_comparison_plots"]
-
 _PREDICTED: dict[str, Any] = {"color": "#0b3c5d", "linestyle": "-", "linewidth": 1.2}
 _MEASURED: dict[str, Any] = {"color": "#d1495b", "linestyle": (0, (4, 2)), "linewidth": 1.2}
 _HIGHEST_ORDER = 12.5

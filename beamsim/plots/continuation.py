@@ -8,27 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
 from beamsim.plots.branches import MARKS, figure_of, stretches
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "frequency_response_figures",
-    "plot_fold_curves",
-    "plot_force_curve",
-    "plot_harmonics",
-    "plot_response_curve",
-    "save_response_plots",
-]
-
-Floats = NDArray[np.float64]
 
 LEGEND_WIDTH = 84  # characters
 MANY = 80  # special points, from which their marks are small

@@ -7,26 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "design_figures",
-    "plot_response_curves",
-    "plot_response_map",
-    "plot_response_scatter",
-    "save_design_plots",
-    "shown_quantities",
-]
-
-Floats = NDArray[np.float64]
 
 SHOWN = (
     "peak_displacement", "peak_force", "bending_stress", "contact_share", "resonance_frequency", "largest_gap",

@@ -7,27 +7,15 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, Profile, TestFit
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "identification_figures",
-    "plot_frequency_curves",
-    "plot_harmonic_residuals",
-    "plot_harmonics",
-    "plot_profile",
-    "plot_residuals",
-    "save_identification_plots",
-]
-
-Floats = NDArray[np.float64]
 
 _MEASURED, _FOUND, _PALE = "0.45", "#d1495b", "0.8"
 

@@ -7,14 +7,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["put_names"]
-
-Floats = NDArray[np.float64]
 
 SIZE = 6.9  # points, of the letters
 LETTER, LINE = 0.56, 1.25  # width of a letter and height of a line, over the size

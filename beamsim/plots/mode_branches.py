@@ -11,13 +11,11 @@ from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
 from beamsim.plots.branches import MARKS, stretches
 from beamsim.plots.labels import put_names
 from beamsim.plots.style import curve_style, finish, scale_for
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["BRANCH_NAMES", "plot_backbone", "plot_frequency_energy"]
-
-Floats = NDArray[np.float64]
 Curve = tuple[Floats, Floats]
 
 UNSTABLE = (0, (3, 1.5))  # dashes

@@ -18,15 +18,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
     from beamsim.analyses.response.result import FrequencyResponse
 
-__all__ = [
-    "comparison_figure",
-    "comparison_figures",
-    "forced_expansion_figures",
-    "plot_expanded_response",
-    "plot_forced_orders",
-]
-
-
 ROUND_OFF = 1e-14  # differences below it are not drawn
 
 

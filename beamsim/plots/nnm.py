@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
 from beamsim.plots.branches import figure_of
@@ -16,26 +15,11 @@ from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
 from beamsim.plots.thesis_method import thesis_figure
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "nnm_figures",
-    "plot_backbone",
-    "plot_configuration",
-    "plot_contact_forces",
-    "plot_deflected_shapes",
-    "plot_frequency_energy",
-    "plot_mode_shapes",
-    "plot_node_motion",
-    "plot_orbit_spectrum",
-    "plot_phase_portrait",
-    "save_nnm_plots",
-]
-
-Floats = NDArray[np.float64]
 
 FLOOR = -120.0  # dB, of a spectrum
 DRIFTED = 1e-6  # over the spectrum's periods, that is worth a word

@@ -16,15 +16,6 @@ if TYPE_CHECKING:
 
     from beamsim.analyses.nnm.phase_resonance_results import HeldMotion, PhaseResonance
 
-__all__ = [
-    "phase_resonance_figures",
-    "plot_departure",
-    "plot_held_shapes",
-    "plot_held_spectrum",
-    "plot_levels",
-    "plot_resonances",
-]
-
 _STANDARD_GRAVITY = 9.80665  # m/s^2
 _DEEPEST_DB = 120.0
 _HIGHEST_ORDER = 20.5

@@ -12,8 +12,6 @@ from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_density", "plot_transmissibility"]
-
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 

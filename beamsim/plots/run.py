@@ -7,30 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.result import ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "plot_absolute_acceleration",
-    "plot_contact_force",
-    "plot_deflected_shapes",
-    "plot_displacement",
-    "plot_phase_portrait",
-    "plot_spectrum",
-    "plot_spring_force",
-    "run_figures",
-    "save_run_plots",
-]
-
-Floats = NDArray[np.float64]
 History = TypeVar("History", ProbeHistory, SnubberHistory)
 
 STANDARD_GRAVITY = 9.80665  # m/s^2

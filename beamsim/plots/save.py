@@ -11,8 +11,6 @@ from beamsim.files import replacing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["save_figures"]
-
 
 def save_figures(
     figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0

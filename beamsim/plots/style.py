@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["MOST_CURVES", "Scale", "curve_style", "finish", "legend", "scale_for", "thinned"]
-
-Floats = NDArray[np.float64]
 
 MOST_CURVES = 6  # in one picture; more cannot be told apart
 

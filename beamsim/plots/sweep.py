@@ -7,32 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import curve_style, finish, legend, scale_for
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "plot_contact",
-    "plot_contact_force_curve",
-    "plot_contact_levels",
-    "plot_harmonic_energy",
-    "plot_level_family",
-    "plot_poincare",
-    "plot_preload_needed",
-    "plot_response",
-    "plot_steady_states",
-    "plot_waterfall",
-    "save_sweep_plots",
-    "sweep_figures",
-]
-
-Floats = NDArray[np.float64]
 
 STRETCHES = 700  # of frequency, over which a curve's cycles are drawn as one point
 MOST_MARKS = 8  # peaks named in one picture

@@ -11,18 +11,11 @@
 
 from beamsim.scenario.beam import Beam, GeneralSection, PointMass, RectangleSection, Supports, TubeSection
 from beamsim.scenario.chain import Chain
+from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
 from beamsim.scenario.designs import Grid, LatinHypercube, Zipped
-from beamsim.scenario.excitation import (
-    AppliedTo,
-    Excitation,
-    HalfSine,
-    Harmonic,
-    MultiTone,
-    NoExcitation,
-    Step,
-    Tone,
-)
+from beamsim.scenario.driven import AppliedTo
+from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step, Tone
 from beamsim.scenario.identification import IdentifyStiffness, Pad
 from beamsim.scenario.jsonschema import json_schema
 from beamsim.scenario.limits import Limits
@@ -57,7 +50,7 @@ from beamsim.scenario.spring import (
     PiecewiseLinearGroundSpring,
     PiecewiseLinearLinkSpring,
 )
-from beamsim.scenario.sweep import Continuation, SteppedSine, Sweep, SweptSine
+from beamsim.scenario.sweep import SteppedSine, Sweep, SweptSine
 from beamsim.scenario.template import template
 
 __all__ = [

@@ -33,22 +33,6 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
 
-__all__ = [
-    "BY_KIND",
-    "UNKNOWN",
-    "LenientPass",
-    "Schema",
-    "UnknownValueError",
-    "by_key",
-    "fail",
-    "key_of",
-    "known",
-    "number_or_list",
-    "path_text",
-    "single_line",
-    "walk",
-]
-
 Path = tuple[str | int, ...]
 
 

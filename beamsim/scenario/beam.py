@@ -20,8 +20,6 @@ from beamsim.scenario.quantities import (
     SecondMoment,
 )
 
-__all__ = ["Beam", "GeneralSection", "PointMass", "RectangleSection", "Support", "Supports", "TubeSection"]
-
 Support = Literal["clamped", "pinned", "free", "guided"]
 
 

@@ -22,8 +22,6 @@ from beamsim.scenario.quantities import (
     Time,
 )
 
-__all__ = ["PsdPoint", "RandomInput", "SampledInput", "SweptSineInput"]
-
 
 class SweptSineInput(Driven):
     """A sine whose frequency grows or falls; use it with `beamsim run` (`beamsim sweep` has its own section)."""

@@ -13,8 +13,6 @@ from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 from beamsim.scenario.snubber import ChainSnubber
 from beamsim.scenario.spring import GroundSpring, LinkSpring
 
-__all__ = ["Chain"]
-
 
 class Chain(Schema):
     """Masses in a row, springs and dashpots between neighbours and to the walls (the base)."""

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from beamsim.scenario.run import Run
     from beamsim.scenario.scenario import Scenario
 
-__all__ = ["MOST_SAMPLES", "problems"]
-
 MOST_SAMPLES = 100_000_000
 """More output samples than this are refused: the histories would not fit into memory."""
 

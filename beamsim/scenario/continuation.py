@@ -27,22 +27,6 @@ from beamsim.scenario.quantities import (
 if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
-__all__ = [
-    "Continuation",
-    "FrequencyPath",
-    "GapPath",
-    "HarmonicBalance",
-    "LevelPath",
-    "PositionPath",
-    "ResponseParameter",
-    "SecondParameter",
-    "Shooting",
-    "SnubberPath",
-    "StiffnessPath",
-    "SweptOverlay",
-    "continuation_problems",
-]
-
 MOST_HARMONICS = 500
 LONGEST_PERIOD = 64
 

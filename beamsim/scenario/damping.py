@@ -9,8 +9,6 @@ from pydantic import Field, Tag
 from beamsim.scenario.base import BY_KIND, Schema, number_or_list
 from beamsim.scenario.quantities import PerTime, Ratio, Time, ViscousPerLength
 
-__all__ = ["BeamDamping", "ChainDamping", "ModalDamping", "RayleighDamping", "ViscousDamping"]
-
 Ratios = Annotated[
     Annotated[Ratio, Tag("<number>")] | Annotated[tuple[Ratio, ...], Field(min_length=1), Tag("<list>")],
     number_or_list,

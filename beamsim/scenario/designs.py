@@ -29,18 +29,6 @@ from beamsim.scenario.units import UnitError
 if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
-__all__ = [
-    "MOST_CASES",
-    "Axis",
-    "Grid",
-    "LatinHypercube",
-    "Vary",
-    "Zipped",
-    "axes",
-    "case_count",
-    "design_problems",
-]
-
 MOST_CASES = 200_000
 """A study of more cases than this is refused."""
 

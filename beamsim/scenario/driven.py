@@ -11,8 +11,6 @@ from beamsim.scenario.base import Schema, by_key, fail
 from beamsim.scenario.place import AtMass, AtPosition, choose_place
 from beamsim.scenario.quantities import LevelValue
 
-__all__ = ["AppliedTo", "Driven", "Quantity", "agree_on_quantity"]
-
 Quantity = Literal["acceleration", "velocity", "displacement", "force"]
 
 

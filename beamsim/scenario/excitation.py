@@ -8,21 +8,8 @@ from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_KIND, Schema, fail
 from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
-from beamsim.scenario.driven import AppliedTo, Driven, Quantity, agree_on_quantity
+from beamsim.scenario.driven import Driven
 from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, Time
-
-__all__ = [
-    "AppliedTo",
-    "Excitation",
-    "HalfSine",
-    "Harmonic",
-    "MultiTone",
-    "NoExcitation",
-    "Quantity",
-    "Step",
-    "Tone",
-    "agree_on_quantity",
-]
 
 
 class NoExcitation(Schema):

@@ -10,8 +10,6 @@ import yaml
 if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
-__all__ = ["to_yaml"]
-
 
 class _Dumper(yaml.SafeDumper):
     """Quotes text that YAML 1.1 or YAML 1.2 would read as something else."""

@@ -28,17 +28,6 @@ from beamsim.scenario.quantities import (
 )
 from beamsim.scenario.units import UnitError
 
-__all__ = [
-    "IdentifyStiffness",
-    "MeasuredShapes",
-    "MeasuredTest",
-    "MonteCarlo",
-    "NonlinearFit",
-    "Pad",
-    "ParameterUncertainty",
-    "SoughtParameter",
-]
-
 _LARGEST_UNCERTAINTY = 0.2
 
 Ratios = Annotated[

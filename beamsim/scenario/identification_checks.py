@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from beamsim.scenario.identification import IdentifyStiffness, SoughtParameter
     from beamsim.scenario.scenario import Scenario
 
-__all__ = ["identification_problems"]
-
 Path = tuple[str | int, ...]
 _TOP = "identify_stiffness"
 

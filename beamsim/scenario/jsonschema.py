@@ -10,8 +10,6 @@ from beamsim.scenario.merge import REPLACED_WHOLE
 from beamsim.scenario.messages import members
 from beamsim.scenario.scenario import Scenario
 
-__all__ = ["json_schema"]
-
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file.

@@ -11,8 +11,6 @@ from beamsim.scenario.base import Schema, fail
 from beamsim.scenario.driven import Quantity
 from beamsim.scenario.quantities import Frequency, Level, LevelValue
 
-__all__ = ["Between", "Notch", "ProfilePoint", "check_profile"]
-
 Between = Literal["held", "log_log"]
 
 

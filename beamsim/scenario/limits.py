@@ -14,8 +14,6 @@ from beamsim.scenario.quantities import Length, PositiveForce, Quantity
 if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
-__all__ = ["Limits", "limit_problems"]
-
 _STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
 _ACCELERATION = replace(units.ACCELERATION, example="20 g")
 

@@ -16,8 +16,6 @@ from beamsim.scenario.messages import describe
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.tree import Node, from_python, located, parse, path_parts
 
-__all__ = ["load_scenario"]
-
 
 def load_scenario(source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
     """Read and check a scenario.

@@ -17,8 +17,6 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import single_line
 from beamsim.scenario.tree import Node, from_python, parse
 
-__all__ = ["Overrides", "apply_overrides", "merge", "read_file", "resolve_extends"]
-
 Overrides = Mapping[str, object] | Sequence[str]
 
 REPLACED_WHOLE = frozenset({"applied_to", "start", "released_force", "reduction"})

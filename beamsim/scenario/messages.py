@@ -12,8 +12,6 @@ from pydantic_core import ErrorDetails
 from beamsim.scenario.base import Path, Schema, single_line
 from beamsim.scenario.quantities import FieldType
 
-__all__ = ["describe", "members"]
-
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
     """Return the classes a field may hold, by the tag that tells them apart (`""` where there is none)."""

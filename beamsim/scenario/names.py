@@ -7,8 +7,6 @@ from typing import TypeVar
 from beamsim.scenario.base import Schema, known
 from beamsim.scenario.quantities import Name
 
-__all__ = ["Named", "named"]
-
 
 class Named(Schema):
     """Something with a name."""

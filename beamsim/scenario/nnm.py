@@ -11,14 +11,6 @@ from beamsim.scenario.nnm_method import Method, Solver, solver_of
 from beamsim.scenario.phase_resonance import PhaseResonance
 from beamsim.scenario.quantities import Count, Energy, Factor, Frequency
 
-__all__ = [
-    "ContinueIn",
-    "EnergyContinuation",
-    "FrequencyContinuation",
-    "NonlinearMode",
-    "StiffnessFactorContinuation",
-]
-
 
 class StiffnessFactorContinuation(Schema):
     """The nonlinear springs' stiffness grows from nothing to its full value."""

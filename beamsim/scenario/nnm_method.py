@@ -9,16 +9,6 @@ from pydantic import Tag
 from beamsim.scenario.base import Schema, by_key, fail
 from beamsim.scenario.quantities import Count, NotNegativeWhole, PositiveNumber
 
-__all__ = [
-    "ExpansionMethod",
-    "FullPeriodMethod",
-    "Method",
-    "ShootingMethod",
-    "Solver",
-    "ThesisMethod",
-    "solver_of",
-]
-
 MOST_STEPS = 10_000
 LOOSEST = 0.1  # a functional beyond this is no periodic motion by anybody's measure
 TIGHTEST = 1e-20  # the functional is a square: below this it is round-off

@@ -15,8 +15,6 @@ from beamsim.scenario.base import Schema, fail, path_text
 from beamsim.scenario.quantities import FieldType
 from beamsim.scenario.scenario import Scenario
 
-__all__ = ["choices_at", "field_type_at", "find_parameters", "read_as", "value_at", "with_values"]
-
 Path = tuple[str | int, ...]
 
 _PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]|\.")

@@ -13,8 +13,6 @@ from beamsim.scenario.quantities import Count, Level, LevelValue, Ratio
 if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
-__all__ = ["PhaseResonance", "phase_resonance_problems"]
-
 WIDEST = 0.5
 MOST_PERIODS = 10_000
 

@@ -9,8 +9,6 @@ from pydantic import Tag
 from beamsim.scenario.base import Schema, by_key, fail
 from beamsim.scenario.quantities import Force, MassNumber, Name, Position
 
-__all__ = ["AtMass", "AtPosition", "ConstantForce", "OneOfTwoPlaces", "PlacedForce", "Point", "Probe"]
-
 
 class AtPosition(Schema):
     """A point of the beam."""

@@ -14,51 +14,6 @@ from beamsim.scenario import units
 from beamsim.scenario.base import fail
 from beamsim.scenario.units import Dimension, UnitError
 
-__all__ = [
-    "Amplitude",
-    "Angle",
-    "Area",
-    "Coefficient",
-    "Count",
-    "CubicStiffness",
-    "Dashpot",
-    "Density",
-    "Duration",
-    "Elements",
-    "Energy",
-    "Factor",
-    "FieldType",
-    "Force",
-    "Frequency",
-    "Gap",
-    "Gravity",
-    "Length",
-    "Level",
-    "LevelValue",
-    "Mass",
-    "MassNumber",
-    "Modes",
-    "Modulus",
-    "Name",
-    "NonNegativeStiffness",
-    "NotNegativeWhole",
-    "PerTime",
-    "PointMassValue",
-    "Position",
-    "PositiveForce",
-    "PositiveNumber",
-    "Rate",
-    "Ratio",
-    "SecondMoment",
-    "SpectralDensity",
-    "SteppedCount",
-    "Stiffness",
-    "SweepRate",
-    "Text",
-    "Time",
-    "ViscousPerLength",
-]
-
 
 class FieldType:
     """A type read by one function, so that its messages are ours."""

@@ -10,16 +10,6 @@ from beamsim.scenario.base import Schema, by_key, fail
 from beamsim.scenario.place import PlacedForce
 from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration, Frequency, Modes, PositiveNumber
 
-__all__ = [
-    "ModeStart",
-    "PolynomialStart",
-    "Reduction",
-    "ReleasedForceStart",
-    "Run",
-    "SpectrumSettings",
-    "Start",
-]
-
 
 class PolynomialStart(Schema):
     """Start from a given shape and velocity: for a beam polynomials in x, for a chain a number a mass."""

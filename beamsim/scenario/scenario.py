@@ -24,8 +24,6 @@ from beamsim.scenario.sweep import Sweep
 from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
 
-__all__ = ["Scenario"]
-
 
 class Scenario(Schema):
     """A structure, its one-sided stops, what drives it, and what is asked of it."""

@@ -20,17 +20,6 @@ from beamsim.scenario.quantities import (
 )
 from beamsim.scenario.spring import Pair, check_pair
 
-__all__ = [
-    "ChainSnubber",
-    "LinkSnubber",
-    "MassSnubber",
-    "Snubber",
-    "SnubberBase",
-    "SnubberDamping",
-    "SnubberRatioDamping",
-    "SnubberViscousDamping",
-]
-
 
 class SnubberRatioDamping(Schema):
     """Dashpot by a damping ratio: c = 2 ratio k / Omega.

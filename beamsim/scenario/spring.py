@@ -14,23 +14,6 @@ from beamsim.scenario.base import BY_KIND, Schema, fail
 from beamsim.scenario.names import Named
 from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
 
-__all__ = [
-    "BetweenMasses",
-    "CubicGroundSpring",
-    "CubicLinkSpring",
-    "GroundSpring",
-    "LinearGroundSpring",
-    "LinearLinkSpring",
-    "LinkSpring",
-    "OnMass",
-    "Pair",
-    "PiecewiseLinearGroundSpring",
-    "PiecewiseLinearLinkSpring",
-    "PiecewiseLinearSpring",
-    "Spring",
-    "check_pair",
-]
-
 Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
 Pair = Annotated[tuple[MassNumber, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
 

@@ -11,8 +11,6 @@ from beamsim.scenario.continuation import Continuation, refuse_empty_levels
 from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
 from beamsim.scenario.quantities import Count, Frequency, Level, LevelValue, PositiveNumber, SteppedCount, SweepRate
 
-__all__ = ["Continuation", "SteppedSine", "Sweep", "SweptSine"]
-
 HIGHEST_ORDER = 64
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-__all__ = ["template"]
-
 _BEAM = """\
 # A scenario for beamsim. Check it with `beamsim validate`, run it with `beamsim run`.
 # A bare number is in SI units; a string may carry any unit: 5 mm, 69 GPa, 2 g, 60 rpm.

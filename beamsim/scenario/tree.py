@@ -18,8 +18,6 @@ import yaml
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text, single_line
 
-__all__ = ["Node", "from_python", "locate", "located", "parse", "path_parts"]
-
 MOST_NODES = 200_000
 """A file that unfolds to more values than this (aliases of aliases) is refused."""
 

@@ -18,37 +18,6 @@ from fractions import Fraction
 from functools import cache, lru_cache
 from typing import Any
 
-__all__ = [
-    "ACCELERATION",
-    "ACCELERATION_PSD",
-    "ANGLE",
-    "AREA",
-    "CUBIC_STIFFNESS",
-    "DASHPOT",
-    "DENSITY",
-    "ENERGY",
-    "FORCE",
-    "FORCE_PSD",
-    "FREQUENCY",
-    "LENGTH",
-    "MASS",
-    "NUMBER",
-    "PER_TIME",
-    "PRESSURE",
-    "RATIO",
-    "SECOND_MOMENT",
-    "STIFFNESS",
-    "TIME",
-    "VELOCITY",
-    "VISCOUS_PER_LENGTH",
-    "Dimension",
-    "UnitError",
-    "read_level",
-    "read_number",
-    "read_quantity",
-    "read_sweep_rate",
-]
-
 
 @dataclass(frozen=True)
 class Dimension:

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from beamsim.scenario.beam import Beam
     from beamsim.scenario.scenario import Scenario
 
-__all__ = ["MANY_SAMPLES", "doubts"]
-
 MANY_SAMPLES = 5_000_000
 """More output samples than this make a file of a gigabyte or so."""
 

@@ -18,8 +18,6 @@ from beamsim.store.schema import Field
 from beamsim.store.spectra import read_spectrum, write_spectrum
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
-__all__ = ["COMMAND", "StoredComparison", "open_comparison", "pair_channels", "write_comparison"]
-
 COMMAND = "compare"
 _NUMBERS = (
     "place", "quantity", "unit", "channel", "source", "excitation_hz", "delay_s", "has_phase", "rms_difference",

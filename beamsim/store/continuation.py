@@ -22,8 +22,6 @@ from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, holds, reading, root_fields, write_root
 from beamsim.store.sweep import read_curve, write_curve
 
-__all__ = ["StoredResponse", "holds_response", "open_response", "write_frequency_response"]
-
 KIND = "continuation"
 
 _ROOT = ("parameter", "unit", "snubber", "level_unit", "method", "second_parameter", "second_unit", "second_snubber")

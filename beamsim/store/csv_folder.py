@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 
-__all__ = ["CsvFolder", "flat", "header"]
-
 _UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
 
 

@@ -13,8 +13,6 @@ from beamsim.store import schema
 from beamsim.store.schema import Field
 from beamsim.system.structural import ModeTable
 
-__all__ = ["named_group", "native", "ordered", "put", "read_modes", "texts", "words", "write_modes"]
-
 _MODE_NUMBERS = ("kept_modes", "static_vectors", "highest_frequency_hz", "reduction_error")
 
 

@@ -24,8 +24,6 @@ from beamsim.store.datasets import put, texts, words
 from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
-__all__ = ["COMMAND", "StoredDesigns", "export_designs", "open_designs", "write_designs"]
-
 COMMAND = "sweep"
 GROUP = "designs"
 

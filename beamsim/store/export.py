@@ -23,8 +23,6 @@ from beamsim.store.matlab import write_mat
 from beamsim.store.stored import LazyScenario, kind_of, open_result, reading, root_fields
 from beamsim.store.tables import Table, tables_of, values_of
 
-__all__ = ["FORMATS", "export_result", "export_target", "is_folder"]
-
 
 def export_target(folder: Path, stem: str, form: str) -> Path:
     """Where a folder of tables or a file goes: ``<stem>_csv``, ``<stem>.uff`` or ``<stem>.mat``."""

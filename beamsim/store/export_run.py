@@ -20,8 +20,6 @@ from beamsim.store.uff import GENERAL, UP, Source, record_58, write_uff
 if TYPE_CHECKING:
     from beamsim.analyses.run.random_response import RandomResponse
 
-__all__ = ["FORMATS", "export_csv", "export_mat", "export_run", "export_uff"]
-
 
 def export_run(result: RunResult, target: Path | str, form: str) -> list[Path]:
     """Write ``result`` in the format ``form`` (one of `FORMATS`); returns the files written.

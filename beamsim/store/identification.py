@@ -14,7 +14,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.identify.result import (
     FrequencyCurve,
@@ -32,8 +31,7 @@ from beamsim.store import schema
 from beamsim.store.datasets import native, put, texts, words
 from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
-
-__all__ = ["COMMAND", "StoredIdentification", "open_identification", "write_identification"]
+from beamsim.typing import Floats
 
 COMMAND = "identify-stiffness"
 
@@ -113,7 +111,7 @@ def _write_stiffness(file: h5py.File, result: IdentificationResult) -> None:
     dataset.attrs["pad_youngs_modulus_pa"] = result.pad_modulus
 
 
-def _write_mac(file: h5py.File, mac: NDArray[np.float64]) -> None:
+def _write_mac(file: h5py.File, mac: Floats) -> None:
     axes = [
         put(file, Field(f"mac_{kind}", "1", f"number of the {kind} shape"), np.arange(1, size + 1), scale=True)
         for kind, size in zip(("measured", "predicted"), mac.shape, strict=True)

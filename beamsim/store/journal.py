@@ -20,8 +20,6 @@ from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 
-__all__ = ["Journal", "journal_path"]
-
 VERSION = 1
 SYNCED_EVERY_S = 5.0  # a crash of the whole machine costs at most the cases of this time
 

@@ -11,8 +11,6 @@ import numpy as np
 
 from beamsim.files import replacing
 
-__all__ = ["write_mat"]
-
 
 def write_mat(variables: Mapping[str, Any], path: Path) -> None:
     """Write nested mappings as structs; lists of numbers become columns, other lists cells, nothing becomes NaN.

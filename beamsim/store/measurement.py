@@ -10,17 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = ["channel_named", "read_signals", "read_tests"]
-
-Floats = NDArray[np.float64]
 
 _TIME_NAMES = ("time", "t", "time_s", "zeit", "temps", "time (s)", "time [s]")
 _FREQUENCY_NAMES = ("frequency", "f", "frequency_hz", "freq", "frequency (hz)", "frequency [hz]")

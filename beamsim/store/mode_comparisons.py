@@ -10,8 +10,6 @@ from beamsim.analyses.nnm.thesis_method import RelaxedComparison
 from beamsim.store.datasets import native, put, texts
 from beamsim.store.schema import Field
 
-__all__ = ["read_expansion", "read_relaxed", "write_expansion", "write_relaxed"]
-
 _FACTOR = Field("factor", "1", "stiffness factor")
 _STEP = Field("step", "1", "number of the step")
 _RELAXED = (

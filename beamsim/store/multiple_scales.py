@@ -14,8 +14,6 @@ from beamsim.analyses.response.forced_expansion_results import ForcedExpansionCo
 from beamsim.store.datasets import named_group, native, ordered, put
 from beamsim.store.schema import Field
 
-__all__ = ["read_forced_expansion", "write_forced_expansion"]
-
 GROUP = "multiple_scales"
 _FREQUENCY = Field("frequency_hz", "Hz", "excitation frequency")
 _STABLE = Field("stable", "1", "whether the slow flow contracts", ("unstable", "stable"))

@@ -23,8 +23,6 @@ from beamsim.store.phase_resonance import read_phase_resonance, write_phase_reso
 from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
-__all__ = ["StoredMode", "open_nnm", "write_nnm"]
-
 _UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}
 _ROOT = ("mode", "method", "motion_branch", "motion_point")
 _BRANCH = ("kind", "status", "mode", "ratio")

@@ -14,8 +14,6 @@ from beamsim.store.schema import Field
 if TYPE_CHECKING:
     from beamsim.analyses.orbit_events import OrbitEvent
 
-__all__ = ["NUMBER", "read_special", "read_stability", "write_special", "write_stability"]
-
 NUMBER = Field("point", "1", "number of the point along the branch")
 _EVENT = Field("event", "1", "number of the special point")
 

@@ -23,8 +23,6 @@ from beamsim.store import schema
 from beamsim.store.datasets import named_group, native, ordered, put
 from beamsim.store.schema import Field
 
-__all__ = ["read_phase_resonance", "write_phase_resonance"]
-
 GROUP = "phase_resonance"
 _POINT = Field("point", "1", "number of the point")
 _AMPLITUDE = Field("amplitude", "m", "largest deflection of a period")

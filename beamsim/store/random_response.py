@@ -12,8 +12,6 @@ from beamsim.store import schema
 from beamsim.store.datasets import put
 from beamsim.store.schema import Field
 
-__all__ = ["read_random", "write_random"]
-
 _NUMBERS = (
     "mean", "rms", "standard_deviation", "highest", "lowest", "crest_factor", "kurtosis", "crossing_rate_hz",
     "peaks_over_2_sigma", "peaks_over_3_sigma",

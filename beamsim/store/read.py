@@ -24,8 +24,6 @@ from beamsim.store.random_response import read_random
 from beamsim.store.spectra import read_spectrum
 from beamsim.store.stored import LazyScenario, reading, root_fields
 
-__all__ = ["StoredRun", "open_run"]
-
 
 class StoredRun(LazyScenario, RunResult):
     """A run read from a file."""

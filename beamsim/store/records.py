@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from beamsim.store.tables import datasets, values_of
 from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, ORDINATES, TIME_RESPONSE, UP, Source, record_58
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = ["records_of"]
 
 _OF_SNUBBERS = ("force", "penetration")
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
@@ -28,7 +27,7 @@ _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
 class _Function(NamedTuple):
     quantity: str
     label: str
-    x: NDArray[np.float64]
+    x: Floats
     y: NDArray[Any]
     kind: int
     over: str = ""
@@ -128,7 +127,7 @@ def _functions(dataset: h5py.Dataset) -> Iterator[_Function]:
             yield _Function(quantity, f"{text} order {order:g}", x, values, GENERAL)
 
 
-def _frequency(axis: h5py.Dataset) -> NDArray[np.float64] | None:
+def _frequency(axis: h5py.Dataset) -> Floats | None:
     """Frequencies along an axis: its own values, or those of ``frequency_hz`` beside it, along a branch."""
     if axis.name.endswith("/frequency_hz"):
         return values_of(axis)

@@ -21,35 +21,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = [
-    "BASE",
-    "BEAM",
-    "BEAM_SCALES",
-    "COMMAND",
-    "ENERGY",
-    "EVENTS",
-    "EVENT_NUMBER",
-    "JSON_ENCODED",
-    "LINES",
-    "LINE_NUMBER",
-    "MAIN_QUANTITY",
-    "MODES",
-    "MODE_NUMBER",
-    "PROBE",
-    "ROOT_ATTRIBUTES",
-    "SCHEMA_VERSION",
-    "SNUBBER",
-    "SPRING",
-    "TIME",
-    "Field",
-    "decode_summary",
-    "encode_summary",
-    "group_name",
-    "plain",
-    "spectrum_fields",
-    "spectrum_group",
-]
-
 SCHEMA_VERSION = 1
 COMMAND = "run"
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no subgroup

@@ -11,8 +11,6 @@ from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.store import schema
 from beamsim.store.datasets import native, put, texts, words
 
-__all__ = ["read_spectrum", "write_spectrum"]
-
 _NUMBERS = ("probe", "quantity", "unit", "excitation_hz", "window", "start_s", "duration_s")
 
 

@@ -35,18 +35,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.outcome import Outcome
     from beamsim.scenario import Scenario
 
-__all__ = [
-    "KINDS",
-    "LazyScenario",
-    "creating",
-    "holds",
-    "kind_of",
-    "open_result",
-    "reading",
-    "root_fields",
-    "write_root",
-]
-
 
 class Kind(NamedTuple):
     """One kind of result file."""

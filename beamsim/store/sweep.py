@@ -35,8 +35,6 @@ from beamsim.store.stored import LazyScenario, creating, reading, root_fields, w
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-__all__ = ["COMMAND", "StoredSweep", "earlier_sweep", "open_sweep", "read_curve", "write_curve", "write_sweep"]
-
 COMMAND = "sweep"
 
 _FREQUENCY = Field("frequency_hz", "Hz", "excitation frequency")

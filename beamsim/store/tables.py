@@ -14,8 +14,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Axis", "Column", "Table", "datasets", "tables_of", "values_of"]
-
 
 @dataclass(frozen=True)
 class Axis:

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.files import replacing
-
-__all__ = ["FREQUENCY_RESPONSE", "GENERAL", "ORDINATES", "TIME_RESPONSE", "UP", "Source", "record_58", "write_uff"]
+from beamsim.typing import Floats
 
 # Codes of the universal file format: (specific data type, length exponent, force exponent).
 ORDINATES = {
@@ -45,7 +44,7 @@ def record_58(
     quantity: str,
     unit: str,
     node: int,
-    x: NDArray[np.float64],
+    x: Floats,
     y: NDArray[Any],
     *,
     label: str = "",

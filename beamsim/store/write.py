@@ -14,8 +14,6 @@ from beamsim.store.random_response import write_random
 from beamsim.store.spectra import write_spectrum
 from beamsim.store.stored import creating, write_root
 
-__all__ = ["write_run"]
-
 
 def write_run(result: RunResult, path: Path | str) -> Path:
     """Write ``result`` to ``path`` in the layout of `beamsim.store.schema`; returns the path.

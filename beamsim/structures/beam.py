@@ -5,18 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.full import FullModel
 from beamsim.structures.hermite import curvature_factor, mass_matrix, shape_functions
 from beamsim.structures.mesh import Mesh, build_mesh
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Beam
-
-__all__ = ["assemble_beam", "supported_dofs"]
-
-Floats = NDArray[np.float64]
 
 # What an end holds: (deflection, slope).
 _HELD = {
@@ -27,14 +23,14 @@ _HELD = {
 }
 
 
-def supported_dofs(left: str, right: str, nodes: int) -> NDArray[np.int64]:
+def supported_dofs(left: str, right: str, nodes: int) -> Ints:
     """Degrees of freedom that the supports hold at zero (relative to the base)."""
     first = [i for i, held in enumerate(_HELD[left]) if held]
     last = [2 * (nodes - 1) + i for i, held in enumerate(_HELD[right]) if held]
     return np.array(first + last, dtype=np.int64)
 
 
-def _scatter(blocks: Floats, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Any:
+def _scatter(blocks: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) -> Any:
     """Sum (e, a, b) element blocks into a sparse matrix."""
     from scipy.sparse import csr_array
 
@@ -53,7 +49,7 @@ def deflection_row(mesh: Mesh, x: float) -> Floats:
     return row
 
 
-def _rigid_modes(mesh: Mesh, mass: Any, held: NDArray[np.int64]) -> Floats:
+def _rigid_modes(mesh: Mesh, mass: Any, held: Ints) -> Floats:
     """(2 nodes, r) rigid-body modes that the supports allow, orthonormal in the mass matrix.
 
     Known by construction, so that their frequencies are zero and not round-off.

@@ -5,19 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.full import FullModel
 from beamsim.structures.places import pair_of
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from beamsim.scenario import Chain
-
-__all__ = ["assemble_chain", "floating_groups", "linear_stiffness"]
-
-Floats = NDArray[np.float64]
 
 
 def _stretch(count: int, links: int) -> Floats:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Beam, Chain
     from beamsim.structures.full import FullModel
     from beamsim.structures.reduction import ReducedBasis
-
-__all__ = ["damping_matrix", "damping_ratios"]
-
-Floats = NDArray[np.float64]
 
 
 def damping_matrix(structure: Beam | Chain, model: FullModel, basis: ReducedBasis, omega: Floats) -> Floats:

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.structures.mesh import Mesh
-
-__all__ = ["FullModel"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -35,8 +32,8 @@ class FullModel:
     stiffness_scale: float  # N/m
     deflection: Callable[[float], Floats]  # position (m, or mass number) -> (N,) row that gives the deflection
     frequency_count: Callable[[float], int]  # bound on the number of modes below scaled omega
-    deflection_dofs: NDArray[np.int64]  # dofs that are deflections, left to right: they fix the sign of modes
-    free: NDArray[np.int64]  # (N,) which of the unsupported structure's dofs are left
+    deflection_dofs: Ints  # dofs that are deflections, left to right: they fix the sign of modes
+    free: Ints  # (N,) which of the unsupported structure's dofs are left
     mesh: Mesh | None = None  # None for a chain
 
     @property

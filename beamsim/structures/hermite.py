@@ -13,11 +13,9 @@ of K lose them as the fourth power of the number of elements.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["curvature_factor", "double_integral", "mass_matrix", "shape_functions"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 # Coefficients of xi^0 .. xi^3; columns 2 and 4 still to be multiplied by h.
 _CUBIC = np.array(

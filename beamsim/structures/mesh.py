@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["Mesh", "build_mesh"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats, Ints
 
 # Hard points closer together than this part of an element share a node.
 _SLIVER = 1e-3
@@ -34,11 +32,11 @@ class Mesh:
         return np.diff(self.nodes)
 
     @property
-    def dofs(self) -> NDArray[np.int64]:
+    def dofs(self) -> Ints:
         """(elements, 4) degrees of freedom of each element."""
         return 2 * np.arange(self.elements)[:, None] + np.arange(4)
 
-    def locate(self, x: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
+    def locate(self, x: ArrayLike) -> tuple[Ints, Floats]:
         """Element that holds x / L and the place within it, 0 to 1 (a node belongs to its right-hand element)."""
         x = np.asarray(x, dtype=float)
         element = np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, self.elements - 1)

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
-
-__all__ = ["Modes", "closed_frequencies", "natural_modes", "orient"]
-
-Floats = NDArray[np.float64]
 
 # Above this size the lowest modes come from shift-invert Lanczos instead of a dense decomposition.
 DENSE_LIMIT = 400
@@ -31,7 +28,7 @@ class Modes:
         return Modes(self.omega[:count], self.vectors[:, :count])
 
 
-def orient(vectors: Floats, deflection_dofs: NDArray[np.int64]) -> Floats:
+def orient(vectors: Floats, deflection_dofs: Ints) -> Floats:
     """Columns with the sign that lifts the last point deflected by more than a tenth of the largest deflection.
 
     A cantilever's free end moves up in every mode. Choosing the point by a threshold, not by the

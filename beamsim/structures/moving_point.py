@@ -11,18 +11,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.hermite import shape_functions
 from beamsim.structures.reduction import static_deflections
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
     from beamsim.structures.reduction import ReducedBasis
-
-__all__ = ["compliance_defect", "deflection_and_slope", "places_needed"]
-
-Floats = NDArray[np.float64]
 
 CHECKED = 41  # positions on the way at which the compliance is compared
 ACCURATE = 3e-5  # of the compliance: what the default reduction leaves out of a motion is of this size

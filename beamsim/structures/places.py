@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
-
-__all__ = ["pair_of", "place_of", "row_of"]
-
-Floats = NDArray[np.float64]
 
 
 def pair_of(thing: Any) -> tuple[int, int] | None:

@@ -14,20 +14,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.assembly import assemble
 from beamsim.structures.chain import linear_stiffness
 from beamsim.structures.hermite import shape_functions
 from beamsim.structures.places import row_of
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Beam, Chain, Scenario
     from beamsim.structures.full import FullModel
 
-__all__ = ["stiffness_sensitivities"]
-
-Floats = NDArray[np.float64]
 Place = tuple[str | int, ...]
 
 _SECTION_STEP = 1e-6  # relative, for the derivatives of area and second moment

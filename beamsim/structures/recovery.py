@@ -12,19 +12,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
 from beamsim.structures.reduction import static_deflections
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
     from beamsim.structures.mesh import Mesh
     from beamsim.structures.reduction import ReducedBasis
-
-__all__ = ["deflection_rows", "inertia_remainder", "moment_rows", "stations"]
-
-Floats = NDArray[np.float64]
 
 
 def stations(mesh: Mesh, extra: list[float]) -> Floats:

@@ -15,16 +15,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.modes import Modes, natural_modes, orient
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
-
-__all__ = ["FREQUENCY_MARGIN", "LoadPattern", "ReducedBasis", "reduce_model", "static_deflections"]
-
-Floats = NDArray[np.float64]
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5

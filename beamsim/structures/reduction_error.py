@@ -18,18 +18,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
     from beamsim.structures.reduction import ReducedBasis
 
-__all__ = ["LinearState", "reduction_error"]
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = Complexes
 
 
 @dataclass(frozen=True)

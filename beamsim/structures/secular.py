@@ -21,11 +21,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["SpringPoint"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Bools, Floats
 
 # A mode whose squared deflection at the point is below this part of the largest one does not feel the spring.
 _NODE = 1e-26
@@ -181,7 +179,7 @@ def _function(delta: ArrayLike, level: Floats, offset: Floats, weights: Floats, 
 
 
 def _bracketed(
-    offset: Floats, weights: Floats, level: Floats, start: Floats, stop: Floats, *, origin_is_upper: NDArray[np.bool_]
+    offset: Floats, weights: Floats, level: Floats, start: Floats, stop: Floats, *, origin_is_upper: Bools
 ) -> Floats:
     """Roots of (g - level) * delta between start and stop (one end is the pole itself, delta = 0).
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
@@ -28,16 +27,13 @@ from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.system.initial import largest_deflection, project_field, project_polynomial
 from beamsim.system.structural import BeamRecovery, ModeTable, ProbeRow, SnubberInfo, StructuralSystem
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.inputs.signal import Signal
     from beamsim.scenario import Scenario
     from beamsim.scenario.run import Start
     from beamsim.structures.full import FullModel
-
-__all__ = ["build_system", "build_with_moving_point"]
-
-Floats = NDArray[np.float64]
 
 # Modes that a default reduction keeps at least, whatever the sample rate.
 _LEAST_FLEXIBLE_MODES = 6

@@ -6,17 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.snubbers import build_contacts, resolve_preloads
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = ["with_changed_contacts"]
-
-Floats = NDArray[np.float64]
 
 _FREE = ("stiffness", "damping", "gap", "preload")
 

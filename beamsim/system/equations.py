@@ -12,15 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from beamsim.contacts.contacts import Contacts
 from beamsim.inputs.signal import Signal
-
-__all__ = ["Forcing", "PiecewiseLinearSystem"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 
 @dataclass(frozen=True)

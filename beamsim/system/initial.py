@@ -6,18 +6,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.structures.hermite import shape_functions
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.full import FullModel
     from beamsim.structures.mesh import Mesh
     from beamsim.structures.reduction import ReducedBasis
-
-__all__ = ["largest_deflection", "project_field", "project_polynomial"]
-
-Floats = NDArray[np.float64]
 
 
 def project_field(model: FullModel, basis: ReducedBasis, field: Floats) -> tuple[Floats, float]:

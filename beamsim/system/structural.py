@@ -4,26 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-
-__all__ = [
-    "BeamRecovery",
-    "CubicSprings",
-    "ModeTable",
-    "ProbeRow",
-    "SnubberInfo",
-    "SnubberNumbers",
-    "SpringInfo",
-    "StructuralSystem",
-]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 
 @dataclass(frozen=True)

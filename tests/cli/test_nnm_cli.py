@@ -172,7 +172,7 @@ def test_levels_without_gap_are_one_curve():
 @pytest.mark.parametrize("mounted", ["base", "ground"])
 def test_forcing_follows_the_frequency(quantity, mounted):
     """Loads built at one frequency and carried to another are those of a scenario at the other."""
-    from beamsim.analyses.response.analysis import periodic_forcing
+    from beamsim.analyses.response.paths import periodic_forcing
     from beamsim.system.build import build_system
 
     loads = []

@@ -40,7 +40,7 @@ def settled_peak(key, value):
     """Largest tip displacement of the steady motion of a scenario with this value, from a transient."""
     scenario = load_scenario(BEAM, {key: value, "run": None})
     system = build_system(scenario)
-    from beamsim.analyses.response.analysis import periodic_forcing
+    from beamsim.analyses.response.paths import periodic_forcing
 
     flow = VariationalFlow(
         system.dynamics, periodic_forcing(scenario, system), 2 * np.pi * 65.0, scenario.excitation.level

@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
 from beamsim.analyses.outcome import Outcome
@@ -16,10 +15,7 @@ from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.run import SpectrumSettings
-
-__all__ = ["QUANTITIES", "ChannelComparison", "Comparison", "compare", "predicted_history"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Complexes, Floats, Ints
 
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
 _UNITS = {"absolute_acceleration": "m/s^2", "velocity": "m/s", "force": "N"}
@@ -38,9 +34,9 @@ class ChannelComparison:
     source: str  # file of the measurement
     excitation_hz: float  # nan where there is none
     delay_s: float  # measured(t) = predicted(t + delay)
-    order: NDArray[np.int64]  # (h,)
-    predicted: NDArray[np.complex128]  # (h,) A e^{i phase} of A sin(2 pi f n t + phase)
-    measured: NDArray[np.complex128]  # (h,) on the predicted clock (amplitudes alone where phases are unknown)
+    order: Ints  # (h,)
+    predicted: Complexes  # (h,) A e^{i phase} of A sin(2 pi f n t + phase)
+    measured: Complexes  # (h,) on the predicted clock (amplitudes alone where phases are unknown)
     measured_noise: Floats  # (h,)
     has_phase: bool
     rms_difference: float  # of the aligned histories over the rms of the measured one (nan without histories)

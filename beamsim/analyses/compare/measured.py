@@ -5,14 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.spectrum import project
-
-__all__ = ["Harmonics", "MeasuredSignal", "best_phase", "harmonics_of"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Complexes, Floats, Ints
 
 _PHASES = 720  # tried before Newton's method
 _MOST_HARMONICS = 60  # taken out of a signal before the rest counts as noise
@@ -39,7 +34,7 @@ class MeasuredSignal:
 class Harmonics:
     """Harmonics of a steady vibration: x = Im sum_k value_k e^{2 pi i k f t}."""
 
-    order: NDArray[np.int64]  # (h,)
+    order: Ints  # (h,)
     value: Complexes  # (h,)
     noise: Floats  # (h,) standard deviation of real and imaginary part; zero when unknown
     has_phase: bool
@@ -87,7 +82,7 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
     return Harmonics(orders, value[:count], np.full(count, scatter * np.sqrt(2.0 / t.size)), True)
 
 
-def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: NDArray[np.int64]) -> Harmonics:
+def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> Harmonics:
     step = float(np.median(np.diff(signal.x))) if signal.x.size > 1 else np.inf
     if step > 0.5 * frequency_hz:
         raise ValueError(f"has a line every {step:g} Hz, too few to tell harmonics of {frequency_hz:g} Hz apart")

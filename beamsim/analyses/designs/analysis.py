@@ -20,11 +20,10 @@ from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.designs import Axis, LatinHypercube, axes
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = ["DesignPlan", "check_cases", "design_study", "gather", "plan_designs", "remaining"]
 
 Value = float | str
 
@@ -292,7 +291,7 @@ def _responses(plan: DesignPlan, outcomes: list[CaseOutcome]) -> dict[str, Respo
 
 def _margins(
     plan: DesignPlan, responses: Mapping[str, Response], limits: Mapping[str, float]
-) -> tuple[dict[str, Response], dict[str, tuple[NDArray[np.float64], NDArray[np.str_]]]]:
+) -> tuple[dict[str, Response], dict[str, tuple[Floats, NDArray[np.str_]]]]:
     """Margin of every case, and the value and place that decide it."""
     found, where = {}, {}
     for name, limit in limits.items():
@@ -311,7 +310,7 @@ def _margins(
 def _worst_margins(
     plan: DesignPlan,
     margins: Mapping[str, Response],
-    where: Mapping[str, tuple[NDArray[np.float64], NDArray[np.str_]]],
+    where: Mapping[str, tuple[Floats, NDArray[np.str_]]],
     limits: Mapping[str, float],
 ) -> dict[str, Any]:
     summary = {}

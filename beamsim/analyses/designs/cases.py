@@ -21,20 +21,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
 
-__all__ = [
-    "ANALYSES",
-    "MODES_KEPT",
-    "Analysis",
-    "CaseTask",
-    "analysis_of",
-    "case_scenario",
-    "describe",
-    "run_responses",
-    "solve_case",
-    "sweep_responses",
-    "warm_up",
-]
-
 MODES_KEPT = 6
 STANDARD_GRAVITY = 9.80665  # m/s^2
 

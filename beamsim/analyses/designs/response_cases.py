@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.scenario import Scenario
 
-__all__ = ["rehearse_response", "response_responses", "solve_response"]
-
 SHORT = 0.01  # share of the range that is followed in a rehearsal
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.outcome import Outcome
-
-__all__ = ["CaseFailure", "CaseOutcome", "Coordinate", "DesignsResult", "Response", "is_scalar"]
+from beamsim.typing import Bools, Floats
 
 Value = float | str
 
@@ -45,7 +44,7 @@ class Response:
     """One response of every case."""
 
     name: str  # "snubbers/tip/peak_force", of a sweep "up_0/snubbers/tip/peak_force"
-    values: NDArray[np.float64]  # the design's shape, a last axis of modes where there are several a case; nan: failed
+    values: Floats  # the design's shape, a last axis of modes where there are several a case; nan: failed
     unit: str
     long_name: str
 
@@ -79,7 +78,7 @@ class DesignsResult(Outcome):
     kind: str  # "grid", "zip" or "latin_hypercube"
     shape: tuple[int, ...]  # of the design: an axis a coordinate for a grid, else (cases,)
     coordinates: tuple[Coordinate, ...]
-    solved: NDArray[np.bool_]  # the design's shape
+    solved: Bools  # the design's shape
     responses: Mapping[str, Response]
     margins: Mapping[str, Response]  # limit / value - 1, by name of the limit
     limits: Mapping[str, float]  # SI

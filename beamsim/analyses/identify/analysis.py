@@ -10,7 +10,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.identify.model_updating import mac_matrix, update_model
 from beamsim.analyses.identify.result import (
@@ -29,15 +28,12 @@ from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, sp
 from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.secular import SpringPoint
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.measured import MeasuredSignal
     from beamsim.scenario import Scenario
     from beamsim.scenario.identification import IdentifyStiffness
-
-__all__ = ["identify_stiffness"]
-
-Floats = NDArray[np.float64]
 
 _HZ = 2 * np.pi
 _CURVE_POINTS = 240

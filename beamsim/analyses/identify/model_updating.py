@@ -18,18 +18,15 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, Profile
 from beamsim.contacts.contact_point import free_frequencies
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.identification import IdentifyStiffness, SoughtParameter
 
-__all__ = ["Sought", "confounded", "covariance_of", "frequency_table", "mac_matrix", "sought_numbers", "update_model"]
-
-Floats = NDArray[np.float64]
 Place = tuple[str | int, ...]
 
 _WIDEST_FACTOR = 100.0  # without bounds, a number is sought within this factor of the scenario's value

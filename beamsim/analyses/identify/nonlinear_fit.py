@@ -19,7 +19,6 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
 from beamsim.analyses.identify.model_updating import Sought, confounded, sought_numbers
@@ -27,16 +26,13 @@ from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimat
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.errors import Problem, ScenarioError
 from beamsim.system.contact_change import with_changed_contacts
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest
     from beamsim.system.structural import StructuralSystem
 
-__all__ = ["fit_nonlinear"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 Place = tuple[str | int, ...]
 
 _STEP = 1e-5  # of the scaled parameters, for differences of exact responses

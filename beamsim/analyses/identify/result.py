@@ -5,36 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from beamsim.analyses.outcome import Outcome
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = [
-    "FrequencyCurve",
-    "FrequencyTable",
-    "IdentificationResult",
-    "ModelUpdate",
-    "NonlinearEstimate",
-    "ParameterEstimate",
-    "Profile",
-    "Sensitivity",
-    "StiffnessEstimate",
-    "TestFit",
-]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class FrequencyTable:
     """Measured and predicted natural frequencies, as in tables 1.2 and 1.3 of the thesis."""
 
-    mode: NDArray[np.int64]  # (m,) numbers, from 1
+    mode: Ints  # (m,) numbers, from 1
     measured_hz: Floats  # (m,) nan where only the prediction is known
     predicted_hz: Floats  # (m,)
 

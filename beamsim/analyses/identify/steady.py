@@ -6,21 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.inputs.signal import Signal
     from beamsim.scenario import Scenario
-
-__all__ = ["NoSteadyVibrationError", "SteadyVibration", "steady_vibration"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 _SAMPLES = 512  # of a period, for the harmonics of the displacement
 _SETTLE = 300  # periods of transient before giving up

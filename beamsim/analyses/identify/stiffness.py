@@ -11,14 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.secular import SpringPoint
-
-__all__ = ["LoopResult", "Measured", "check_reach", "fit_stiffness", "misfit", "thesis_loop"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 _PATH = "identify_stiffness.measured_with"
 # A mode that no stiffness moves by more than this part of its frequency doesn't feel the spring.

@@ -12,20 +12,16 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.identify.result import Profile, Sensitivity
 from beamsim.analyses.identify.stiffness import Measured, misfit
 from beamsim.scenario.base import path_text
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.secular import SpringPoint
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-__all__ = ["Spread", "monte_carlo", "sensitivities", "spread_of", "stiffness_profile"]
-
-Floats = NDArray[np.float64]
 
 _TABLE = 1201  # stiffnesses at which several modes are tabulated for Monte Carlo
 _TABLE_WIDTH = 8.0  # of the table, in standard deviations of ln k

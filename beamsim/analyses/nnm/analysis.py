@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never
 from beamsim.analyses.nnm.full_period import FreePath, follow_free
@@ -47,9 +46,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.nnm.phase_resonance_results import PhaseResonance
     from beamsim.scenario import Scenario
 
-__all__ = ["COMPARISONS", "conservative_system", "nnm"]
-
-Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 COMPARISONS = ("multiple_scales", "thesis")

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never, until
 from beamsim.errors import NotTrustedError
@@ -16,16 +15,13 @@ from beamsim.orbits.free_orbits import FreeOrbits
 from beamsim.orbits.full_period_path import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits, follow_modes
 from beamsim.orbits.symmetry_breaking import SymmetryBreaking, Wandering, breaking_between
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from beamsim.analyses.nnm.paths import Followed, ModePath
     from beamsim.scenario.nnm_method import FullPeriodMethod
-
-__all__ = ["FreeBranch", "FreePath", "follow_free"]
-
-Floats = NDArray[np.float64]
 
 FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a branch never at rest, in scaled unknowns
 BACK = 60  # points followed back into a tongue from beyond a jump

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
@@ -21,27 +20,12 @@ from beamsim.orbits.multiple_scales import (
     potential_energy,
 )
 from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.system.equations import PiecewiseLinearSystem
     from beamsim.system.structural import StructuralSystem
-
-__all__ = [
-    "ExactModes",
-    "ExpansionComparison",
-    "ExpansionPath",
-    "compare_expansion",
-    "default_factors",
-    "exact_modes",
-    "exact_points",
-    "expand_nnm",
-    "expansion_path",
-    "modes_of",
-    "nothing_near",
-]
-
-Floats = NDArray[np.float64]
 
 ORDERS = (0, 1, 2)
 BEYOND_THE_MODES = 1.5

@@ -6,21 +6,17 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.nnm.result import ModeBranch, OrbitMotion
 from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.orbits.continuation import BranchPoint, Settings
 from beamsim.orbits.free_orbits import FreeOrbits, slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits, mode_points
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.nnm.paths import Followed, ModePath
     from beamsim.system.structural import StructuralSystem
-
-__all__ = ["brake_branch", "free_branch", "mode_shape", "orbit_motion", "special_points", "stations_of"]
-
-Floats = NDArray[np.float64]
 
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never, until
 from beamsim.analyses.nnm.phase_resonance import refuse_phase_resonance
@@ -16,18 +15,16 @@ from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.smooth_flow import CubicStiffness
-from beamsim.orbits.backbone import LEAST_SHARE, Backbone, Tongue
+from beamsim.orbits.backbone import LEAST_SHARE, Backbone
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
 from beamsim.orbits.reversible import BrakeOrbits, Conservative, ContactStiffness, follow_modes, linear_mode
+from beamsim.orbits.tongues import Tongue
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.system.equations import PiecewiseLinearSystem
     from beamsim.system.structural import StructuralSystem
-
-__all__ = ["Followed", "ModePath", "alike", "mode_path"]
-
-Floats = NDArray[np.float64]
 
 POINTS = 100  # of a backbone
 MOST_POINTS = 3000  # in frequency

@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never
 from beamsim.analyses.nnm.phase_resonance_results import (
@@ -23,7 +22,7 @@ from beamsim.analyses.nnm.phase_resonance_results import (
     ResonantMotion,
     ResponseCurve,
 )
-from beamsim.analyses.response.analysis import periodic_forcing
+from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
@@ -33,16 +32,13 @@ from beamsim.orbits.phase_resonance import find_phase_resonance, quadrature, tur
 from beamsim.orbits.shooting import ForcedOrbits, follow_orbits
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.variational import PeriodicForcing
     from beamsim.orbits.reversible import BrakeOrbits
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
-
-__all__ = ["UNITS", "hold_mode", "refuse_phase_resonance"]
-
-Floats = NDArray[np.float64]
 
 UNITS = {"force": "N", "acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 SAMPLES = 512  # of a period

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-__all__ = ["HeldMotion", "PhaseResonance", "PredictedLevels", "ResonantMotion", "ResponseCurve"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Complexes, Floats
 
 
 @dataclass(frozen=True)

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from beamsim.analyses.nnm.multiple_scales import ExpansionComparison
 from beamsim.analyses.nnm.phase_resonance_results import PhaseResonance
 from beamsim.analyses.nnm.thesis_method import RelaxedComparison
 from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.analyses.outcome import Outcome
 from beamsim.system.structural import ModeTable
-
-__all__ = ["BranchJump", "ModeBranch", "NormalModeResult", "OrbitMotion"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Complexes, Floats
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.nnm.result import BranchJump, ModeBranch, OrbitMotion
+from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.nnm.multiple_scales import ExpansionComparison
     from beamsim.analyses.nnm.paths import ModePath
     from beamsim.analyses.nnm.thesis_method import RelaxedComparison
-
-__all__ = ["expansion_summary", "full_period_summary", "nnm_summary", "relaxed_summary"]
-
-Floats = NDArray[np.float64]
 
 
 def nnm_summary(
@@ -147,7 +143,7 @@ def expansion_summary(comparison: ExpansionComparison) -> dict[str, Any]:
     }
 
 
-def _order(orders: Floats, small: NDArray[np.bool_]) -> float:
+def _order(orders: Floats, small: Bools) -> float:
     """Median of the observed orders at small factors; where round-off has spoilt all of them, the last one it left."""
     known = np.isfinite(orders)
     if np.any(known & small):

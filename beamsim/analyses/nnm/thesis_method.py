@@ -9,25 +9,19 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
 from beamsim.orbits.counted import CountedFamily
 from beamsim.orbits.relaxed_minimisation import RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from beamsim.analyses.nnm.paths import Followed, ModePath
     from beamsim.scenario.nnm_method import ThesisMethod
-
-__all__ = ["FATES", "RelaxedComparison", "compare_relaxed"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 SAME = 1e-6  # relative distance of two shapes that are one motion's
 FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation

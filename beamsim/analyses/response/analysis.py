@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never
 from beamsim.analyses.limits import margin_of
@@ -24,19 +23,16 @@ from beamsim.analyses.response.branches import (
     trace_range,
 )
 from beamsim.analyses.response.motion import Measured, measure, sampled_motion, sampled_orbit
-from beamsim.analyses.response.paths import ResponseModel, level_unit, periodic_forcing, response_model
+from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
 from beamsim.analyses.response.result import FoldCurveResult, FrequencyResponse, ResponseBranch
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.continuation import INTERRUPTED
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.paths import Followed
     from beamsim.scenario import Scenario
-
-__all__ = ["frequency_response", "periodic_forcing"]
-
-Floats = NDArray[np.float64]
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 SHARE_OF_OVERLAY = 0.2  # of the progress bar

@@ -6,21 +6,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.response.branches import Traced, first_orbit
 from beamsim.orbits.balance_stability import BalancedOrbits
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import special_points
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.paths import ResponseModel
     from beamsim.orbits.grazing import SpecialPoint
-
-__all__ = ["BalanceTracer", "balance_tracer", "neglected"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

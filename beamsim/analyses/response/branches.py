@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.interruption import Stop, never
 from beamsim.orbits.continuation import INTERRUPTED, Branch, BranchPoint, Settings, solve_at
@@ -27,23 +26,8 @@ from beamsim.orbits.shooting import (
     special_points,
     switch_at_period_doubling,
 )
+from beamsim.typing import Floats
 
-__all__ = [
-    "Budget",
-    "ShootingTracer",
-    "Traced",
-    "Tracer",
-    "along",
-    "covered",
-    "doubled",
-    "first_orbit",
-    "missing",
-    "progress_that_grows",
-    "reach_of",
-    "trace_range",
-]
-
-Floats = NDArray[np.float64]
 Report = Callable[[float], None]
 
 MOST_BEGINNINGS = 12  # of branches of one level

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.response.motion import measure, sampled_orbit
 from beamsim.analyses.response.result import FoldCurveResult
@@ -18,10 +17,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.branches import Budget, Traced
     from beamsim.analyses.response.paths import ResponseModel
     from beamsim.orbits.grazing import SpecialPoint
-
-__all__ = ["follow_folds"]
-
-Floats = NDArray[np.float64]
 
 SETTINGS = Settings(tolerance=1e-9)
 MOST_POINTS = 600  # of one curve, each way

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from beamsim.analyses.response.analysis import periodic_forcing
 from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
+from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
@@ -24,15 +23,11 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario.continuation import Continuation, FrequencyPath
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
+from beamsim.typing import Bools, Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
-
-__all__ = ["compare_forced_expansion"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 HALVINGS = 24  # of the factor, at most
 WANTED = 7  # factors at which the exact motion is found
@@ -203,7 +198,7 @@ def _compare(
 
 def _differences(
     system: StructuralSystem, resonant: ResonantForcing, motion: SteadyMotion
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Bools]:
     """Factors; the differences of leading and first order from the exact steady motion; whether stability agrees.
 
     The factors are halved from one on until enough of them are small enough for the exact motion to be near.

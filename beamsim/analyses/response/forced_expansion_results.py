@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-__all__ = ["ForcedExpansionComparison"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Floats
 
 
 @dataclass(frozen=True)

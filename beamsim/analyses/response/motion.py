@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Bools, Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.structural import StructuralSystem
 
-__all__ = ["ORDERS", "BaseAcceleration", "Measured", "SampledMotion", "measure", "sampled_motion", "sampled_orbit"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
 Rows = Callable[[Floats], Floats]
 
 SAMPLES = 2048  # of a period: enough for the accelerations of the highest modes that are kept

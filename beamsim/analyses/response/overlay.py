@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult
     from beamsim.scenario import Scenario
 
-__all__ = ["swept_overlay", "with_overlay"]
-
 
 def swept_overlay(scenario: Scenario, progress: Callable[[float], None] | None = None) -> dict[str, OverlayCurve]:
     """The swept sine that a continuation's ``overlay`` asks for, at the same levels.

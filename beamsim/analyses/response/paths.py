@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.response.motion import BaseAcceleration
 from beamsim.contacts.contact_rates import MovedContact
@@ -24,10 +23,6 @@ if TYPE_CHECKING:
     from beamsim.inputs.signal import Signal
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
-
-__all__ = ["Followed", "ResponseModel", "base_acceleration", "level_unit", "periodic_forcing", "response_model"]
-
-Floats = NDArray[np.float64]
 
 HELD = {"acceleration": 0.0, "velocity": 1.0, "displacement": 2.0}
 

@@ -5,19 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.analyses.outcome import Outcome
 from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.system.structural import ModeTable
-
-__all__ = ["FoldCurveResult", "FrequencyResponse", "OverlayCurve", "ResponseBranch"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Complexes, Floats
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.limits import margins
 from beamsim.analyses.run.energy import balance_error, energy_history, stored_energy
@@ -37,17 +36,13 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import LinearOutput
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
-
-__all__ = ["exact_flow", "run"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_SAMPLES = 50_000_000

@@ -7,18 +7,13 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-
-__all__ = ["balance_error", "energy_history", "stored_energy"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Floats
 
 
 def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, closed: Bools, face: Floats) -> Floats:

@@ -6,25 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.system.structural import BeamRecovery, SpringInfo
+from beamsim.system.structural import BeamRecovery
+from beamsim.typing import Bools, Floats
 
-__all__ = [
-    "OutputSet",
-    "accelerations",
-    "bending_stress",
-    "displacements",
-    "first_rows",
-    "stack",
-    "stretches",
-    "velocities",
-]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 OutputOf = Callable[[Bools], LinearOutput]
 
 

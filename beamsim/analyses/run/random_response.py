@@ -11,15 +11,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.run.result import RunResult
-
-__all__ = ["RandomResponse", "SignalStatistics", "random_response"]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64

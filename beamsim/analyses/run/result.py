@@ -5,30 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from beamsim.analyses.outcome import Outcome
 from beamsim.system.structural import ModeTable, SnubberNumbers
+from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.analyses.run.random_response import RandomResponse
-
-__all__ = [
-    "BeamResult",
-    "EnergyHistory",
-    "EventLog",
-    "ModeTable",
-    "ProbeHistory",
-    "RunResult",
-    "SnubberHistory",
-    "SpectralLine",
-    "Spectrum",
-    "SpringHistory",
-    "Work",
-]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,7 +31,7 @@ class SnubberHistory(SnubberNumbers):
 
     force: Floats  # (nt,) N, positive when it pushes
     penetration: Floats  # (nt,) m
-    closed: NDArray[np.bool_]  # (nt,)
+    closed: Bools  # (nt,)
     displacement: Floats  # (nt,) m, of the structure at the snubber, relative to the base; the stretch between masses
     velocity: Floats  # (nt,) m/s
 
@@ -70,8 +52,8 @@ class EventLog:
     """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them."""
 
     time: Floats  # (ne,) s
-    snubber: NDArray[np.int64]  # (ne,) index into the scenario's snubbers
-    closing: NDArray[np.bool_]  # (ne,)
+    snubber: Ints  # (ne,) index into the scenario's snubbers
+    closing: Bools  # (ne,)
 
 
 @dataclass(frozen=True)

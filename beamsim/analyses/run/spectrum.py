@@ -7,16 +7,12 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.result import SpectralLine, Spectrum
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import SpectrumSettings
-
-__all__ = ["FLOOR_DB", "amplitude_db", "cosine_window", "line_kind", "project", "spectrum"]
-
-Floats = NDArray[np.float64]
 
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 
@@ -66,9 +62,7 @@ def line_kind(order: Fraction) -> str:
     return "fundamental" if order == 1 else "superharmonic"
 
 
-def project(
-    time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None
-) -> tuple[float, NDArray[np.complex128]]:
+def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[float, Complexes]:
     r"""Least-squares projection on a mean and sinusoids of known frequencies, without leakage.
 
     Minimises :math:`\sum w (x - m - \sum_k \mathrm{Im}\, c_k e^{2 \pi i f_k t})^2`, so that

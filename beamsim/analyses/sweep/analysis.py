@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
 
-__all__ = ["sweep", "sweep_system"]
-
 SAVED_EVERY_S = 1.0  # between two partial results
 
 

@@ -9,16 +9,10 @@ displacement on springs to ground.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.sweep.result import ContactLevels, LinearCurve
 from beamsim.system.structural import StructuralSystem
-
-__all__ = ["contact_levels", "linear_curve", "transfer"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Bools, Complexes, Floats
 
 POINTS = 2000
 

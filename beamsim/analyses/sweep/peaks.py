@@ -8,13 +8,9 @@ resonance), or a fraction (a subharmonic).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
-
-__all__ = ["bent", "find_peaks"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Bools, Floats, Ints
 
 BINS = 300  # stretches of frequency over which the envelope of a swept response is taken
 LEAST_PROMINENCE = 1.3  # factor by which a peak stands out
@@ -50,12 +46,12 @@ def find_peaks(curve: SweepCurve, probe: str) -> list[ResponsePeak]:
     return sorted(peaks, key=lambda p: -p.value_m)[:MOST_PEAKS]
 
 
-def _stretches(frequency: Floats, count: int) -> NDArray[np.int64]:
+def _stretches(frequency: Floats, count: int) -> Ints:
     edges = np.geomspace(frequency[0], frequency[-1], count + 1)
     return np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, count - 1)
 
 
-def _named(curve: SweepCurve, probe: str, index: NDArray[np.int64], frequency: Floats, at: int) -> ResponsePeak:
+def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: int) -> ResponsePeak:
     envelope = curve.displacement[probe]
     f = frequency[at]
     amplitude = np.abs(envelope.harmonics[:, index])
@@ -79,12 +75,12 @@ def _named(curve: SweepCurve, probe: str, index: NDArray[np.int64], frequency: F
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 
 
-def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> NDArray[np.int64]:
+def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> Ints:
     inside = np.flatnonzero((frequency >= low) & (frequency <= high))
     return inside if inside.size or fallback is None else np.array([fallback])
 
 
-def _linear(curve: SweepCurve, part: NDArray[np.int64]) -> bool:
+def _linear(curve: SweepCurve, part: Ints) -> bool:
     """Whether no contact is made or lost, nor a breakpoint of a spring met, in these cycles."""
     shares = curve.contact_share.values()
     if curve.bent is not None and np.any(curve.bent[part]):
@@ -92,6 +88,6 @@ def _linear(curve: SweepCurve, part: NDArray[np.int64]) -> bool:
     return all(bool(np.all(share[part] <= ALWAYS) or np.all(share[part] >= 1 - ALWAYS)) for share in shares)
 
 
-def bent(share: Floats) -> NDArray[np.bool_]:
+def bent(share: Floats) -> Bools:
     """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) that its stretch is beyond it."""
     return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

@@ -5,26 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.outcome import Outcome
 from beamsim.system.structural import ModeTable
-
-__all__ = [
-    "ContactLevels",
-    "Envelope",
-    "LevelWork",
-    "LinearCurve",
-    "ResponsePeak",
-    "SteadyStates",
-    "SweepCurve",
-    "SweepHistory",
-    "SweepResult",
-    "SweepWork",
-]
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -50,8 +34,8 @@ class SteadyStates:
     """What the stepped sweep found at every frequency."""
 
     kind: tuple[str, ...]  # "periodic", "quasi-periodic", "chaotic" or "not settled"
-    period_cycles: NDArray[np.int64]  # cycles of the excitation after which the motion repeats; 0 where it doesn't
-    cycles: NDArray[np.int64]  # cycles computed
+    period_cycles: Ints  # cycles of the excitation after which the motion repeats; 0 where it doesn't
+    cycles: Ints  # cycles computed
     change: Floats  # of the state over one period, over its size, when the frequency was left
     lyapunov_exponent: Floats  # 1/s, largest; nan where the motion is periodic
     poincare_frequency_hz: Floats  # (Q,) frequency of each point of the Poincare sections
@@ -76,11 +60,11 @@ class SweepCurve:
     acceleration: dict[str, Envelope]  # by probe; empty where not asked for
     force: dict[str, Envelope]  # by snubber
     contact_share: dict[str, Floats]  # by snubber, (C,)
-    contacts: dict[str, NDArray[np.int64]]  # by snubber, (C,) closings
+    contacts: dict[str, Ints]  # by snubber, (C,) closings
     steady: SteadyStates | None = None  # of a stepped sweep
     # largest value of each cycle, (C,), of what limits ask for beyond the above: "bending_stress" Pa, "gap <snubber>" m
     limited: dict[str, Floats] = field(default_factory=dict)
-    bent: NDArray[np.bool_] | None = None  # (C,) whether a piecewise-linear spring met a breakpoint; not stored
+    bent: Bools | None = None  # (C,) whether a piecewise-linear spring met a breakpoint; not stored
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import Envelope, SteadyStates, SweepCurve, SweepWork
@@ -22,10 +21,7 @@ from beamsim.orbits.steady import CycleStepper, Measured, Motion, Settled, measu
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.structural import StructuralSystem
-
-__all__ = ["SteppedRun", "frequencies_of", "step_level"]
-
-Floats = NDArray[np.float64]
+from beamsim.typing import Floats
 
 EXPONENT_CYCLES = 400
 UNSETTLED_CYCLES = 64  # measured where there is no period

@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.outputs import accelerations, bending_stress, displacements, first_rows, stack
 from beamsim.analyses.sweep.peaks import bent
@@ -20,11 +19,7 @@ from beamsim.inputs.swept import Leg, SweepWindows, cut_into_windows
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.structural import StructuralSystem
-
-__all__ = ["SweptRun", "legs_of", "limited_values", "profile_of", "run_level", "sweep_outputs", "swept_flow"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from beamsim.typing import Bools, Floats, Ints
 
 MOST_CYCLES = 5_000_000
 
@@ -174,7 +169,7 @@ def _curves(
         here = np.flatnonzero((windows.cycle_leg == index) & windows.cycle_complete)
         here = here[here < record.reached]
 
-        def envelope(k: int, quantity: str, unit: str, here: NDArray[np.int64] = here) -> Envelope:
+        def envelope(k: int, quantity: str, unit: str, here: Ints = here) -> Envelope:
             return Envelope(
                 quantity,
                 unit,
