@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 # as on the command line, and before numpy is loaded: the matrices are small, and the tests have the processors already
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import beamsim
 from beamsim.analyses.run.result import RunResult
 from beamsim.contacts.contacts import Contacts
 from beamsim.inputs.signal import Signal
@@ -32,6 +34,31 @@ _spec.loader.exec_module(_fabricated)
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
     settings.load_profile("ci")
+
+
+# One short case for each group of compiled kernels; a worker compiles its share first, all of it lands in the cache.
+KERNEL_CASES: list[tuple[str, str, dict[str, Any]]] = [
+    ("run", "one_sided_65hz", {"run.duration": 0.4}),
+    ("sweep", "sweep_up_down", {"sweep.from": 60.0, "sweep.to": 62.0, "sweep.direction": "up", "sweep.levels": [9.81]}),
+    ("frequency_response", "chain_two_dof", {}),
+    ("nnm", "nnm_chain_cubic_energy", {}),
+]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_kernels(request: pytest.FixtureRequest) -> None:
+    """Under xdist, share the compilation of the kernels between the workers, so that none is compiled by each.
+
+    Numba's cache on disk is common to all processes: what a worker has not compiled here it reads from there later,
+    unless it needs it before the worker whose share it is has finished. Without xdist, kernels compile when called.
+    """
+    worker = getattr(request.config, "workerinput", None)
+    if worker is None:
+        return
+    first, step = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
+    configs = Path(__file__).parents[1] / "configs"
+    for analysis, name, overrides in KERNEL_CASES[first::step]:
+        getattr(beamsim, analysis)(beamsim.load_scenario(configs / f"{name}.yaml", overrides))
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,14 @@ _Dumper.add_implicit_resolver(
 )
 
 
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    """Escape the line break U+0085, which PyYAML writes as it is and reads back as a space."""
+    style = '"' if "\x85" in text else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _represent_text)
+
 _FIRST = ("name", "kind", "position", "mass", "between", "masses", "applied_to", "level")
 
 

@@ -193,6 +193,8 @@ def test_resume_of_what_is_complete_and_of_another_scenario(here):
     assert "another scenario" in done.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_a_killed_sweep_is_resumed_to_the_same_datasets(here):
     many = "sweep.levels=[" + ", ".join(f"{0.1 + 0.02 * k:.2f}" for k in range(8)) + "]"
     arguments = ["case.yaml", "--no-plots", "-q", "--set", many, "--set", "sweep.rate=0.1 oct/min"]

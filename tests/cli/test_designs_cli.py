@@ -275,6 +275,7 @@ def children(parent):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here):
     longer = CASE.replace("points: 3", "points: 30").replace("0.05 s", "0.3 s")

@@ -112,6 +112,7 @@ def test_several_starts_profiles_and_time(vibrations):
         assert profile.misfit == pytest.approx(z2, rel=0.15, abs=0.05)
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth(vibrations, monkeypatch):
     """In 60 noisy trials the true values lie within the 95 % intervals at least 52 times, for every parameter."""
     chosen = {f: vibrations[f] for f in (65.0, 78.0)}
