@@ -1,0 +1,98 @@
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind, both_ways, combined
+
+STOPPED = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=2 * np.pi * 20.0, points=7, step=1e-6)
+
+
+def test_complete():
+    assert COMPLETE.complete
+    assert COMPLETE.trusted
+    assert COMPLETE.text == "complete"
+    reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0, unit="Hz")
+    assert reached.complete
+    assert reached.text == "complete: reached 3 Hz"
+
+
+def test_parameter_is_converted_as_a_number():
+    shown = STOPPED.shown(lambda omega: omega / (2 * np.pi), "Hz")
+    assert shown.numbers["parameter"] == pytest.approx(20.0)
+    assert shown.message == "stopped at 20 Hz after 7 points: no solution within the smallest step of 1e-06"
+    assert shown.text == f"{shown.message}; {shown.remedy}"
+    assert shown.shown(lambda x: 100 * x, "m") == shown  # once is enough
+    whole = Outcome.of(OutcomeCode.NOT_COVERED, STOPPED, ranges=((1.0, 2.0),), unit="Hz")
+    assert whole.shown(lambda omega: omega / (2 * np.pi), "Hz").parts[0].numbers["parameter"] == pytest.approx(20.0)
+    assert not whole.complete
+
+
+def test_message_names_the_parameter_where_no_unit_is_known():
+    assert "stopped at parameter 125.664 after" in STOPPED.message
+
+
+def test_optional_parts_of_a_message():
+    assert Outcome.of(OutcomeCode.INTERRUPTED).text == "interrupted"
+    full = Outcome.of(OutcomeCode.INTERRUPTED, parameter=0.5, name="stiffness factor", left=("level 1", "level 2"))
+    assert full.text == "interrupted at stiffness factor 0.5; not begun: level 1, level 2"
+    many = Outcome.of(OutcomeCode.INTERRUPTED, left=tuple(f"level {k}" for k in range(9)))
+    assert many.text.endswith("level 5 and 3 more")
+
+
+def test_missing_numbers_are_refused():
+    with pytest.raises(ValueError, match="needs events, time"):
+        Outcome.of(OutcomeCode.EVENT_LIMIT)
+    old = Outcome.of(OutcomeCode.EVENT_LIMIT, text="stopped at 1 s")  # what an old file says
+    assert (old.text, old.remedy, old.complete) == ("stopped at 1 s", "", False)
+
+
+def test_combined():
+    reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0)
+    assert combined([reached, STOPPED, COMPLETE]) is STOPPED
+    assert combined([reached]) is COMPLETE
+    assert combined([]) is COMPLETE
+
+
+def test_both_ways():
+    reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0, unit="Hz")
+    assert both_ways(reached, reached) is reached
+    two = both_ways(reached, STOPPED)
+    assert two.code is OutcomeCode.STEP_TOO_SMALL
+    assert two.text == f"{STOPPED.text}; the other way: complete: reached 3 Hz"
+    assert not two.complete
+    assert not both_ways(STOPPED, reached).complete
+
+
+def test_trust():
+    doubt = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz", error=2.0, allowed=1.0)
+    assert not doubt.trusted
+    assert not STOPPED.but(doubt).trusted
+    assert STOPPED.trusted
+    stopped = Outcome.of(OutcomeCode.INTERRUPTED)
+    assert Outcome.of(OutcomeCode.NOT_COVERED, stopped, ranges=((1.0, 2.0),)).interrupted
+
+
+@pytest.mark.parametrize(
+    "outcome",
+    [
+        COMPLETE,
+        STOPPED,
+        Outcome.of(OutcomeCode.NOT_COVERED, STOPPED, ranges=np.array([[1.0, 2.0], [4.0, 5.0]]), unit="Hz"),
+        Outcome.of(OutcomeCode.CASES_MISSING, done=np.int64(2), cases=3),
+    ],
+)
+def test_there_and_back(outcome):
+    assert pickle.loads(pickle.dumps(outcome)) == outcome
+    assert Outcome.from_dict(json.loads(json.dumps(outcome.as_dict()))) == outcome
+    assert hash(outcome) == hash(Outcome.from_dict(outcome.as_dict()))
+
+
+@pytest.mark.parametrize("code", OutcomeCode)
+def test_every_message_can_be_written(code):
+    values = dict.fromkeys(code.needs, 1.0)
+    text = Outcome(code, values).text
+    assert text
+    assert not set("{}[]") & set(text)
+    assert (code.kind is OutcomeKind.COMPLETE) == text.startswith("complete")
