@@ -7,7 +7,8 @@ mapping from failure to code exists once (0 success, 1 bug, 2 bad usage or scena
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 
@@ -49,6 +50,36 @@ class ScenarioError(BeamsimError):
             problems = Problem("", problems)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class MethodError(BeamsimError):
+    """A method cannot treat the system that it was given.
+
+    ``about`` names what is in the way in the method's own terms (``mode``, ``energy``); `locating` turns that into the
+    place in a scenario.
+    """
+
+    exit_code = 2
+
+    def __init__(self, about: str, message: str, remedy: str = "") -> None:
+        self.about, self.message, self.remedy = about, message, remedy
+        super().__init__(str(Problem(about, message, remedy)))
+
+
+@contextmanager
+def locating(places: Mapping[str, str]) -> Iterator[None]:
+    """Raise a `MethodError` as the `ScenarioError` at the place that it is about.
+
+    >>> with locating({"mode": "nnm.mode"}):
+    ...     raise MethodError("mode", "= 1 is a rigid-body mode")
+    Traceback (most recent call last):
+    beamsim.errors.ScenarioError: nnm.mode = 1 is a rigid-body mode
+    """
+    try:
+        yield
+    except MethodError as error:
+        path = places.get(error.about, error.about)
+        raise ScenarioError(Problem(path, error.message, error.remedy)) from None
 
 
 class ResultFileError(BeamsimError):

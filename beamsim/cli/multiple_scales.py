@@ -9,8 +9,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
-    from beamsim.analyses.response.result import FrequencyResponse
+    from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
     from beamsim.scenario import Scenario
 
 NOT_YET = 3.0  # times the largest small factor: poles beyond it leave the orders alone

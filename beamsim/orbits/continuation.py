@@ -201,11 +201,6 @@ def solve_at(
     return point
 
 
-def tangent_at(point: BranchPoint) -> Floats:
-    """The tangent in the unknowns' own units, du/ds."""
-    return point.tangent * point.scale
-
-
 def _hermite(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
     """A guess between two points, s in [0, 1] of the way: cubic with both tangents."""
     wa, wb = a.u / a.scale, b.u / a.scale

@@ -1,7 +1,7 @@
-"""Folds of a frequency response curve followed in a second parameter.
+"""Folds and grazings of a frequency response curve followed in a second parameter.
 
-Unknowns are the state, the frequency and the second parameter; to the shooting equations :math:`R = 0` comes :math:`g
-= 0` from the bordered system
+Unknowns are the state, the frequency and the second parameter. At a fold there comes, to the shooting equations
+:math:`R = 0`, :math:`g = 0` from the bordered system
 
 .. math:: \\begin{pmatrix} M - I & b \\\\ c^T & 0 \\end{pmatrix} \\begin{pmatrix} v \\\\ g \\end{pmatrix} =
           \\begin{pmatrix} 0 \\\\ 1 \\end{pmatrix},
@@ -20,7 +20,7 @@ import numpy as np
 
 from beamsim.flow.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
 from beamsim.orbits.continuation import BranchPoint, Problem, Settings, solve_at
-from beamsim.orbits.grazing import SpecialPoint
+from beamsim.orbits.grazing import SpecialPoint, extremum
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Floats
 
@@ -111,7 +111,45 @@ class FoldCurve(TwoParameterCurve):
         return np.append((passage.end - passage.start)[self.orbits.kept], g), J, passage
 
 
-def start_of_curve(curve: Problem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
+@dataclass
+class GrazingCurve(TwoParameterCurve):
+    """Motions that just touch a stop, as a continuation problem.
+
+    Where a stiff stop turns a response curve back, the fold lies on top of the grazing: the curve has a corner, or
+    nearly, and no smooth fold to follow. The border of the region with several motions is then the curve of grazings:
+    to the shooting equations comes that the penetration's extreme is zero. Its derivative is that of the penetration
+    at a fixed time, since the rate is zero at an extreme.
+    """
+
+    contact: int = 0
+    top: bool = True  # a closed phase appears (else an open one)
+    share: float = 0.0  # when in the period, near which the extreme is looked for
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual and the penetration's extreme, with their Jacobian."""
+        passage, A, columns = self._passage(u)
+        flow, parameter = self._set(u)
+        height, time = extremum(flow, passage, self.contact, self.top, self.share * passage.duration)
+        if not np.isfinite(height):
+            raise ArithmeticError("the penetration has no extreme near the grazing")
+        self.share = time / passage.duration
+        by = (Frequency(), parameter)
+        touch = flow.carry(passage.start, time, by)
+        by_start, by_parameters = flow.penetration_derivative(touch, self.contact, by)
+        k = A.shape[0]
+        J = np.zeros((k + 1, k + 2))
+        J[:k, :k], J[:k, k:] = A, columns
+        J[k, :k], J[k, k:] = by_start[self.orbits.kept], by_parameters
+        return np.append((passage.end - passage.start)[self.orbits.kept], height), J, passage
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As a curve of folds; the extreme against the motion."""
+        scale, residual = super().scale(u)
+        residual[-1] = scale[0]
+        return scale, residual
+
+
+def _start(curve: Problem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
     """The first point of a curve, at a value of the second parameter, from what was located on a branch."""
     settings = Settings(tolerance=1e-9, iterations=12)
     return solve_at(curve, np.append(begun.point.u, value), settings, value, forward)
@@ -129,5 +167,19 @@ def start_of_fold_curve(
     A = orbits.monodromy(fold.point) - np.eye(orbits.kept.size)
     U, _, V = np.linalg.svd(A * scale / scale[:, None])
     curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
-    point = start_of_curve(curve, fold, value, forward)
+    point = _start(curve, fold, value, forward)
+    return None if point is None else (curve, point)
+
+
+def start_of_grazing_curve(
+    orbits: ForcedOrbits,
+    grazing: SpecialPoint,
+    second: SecondParameter,
+    value: float,
+    forward: float = 1.0,
+) -> tuple[GrazingCurve, BranchPoint] | None:
+    """The curve of grazings through one that was located, from its value of the second parameter on."""
+    share = grazing.time / grazing.point.data.duration
+    curve = GrazingCurve(orbits, second, grazing.contact, grazing.closing, share)
+    point = _start(curve, grazing, value, forward)
     return None if point is None else (curve, point)

@@ -8,20 +8,22 @@ Newton's method takes the least-squares solution of a consistent system, and con
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from beamsim.flow.variational import Passage, floquet_multipliers
-from beamsim.orbits.continuation import BranchPoint
+from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
 from beamsim.orbits.grazing import cyclic
-from beamsim.orbits.reversible import Conservative, HalfPeriod
+from beamsim.orbits.reversible import BrakeOrbits, Conservative, HalfPeriod
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
 SAMPLES = 256  # of a period, in which its slowest instant is looked for
 ZOOMS = 3  # each into two of them
+SAME = 1e-6  # relative distance within which two solutions are one motion
 
 
 @dataclass
@@ -127,3 +129,73 @@ def slowest_instant(flow: Any, passage: Passage, n: int) -> tuple[float, float]:
         if zoom < ZOOMS:
             low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, SAMPLES)])
     return best
+
+
+@dataclass
+class FullPeriodPath:
+    """A path of brake orbits followed again over the whole period: a check that assumes no instant of rest.
+
+    The half-period path hands over the parameters to stop at and, beyond its jumps, where to begin again. In between
+    the full-period path goes its own way, each point predicted from its own last two. Iterate over it for the points;
+    ``differences`` from the half-period path and the status are kept beside.
+
+    Parameters
+    ----------
+    brake : the half-period problem (stiffness factor or energy).
+    points : its path.
+    gaps : parameters of its points that a jump follows.
+    """
+
+    brake: BrakeOrbits
+    points: Sequence[BranchPoint]
+    gaps: Collection[float] = ()
+    settings: Settings = field(default_factory=lambda: Settings(iterations=15))
+    status: str = "not begun"
+    differences: list[float] = field(default_factory=list)  # largest of period and scaled state, relative
+    orbits: FreeOrbits = field(init=False)
+
+    def __post_init__(self) -> None:
+        assert self.brake.parameter != "frequency"
+        n, u = self.brake.n, self.points[0].u
+        self.orbits = FreeOrbits(
+            self.brake.family, np.concatenate([u[:n], np.zeros(n)]), self.brake.parameter, self.brake.energy,
+            self.brake.factor,
+        )  # fmt: skip
+
+    def __iter__(self) -> Iterator[BranchPoint]:
+        self.status = INTERRUPTED
+        own: list[BranchPoint] = []
+        for known in self.points:
+            new = self._solved(known, own)
+            if new is None:
+                self.status = (
+                    f"stopped at parameter {known.parameter:.9g}: over the whole period Newton's method does not "
+                    "converge beside the half-period solution"
+                )
+                return
+            self.differences.append(self._difference(new, known))
+            yield new
+            own = [*own[-1:], new] if known.parameter not in self.gaps else []
+        self.status = f"complete: reached {self.points[-1].parameter:.9g}"
+
+    def _solved(self, known: BranchPoint, own: list[BranchPoint]) -> BranchPoint | None:
+        at_rest = np.concatenate([known.u[: self.brake.n], np.zeros(self.brake.n), known.u[-2:]])
+        self.orbits.hold(at_rest)
+        guesses = [at_rest]
+        if len(own) == 2 and own[1].parameter != own[0].parameter:
+            reach = (known.parameter - own[1].parameter) / (own[1].parameter - own[0].parameter)
+            guesses.insert(0, own[1].u + reach * (own[1].u - own[0].u))
+        elif own:
+            guesses.insert(0, own[-1].u.copy())
+        for guess in guesses:
+            point = solve_at(self.orbits, guess, self.settings, known.parameter)
+            if point is not None and self._difference(point, known) < SAME:
+                return point
+        return None
+
+    def _difference(self, point: BranchPoint, known: BranchPoint) -> float:
+        n = self.brake.n
+        scale = self.orbits.scale(point.u)[0]
+        state = point.u[: 2 * n] - np.concatenate([known.u[:n], np.zeros(n)])
+        period = abs(float(point.u[-2] / known.u[-2]) - 1.0)
+        return max(float(np.linalg.norm(state / scale[: 2 * n])), period)

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import MethodError
 from beamsim.orbits.aft import cubic as cubic_harmonics
 from beamsim.orbits.aft import one_sided
 from beamsim.typing import Complexes, Floats
@@ -180,14 +180,14 @@ def expand_mode(
 
     Raises
     ------
-    ScenarioError : at an internal resonance, where the expansion has a vanishing divisor, and for rigid-body modes.
+    MethodError : at an internal resonance, where the expansion has a vanishing divisor, and for rigid-body modes.
     """
     n, c, H = system.size, system.contacts, harmonics
     w2 = system.stiffness
     if not 0 <= mode < n:
-        raise ScenarioError(Problem("nnm.mode", f"= {mode + 1}, but the model has {n} modes", "ask for a lower one"))
+        raise MethodError("mode", f"= {mode + 1}, but the model has {n} modes", "ask for a lower one")
     if w2[mode] <= 0:
-        raise ScenarioError(Problem("nnm.mode", f"= {mode + 1} is a rigid-body mode", "ask for a flexible one"))
+        raise MethodError("mode", f"= {mode + 1} is a rigid-body mode", "ask for a flexible one")
     rest, gap = rest_clearances(system)
     force = np.zeros((H + 1, n))
     tangents: list[tuple[Complexes, Floats, float]] = []  # two-sided coefficients, row, stiffness
@@ -254,14 +254,10 @@ def _solve(w2: Floats, mode: int, force: Floats, squared: float | None = None) -
     if np.any(bad):
         h, other = (int(x[0]) for x in np.nonzero(bad))
         what = "of a rigid-body mode" if w2[other] == 0 else f"of mode {other + 1}"
-        raise ScenarioError(
-            Problem(
-                "nnm.method",
-                f"= multiple_scales fails (internal resonance): "
-                f"{h} times the frequency of mode {mode + 1} is that {what}",
-                "use shooting, or change the structure",
-            )
-        )
+        raise MethodError(
+            "expansion", f"fails at an internal resonance: {h} times the frequency of mode {mode + 1} is that {what}",
+            "use shooting, or change the structure",
+        )  # fmt: skip
     return np.asarray(np.where(skipped | small, 0.0, force / np.where(skipped | small, 1.0, divisor)))
 
 
@@ -283,16 +279,14 @@ def expand_mode_at_energy(
     equilibrium); ``uniform`` takes the divisors at the frequency that belongs to the factor.
     """
     if energy <= 0:
-        raise ScenarioError(Problem("nnm.energy", f"= {energy:g} J is no motion", "give a positive energy"))
+        raise MethodError("energy", f"= {energy:g} J is no motion", "give a positive energy")
     omega = float(np.sqrt(system.stiffness[mode])) if system.stiffness[mode] > 0 else 1.0
     amplitude = sign * np.sqrt(2.0 * energy) / omega
     for _ in range(50):
         expansion = expand_mode(system, mode, amplitude, harmonics, cubic, factor if uniform else None)
         have = potential_energy(system, expansion.initial(factor, order), factor, cubic) - rest_energy
         if have <= 0:
-            raise ScenarioError(
-                Problem("nnm.energy", f"= {energy:g} J is beyond the expansion", "give more energy or a smaller factor")
-            )
+            raise MethodError("energy", f"= {energy:g} J is beyond the expansion", "give more or a smaller factor")
         new = amplitude * float(np.sqrt(energy / have))  # exact in one step where there is no gap
         if abs(new - amplitude) <= 1e-14 * abs(amplitude):
             break

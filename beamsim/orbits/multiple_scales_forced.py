@@ -32,13 +32,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import MethodError
 from beamsim.orbits.aft import one_sided
 from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, product_harmonics, rest_clearances
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
-    from beamsim.flow.variational import PeriodicForcing
     from beamsim.system.equations import PiecewiseLinearSystem
 
 AMPLITUDES = 2000  # points between which steady amplitudes are bracketed
@@ -51,95 +50,6 @@ def _states(coefficients: Complexes, omega: float, times: Floats) -> Floats:
     e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
     Q = coefficients[used]
     return np.hstack([(e @ Q).real, (e @ (iw[:, None] * Q)).real])
-
-
-@dataclass(frozen=True)
-class ForcedExpansion:
-    """Steady response away from resonance, in powers of the stiffness factor."""
-
-    omega: float  # rad/s
-    terms: tuple[Complexes, Complexes, Complexes]  # q_0, q_1, q_2: (H + 1, n) each
-
-    def coefficients(self, factor: float, order: int = 1) -> Complexes:
-        """(H + 1, n) harmonics of the motion to order 0, 1 or 2."""
-        total = self.terms[0].copy()
-        for power, term in enumerate(self.terms[1 : order + 1], start=1):
-            total += factor**power * term
-        return total
-
-    def states(self, factor: float, times: Floats, order: int = 1) -> Floats:
-        """(nt, 2n) displacements and velocities."""
-        return _states(self.coefficients(factor, order), self.omega, times)
-
-
-def expand_forced(
-    system: PiecewiseLinearSystem,
-    forcing: PeriodicForcing,
-    omega: float,
-    level: float = 1.0,
-    harmonics: int = HARMONICS,
-) -> ForcedExpansion:
-    """The response to periodic loads away from resonance; the factor multiplies the springs' stiffness and dashpots.
-
-    Parameters
-    ----------
-    system : the structure, its damping of any size (none is allowed).
-    forcing : loads; contacts on the ground see the base's displacement.
-    omega, level : of the excitation, rad/s.
-
-    Raises
-    ------
-    ScenarioError : where an undamped mode resonates with a harmonic.
-    """
-    n, c, H = system.size, system.contacts, harmonics
-    h = np.arange(H + 1)
-    load, base, _, _ = forcing.at(omega, level)
-    F = np.zeros((H + 1, n), dtype=complex)
-    F[0] = system.constant_load
-    np.add.at(F, forcing.multiple, load)
-    d = np.zeros(H + 1, dtype=complex)
-    np.add.at(d, forcing.multiple, base)
-
-    def solve(right: Complexes) -> Complexes:
-        out = np.zeros_like(right)
-        scale = np.abs(right).max()
-        for k in h:
-            w = k * omega
-            Z = np.diag(system.stiffness - w**2) + 1j * w * system.damping
-            weak = np.abs(np.diag(Z)) <= RESONANT * (system.stiffness + w**2 + 1e-300)
-            if np.any(weak):
-                bad = weak & (np.abs(right[k]) > 1e-13 * scale)
-                if np.any(bad):
-                    raise ScenarioError(
-                        Problem(
-                            "excitation.frequency",
-                            f"= {omega:g} rad/s: harmonic {k} excites undamped mode {int(np.argmax(bad)) + 1}",
-                            "give the structure damping, or use the expansion near resonance",
-                        )
-                    )
-                Z[weak, weak] = 1.0
-                right = right.copy()
-                right[k, weak] = 0.0
-            out[k] = np.linalg.solve(Z, right[k])
-        return out
-
-    q0 = solve(F)
-    f0, f1 = np.zeros_like(F), np.zeros_like(F)
-    chi = []
-    for i in range(c.count):
-        s = float(c.sign[i])
-        D = -s * (q0 @ c.shape[i] + (d if c.on_ground[i] else 0.0))
-        D[0] = D[0].real - c.gap[i]
-        last = int(np.flatnonzero(np.abs(D) > 0)[-1]) + 1 if np.any(np.abs(D[1:]) > 0) else 1
-        found = one_sided(D[: max(last, 2)], 2 * H)
-        chi.append(found.chi[: 2 * H + 1])
-        rate = c.stiffness[i] + 1j * h * omega * c.dashpot[i]
-        f0 += np.multiply.outer(rate * found.positive[: H + 1], s * c.shape[i])
-    q1 = solve(f0)
-    for i in range(c.count):
-        rate = c.stiffness[i] + 1j * h * omega * c.dashpot[i]
-        f1 -= np.multiply.outer(rate * product_harmonics(chi[i], q1 @ c.shape[i], H), c.shape[i])
-    return ForcedExpansion(omega, (q0, q1, solve(f1)))
 
 
 @dataclass(frozen=True)
@@ -182,9 +92,7 @@ class ResonantForcing:
 
     def __post_init__(self) -> None:
         if not 0 <= self.mode < self.system.size or self.system.stiffness[self.mode] <= 0:
-            raise ScenarioError(
-                Problem("nnm.mode", f"= {self.mode + 1} is no flexible mode of the model", "ask for another")
-            )
+            raise MethodError("mode", f"= {self.mode + 1} is no flexible mode of the model", "ask for another")
         self.omega = float(np.sqrt(self.system.stiffness[self.mode]))
         self.load = np.asarray(self.load, dtype=complex)
         _, self.gap = rest_clearances(self.system)
@@ -236,7 +144,7 @@ class ResonantForcing:
 
         Raises
         ------
-        ScenarioError : without damping exactly on the backbone of a structure without gap, where no steady motion
+        MethodError : without damping exactly on the backbone of a structure without gap, where no steady motion
         exists.
         """
         from scipy.optimize import brentq
@@ -272,12 +180,8 @@ class ResonantForcing:
             for i in np.flatnonzero(values[:-1] * values[1:] < 0)
         ]
         if not found:
-            raise ScenarioError(
-                Problem(
-                    "excitation.frequency",
-                    "is on the backbone of an undamped structure: its response grows",
-                    "give damping",
-                )
+            raise MethodError(
+                "frequency", "is on the backbone of an undamped structure: its response grows", "give damping"
             )
         return tuple(self.motion(a, sigma) for a in found)
 
@@ -331,12 +235,10 @@ class ResonantForcing:
         small = np.abs(divisor) <= RESONANT * (system.stiffness + (h[:, None] * omega) ** 2 + 1e-300)
         if np.any(small & (np.abs(right) > 1e-13 * np.abs(right).max())):
             k, other = (int(x[0]) for x in np.nonzero(small))
-            raise ScenarioError(
-                Problem(
-                    "excitation.frequency",
-                    f"times {k} is the frequency of mode {other + 1}: multiple scales has no correction there",
-                    "leave the comparison out, or change the frequency",
-                )
+            raise MethodError(
+                "frequency",
+                f"times {k} is the frequency of mode {other + 1}: multiple scales has no correction there",
+                "leave the comparison out, or change the frequency",
             )
         return np.where(small, 0.0, right / np.where(small, 1.0, divisor)), force, chi
 

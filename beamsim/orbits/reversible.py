@@ -21,7 +21,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from beamsim.flow.variational import ContactDirection, Passage, VariationalFlow, moved_system
-from beamsim.orbits.continuation import Branch, BranchPoint, Settings, locate, solve_at
+from beamsim.orbits.continuation import Branch, BranchPoint, Settings, locate
 from beamsim.orbits.grazing import SpecialPoint, grazings
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
@@ -386,8 +386,3 @@ def follow_modes(
 ) -> Branch:
     """A branch of nonlinear normal modes, to iterate over."""
     return Branch(orbits, start, low, high, Settings() if settings is None else settings, orbits.same_events)
-
-
-def solve_mode(orbits: BrakeOrbits, guess: Floats, settings: Settings, forward: float = 1.0) -> BranchPoint | None:
-    """The mode near a guess, at the guess's parameter."""
-    return solve_at(orbits, guess, settings, None, forward)

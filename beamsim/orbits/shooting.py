@@ -15,7 +15,6 @@ from typing import Literal
 import numpy as np
 
 from beamsim.flow.variational import (
-    ContactDirection,
     Direction,
     Frequency,
     Level,
@@ -26,6 +25,7 @@ from beamsim.flow.variational import (
 )
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings, between, correct, locate, solve_at
 from beamsim.orbits.grazing import SpecialPoint, cyclic, grazings
+from beamsim.orbits.paths import DampingPath
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
@@ -54,18 +54,6 @@ class Orbit:
     def stable(self) -> bool:
         """No multiplier outside the unit circle."""
         return bool(np.abs(self.multipliers[0]) <= 1.0 + STABLE)
-
-
-@dataclass(frozen=True)
-class ContactPath:
-    """Systems whose contacts move along a straight line with the parameter."""
-
-    flow: VariationalFlow  # at parameter 0
-    direction: ContactDirection
-
-    def __call__(self, parameter: float) -> tuple[VariationalFlow, ContactDirection]:
-        """The flow at a parameter, and the direction there."""
-        return self.flow.moved(self.direction, parameter), self.direction
 
 
 @dataclass
@@ -252,9 +240,7 @@ def find_orbit(
 def _from_heavy_damping(
     problem: ForcedOrbits, flow: VariationalFlow, value: float, settings: Settings, forward: float
 ) -> BranchPoint | None:
-    """The motion at the end of the path of :class:`beamsim.orbits.damping_path.DampingPath`."""
-    from beamsim.orbits.damping_path import DampingPath
-
+    """The motion at the end of a path of falling damping."""
     if not isinstance(flow, VariationalFlow):
         return None
     path = DampingPath(flow)

@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from beamsim.analyses.nnm.multiple_scales import ExpansionComparison
-    from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
-    from beamsim.analyses.response.result import FrequencyResponse
+    from beamsim.analyses.nnm.result import ExpansionComparison
+    from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
 

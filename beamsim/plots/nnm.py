@@ -12,9 +12,9 @@ from beamsim.plots.branches import figure_of
 from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
 from beamsim.plots.multiple_scales import comparison_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
+from beamsim.plots.relaxed import thesis_figure
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
-from beamsim.plots.thesis_method import thesis_figure
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:

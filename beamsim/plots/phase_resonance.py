@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from beamsim.analyses.nnm.phase_resonance_results import HeldMotion, PhaseResonance
+    from beamsim.analyses.nnm.result import HeldMotion, PhaseResonance
 
 _STANDARD_GRAVITY = 9.80665  # m/s^2
 _DEEPEST_DB = 120.0

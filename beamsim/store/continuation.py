@@ -19,7 +19,7 @@ from beamsim.store.datasets import named_group, native, ordered, put, read_modes
 from beamsim.store.multiple_scales import read_forced_expansion, write_forced_expansion
 from beamsim.store.orbit_tables import NUMBER, read_special, read_stability, write_special, write_stability
 from beamsim.store.schema import Field
-from beamsim.store.stored import LazyScenario, creating, holds, reading, root_fields, write_root
+from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 from beamsim.store.sweep import read_curve, write_curve
 
 KIND = "continuation"
@@ -45,11 +45,6 @@ _NEGLECTED = Field("neglected_harmonics", "1", "what the harmonics left out are 
 
 class StoredResponse(LazyScenario, FrequencyResponse):
     """A response by continuation read from a file."""
-
-
-def holds_response(path: Path | str) -> bool:
-    """Whether a file is the result of a continuation."""
-    return holds(path, KIND)
 
 
 def write_frequency_response(result: FrequencyResponse, path: Path | str) -> Path:

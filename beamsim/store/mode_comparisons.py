@@ -5,8 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 
-from beamsim.analyses.nnm.multiple_scales import ExactModes, ExpansionComparison, ExpansionPath
-from beamsim.analyses.nnm.thesis_method import RelaxedComparison
+from beamsim.analyses.nnm.result import ExactModes, ExpansionComparison, ExpansionPath, RelaxedComparison
 from beamsim.store.datasets import native, put, texts
 from beamsim.store.schema import Field
 

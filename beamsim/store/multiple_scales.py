@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import h5py
 import numpy as np
 
-from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
+from beamsim.analyses.response.result import ForcedExpansionComparison
 from beamsim.store.datasets import named_group, native, ordered, put
 from beamsim.store.schema import Field
 

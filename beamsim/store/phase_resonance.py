@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.nnm.phase_resonance_results import (
+from beamsim.analyses.nnm.result import (
     HeldMotion,
     PhaseResonance,
     PredictedLevels,

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.full_period_path import FullPeriodPath
+from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
 from beamsim.scenario import load_scenario
 

@@ -17,7 +17,8 @@ from beamsim.cli.app import app
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.continuation import holds_response, open_response, write_frequency_response
+from beamsim.store.continuation import open_response, write_frequency_response
+from beamsim.store.stored import holds
 from beamsim.store.sweep import open_sweep
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -198,9 +199,9 @@ def _plain(value):
 def test_what_is_no_continuation_is_refused(tmp_path):
     done = sweep(CONFIGS / "continuation_gap.yaml", "-o", tmp_path, "--no-plots", "-q")
     assert done.exit_code == 0
-    assert holds_response(tmp_path / "continuation_gap.h5")
-    assert not holds_response(BEAM)
-    assert not holds_response(tmp_path / "none.h5")
+    assert holds(tmp_path / "continuation_gap.h5", "continuation")
+    assert not holds(BEAM, "continuation")
+    assert not holds(tmp_path / "none.h5", "continuation")
     with pytest.raises(ResultFileError, match="not a sweep of one design"):
         open_sweep(tmp_path / "continuation_gap.h5")
     with h5py.File(tmp_path / "continuation_gap.h5") as file:

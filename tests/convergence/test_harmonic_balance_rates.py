@@ -4,13 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from free_balance import FreeBalance
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.orbits.aft import to_real
 from beamsim.orbits.continuation import Branch, Settings, solve_at
-from beamsim.orbits.harmonic_balance import ForcedBalance, FreeBalance, resampled, truncation
+from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation
 from beamsim.orbits.hill import hill_multipliers
 from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, special_points
@@ -69,7 +70,7 @@ def _samples(motion, count=2048):
 def exact_harmonics(system, motion, omega=OMEGA, count=4096):
     """Shooting begun from the balanced motion: its orbit and its deflection's harmonics."""
     orbits = ForcedOrbits(VariationalFlow(system, FORCING, omega))
-    point = solve_at(orbits, np.append(motion.shooting_guess(), omega), Settings(iterations=20), omega)
+    point = solve_at(orbits, np.append(motion.states(np.zeros(1))[0], omega), Settings(iterations=20), omega)
     assert point is not None
     t = np.arange(count) * point.data.duration / count
     x = orbits.flow.states_at(point.data, t)[:, :2] @ V[0]
@@ -181,8 +182,8 @@ def test_cubic_spring_converges_exponentially(make_system):
     for H in (1, 3, 5, 7, 9, 19):
         problem = ForcedBalance(system, load, H, omega=0.9, cubic=springs)
         point = solve_at(problem, problem.linear_guess(0.9), Settings(iterations=40), 0.9)
-        exact = solve_at(orbits, np.append(point.data.shooting_guess(), 0.9), Settings(iterations=15), 0.9)
-        errors.append(np.abs(point.data.shooting_guess() - exact.u[:4]).max())
+        exact = solve_at(orbits, np.append(point.data.states(np.zeros(1))[0], 0.9), Settings(iterations=15), 0.9)
+        errors.append(np.abs(point.data.states(np.zeros(1))[0] - exact.u[:4]).max())
         estimate = truncation(problem, point).error
         assert estimate < 30 * errors[-1] + 1e-12
         np.testing.assert_allclose(

@@ -11,9 +11,8 @@ from beamsim.flow.transient import simulate
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.forced_from_free import appropriate_force, quadrature_nodes
 from beamsim.orbits.multiple_scales import observed_orders
-from beamsim.orbits.phase_resonance import find_phase_resonance, quadrature
+from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature, quadrature_nodes
 from beamsim.orbits.relaxed_minimisation import relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
 from beamsim.orbits.shooting import ForcedOrbits

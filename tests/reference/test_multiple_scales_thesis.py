@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
-from beamsim.analyses.nnm.multiple_scales import compare_expansion, expand_nnm, expansion_path
-from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.analyses.nnm.multiple_scales import compare_expansion, expansion_path, nothing_near
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -68,8 +68,8 @@ def test_the_thesis_factors_are_not_small_for_the_beam():
     path = expansion_path(system, 1, factors=[1.0])
     assert path.frequency_hz[0, 1] == pytest.approx(321.5, abs=0.5)
     assert path.reach < 0.05
-    with pytest.raises(NotTrustedError, match="smaller factors"):
-        compare_expansion(system, path)
+    assert np.all(np.isnan(compare_expansion(system, path).exact.frequency_hz))
+    assert "smaller factors" in nothing_near(path)
     soft = expansion_path(system, 1, factors=[689.0 / 107e3])
     assert soft.frequency_hz[0, 2] == pytest.approx(57.62, abs=0.02)
 
@@ -98,7 +98,7 @@ def test_scenario():
     case = chain(5) | {"nnm": {"mode": 4, "method": "multiple_scales"}}
     scenario = load_scenario(case)
     assert load_scenario(scenario.to_yaml()) == scenario
-    c = expand_nnm(scenario)
+    c = nnm(scenario).expansion
     assert c.path.mode == 4
     assert np.all(c.exact.residual < 1e-10)
     assert c.path.initial_displacement.shape == (c.path.factor.size, 3, 6)
@@ -106,7 +106,7 @@ def test_scenario():
         load_scenario(case | {"nnm": {"mode": 4, "method": "multiple_scales", "continue_in": {
             "kind": "energy", "from": 0.1, "to": 1.0}}})  # fmt: skip
     with pytest.raises(ScenarioError, match="is missing"):
-        expand_nnm(load_scenario(chain(5)))
+        nnm(load_scenario(chain(5)))
     with pytest.raises(ScenarioError, match="not among"):
         expansion_path(structure(chain(5)), 7)
     damped = build_system(load_scenario(chain(5) | {"chain": case["chain"] | {"dashpots": [0.1] * 7}}))

@@ -8,12 +8,11 @@ import pytest
 from scipy.optimize import brentq
 
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow, moved_system
 from beamsim.orbits.continuation import Branch, Settings, solve_at
-from beamsim.orbits.folds import start_of_fold_curve
-from beamsim.orbits.grazing_curve import GrazingCurve, start_of_grazing_curve
+from beamsim.orbits.folds import GrazingCurve, start_of_fold_curve, start_of_grazing_curve
+from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import (
-    ContactPath,
     ForcedOrbits,
     find_orbit,
     follow_orbits,
@@ -23,6 +22,11 @@ from beamsim.orbits.shooting import (
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)
+
+
+def straight_path(flow, direction):
+    """Systems whose contacts move along a straight line with the parameter."""
+    return ContactPath(flow, lambda x: (moved_system(flow.system, direction, x).contacts, direction))
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +179,7 @@ def test_fold_followed_in_the_gap(flow_of, curve):
     problem, _, _, special = curve
     fold = [s for s in special if s.kind == "fold"][1]
     flow = flow_of()
-    path = ContactPath(flow, ContactDirection.of(flow.system.contacts, gap=1.0))
+    path = straight_path(flow, ContactDirection.of(flow.system.contacts, gap=1.0))
     folds, start = start_of_fold_curve(problem, fold, path, 0.0)
     last = list(Branch(folds, start, -0.1, 0.25, Settings(tolerance=1e-9)))[-1]
     level, start = start_of_fold_curve(problem, fold, "level", 1.0, forward=-1)
@@ -219,7 +223,7 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
     direction = ContactDirection.of(
         system.contacts, **({} if what == "level" else {what: V[::-1] if what == "shape" else 1.0})
     )
-    second = "level" if what == "level" else ContactPath(flow, direction)
+    second = "level" if what == "level" else straight_path(flow, direction)
     curve = GrazingCurve(orbits, second, 0, True, 0.3)
     u = np.append(point.u, 1.0 if what == "level" else 0.0)
     _, J, _ = curve.residual(u)
@@ -263,7 +267,7 @@ def test_followed_in_a_contact_parameter(flow_of, what):
     flow = flow_of(omega=0.7)
     full = {"gap": 0.3, "stiffness": 40.0, "shape": 0.2 * V[1]}[what]
     direction = ContactDirection.of(flow.system.contacts, **{what: full})
-    problem = ForcedOrbits(flow, ContactPath(flow, direction))
+    problem = ForcedOrbits(flow, straight_path(flow, direction))
     plain = ForcedOrbits(flow)
     upper = next(p for p in walk(plain)[1] if p.data.event_time.size and 0.69 < p.parameter < 0.71)
     start = solve_at(problem, np.append(solve_at(plain, upper.u, Settings(), 0.7).u[:-1], 0.0), Settings(), 0.0)

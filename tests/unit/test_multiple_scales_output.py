@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from beamsim.analyses.nnm.multiple_scales import expand_nnm
-from beamsim.analyses.nnm.summary import expansion_summary
+from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.multiple_scales import expansion_rows
 from beamsim.scenario import load_scenario
 
@@ -17,7 +16,7 @@ def test_comparison_of_a_chain():
         "snubbers": [{"mass": 5, "side": "below", "stiffness": 1, "gap": 0}],
     }
     scenario = load_scenario({"title": "Six", "chain": chain, "nnm": {"mode": 4, "method": "multiple_scales"}})
-    summary = json.loads(json.dumps(expansion_summary(expand_nnm(scenario))))
+    summary = json.loads(json.dumps(nnm(scenario).summary["multiple_scales"]))
     assert summary["observed_order_frequency"] == pytest.approx([2.0, 3.0], abs=0.1)
     rows = dict(expansion_rows(summary))
     assert "frequency 2.0" in rows["observed orders"] or "frequency 1.9" in rows["observed orders"]

@@ -12,7 +12,6 @@ import numpy as np
 from beamsim.analyses.interruption import Stop, never
 from beamsim.analyses.nnm.full_period import FreePath, follow_free
 from beamsim.analyses.nnm.multiple_scales import (
-    ExpansionComparison,
     compare_expansion,
     exact_points,
     expansion_path,
@@ -29,13 +28,19 @@ from beamsim.analyses.nnm.orbits import (
 )
 from beamsim.analyses.nnm.paths import Followed, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode, phase_resonance_summary
-from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
+from beamsim.analyses.nnm.relaxed import compare_relaxed
+from beamsim.analyses.nnm.result import (
+    ExpansionComparison,
+    ModeBranch,
+    NormalModeResult,
+    PhaseResonance,
+    RelaxedComparison,
+)
 from beamsim.analyses.nnm.summary import expansion_summary, full_period_summary, nnm_summary, relaxed_summary
-from beamsim.analyses.nnm.thesis_method import RelaxedComparison, compare_relaxed
 from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.continuation import INTERRUPTED, Settings, solve_at
-from beamsim.orbits.counted import CountedFamily
+from beamsim.orbits.relaxed_minimisation import CountedFamily
 from beamsim.orbits.reversible import linear_mode
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm_method import FullPeriodMethod, ThesisMethod
@@ -43,7 +48,6 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
-    from beamsim.analyses.nnm.phase_resonance_results import PhaseResonance
     from beamsim.scenario import Scenario
 
 Progress = Callable[[float], None]

@@ -11,8 +11,7 @@ import numpy as np
 from beamsim.analyses.interruption import Stop, never, until
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings
-from beamsim.orbits.free_orbits import FreeOrbits
-from beamsim.orbits.full_period_path import FullPeriodPath
+from beamsim.orbits.free_orbits import FreeOrbits, FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits, follow_modes
 from beamsim.orbits.symmetry_breaking import SymmetryBreaking, Wandering, breaking_between
 from beamsim.typing import Floats

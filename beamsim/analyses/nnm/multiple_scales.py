@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.nnm.result import SAFELY, ExactModes, ExpansionComparison, ExpansionPath
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
-from beamsim.errors import NotTrustedError, Problem, ScenarioError
+from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.smooth_flow import CubicStiffness
 from beamsim.orbits.continuation import BranchPoint, Settings, solve_at
 from beamsim.orbits.multiple_scales import (
@@ -23,7 +24,6 @@ from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
     from beamsim.system.equations import PiecewiseLinearSystem
     from beamsim.system.structural import StructuralSystem
 
@@ -31,63 +31,8 @@ ORDERS = (0, 1, 2)
 BEYOND_THE_MODES = 1.5
 MOST_HARMONICS = 4000
 NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
-SAFELY = 3.0  # factors this much below the expansion's reach count as small
 LEAST_SHARE = 0.5  # of the energy in the mode asked for, for an exact motion to count as its continuation
 FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
-
-
-@dataclass(frozen=True)
-class ExpansionPath:
-    """Frequency and initial condition of a nonlinear normal mode against the stiffness factor, to orders 0, 1 and 2."""
-
-    mode: int  # from 1
-    energy: float  # J, from static equilibrium
-    linear_frequency_hz: float
-    first_hz: float  # change of the frequency per factor, Hz, at the linear mode's amplitude
-    second_hz: float  # per squared factor
-    factor: Floats  # (E,)
-    frequency_hz: Floats  # (E, 3) to order 0, 1, 2
-    coordinates: Floats  # (E, 3, n) initial vector: the shape at rest at t = 0
-    initial_displacement: Floats  # (E, 3, nx) m, at the stations
-    position: Floats  # (nx,) m, or mass numbers
-    partner: int  # mode (from 1) with the largest first-order component
-    harmonic: int  # and its harmonic
-    reach: float  # factors should be well below this one
-    uniform_coordinates: Floats  # (E, 3, n) initial vector of the uniform expansion
-    pole: float  # factor above which the initial vector is not yet at its asymptotic order
-    pole_mode: int  # the mode (from 1; 0 for none) whose coordinate it is
-    pole_harmonic: int  # and the harmonic that is close to it
-
-    @property
-    def small(self) -> float:
-        """Factors up to this one count as small."""
-        return self.reach / SAFELY * (1.0 + 1e-9)
-
-
-@dataclass(frozen=True)
-class ExactModes:
-    """Exact motions at the same energy (shooting); nan where none was found near the expansion."""
-
-    factor: Floats  # (E,)
-    frequency_hz: Floats  # (E,)
-    coordinates: Floats  # (E, n)
-    initial_displacement: Floats  # (E, nx) m, at the stations
-    residual: Floats  # (E,)
-
-
-@dataclass(frozen=True)
-class ExpansionComparison:
-    """Expansion against exact motion."""
-
-    path: ExpansionPath
-    exact: ExactModes
-    frequency_difference: Floats  # (E, 3) relative to the exact frequency
-    initial_difference: Floats  # (E, 3) relative, in the norm of the linear strain energy
-    frequency_orders: Floats  # (E - 1, 3) observed, between neighbouring factors
-    initial_orders: Floats  # (E - 1, 3)
-    expected_orders: Floats  # (E - 1, 3) of the initial vector, from the uniform expansion instead of the exact motion
-    uniform_difference: Floats  # (E, 3) of the uniform expansion's initial vector
-    uniform_orders: Floats  # (E - 1, 3)
 
 
 @dataclass(frozen=True)
@@ -136,18 +81,11 @@ class _Case:
 
     def expansion(self, factor: float, order: int, uniform: bool = False) -> ModeExpansion:
         cubic = self.structure.cubic if self.structure.cubic.count else None
-        return expand_mode_at_energy(
-            self.dynamics,
-            self.mode,
-            self.energy,
-            factor,
-            order,
-            self.sign,
-            harmonics=self.harmonics,
-            cubic=cubic,
-            rest_energy=self.rest_energy(factor),
-            uniform=uniform,
-        )
+        with locating({"mode": "nnm.mode", "energy": "nnm.energy", "expansion": "nnm.method"}):
+            return expand_mode_at_energy(
+                self.dynamics, self.mode, self.energy, factor, order, self.sign, harmonics=self.harmonics, cubic=cubic,
+                rest_energy=self.rest_energy(factor), uniform=uniform,
+            )  # fmt: skip
 
     def family(self) -> ContactStiffness | CubicStiffness:
         if self.structure.cubic.count:
@@ -309,27 +247,15 @@ def nothing_near(path: ExpansionPath) -> str:
     )
 
 
-def exact_modes(structure: StructuralSystem, path: ExpansionPath) -> ExactModes:
-    """The exact motions at the factors of an expansion (see :func:`exact_points`).
-
-    Raises
-    ------
-    NotTrustedError : where there is none.
-    """
-    found = modes_of(structure, path, *exact_points(structure, path))
-    if not np.any(np.isfinite(found.frequency_hz)):
-        raise NotTrustedError(nothing_near(path))
-    return found
-
-
 def compare_expansion(
     structure: StructuralSystem, path: ExpansionPath, exact: ExactModes | None = None
 ) -> ExpansionComparison:
     """Differences from the exact motion and the orders in which they vanish with the factor.
 
-    ``exact`` may come from a stored backbone with the same energy and factors (default: :func:`exact_modes`).
+    ``exact`` may come from a stored backbone with the same energy and factors (default: found from the
+    expansion).
     """
-    found = exact_modes(structure, path) if exact is None else exact
+    found = modes_of(structure, path, *exact_points(structure, path)) if exact is None else exact
     if found.factor.shape != path.factor.shape or not np.allclose(found.factor, path.factor, rtol=1e-12, atol=0.0):
         raise ValueError("the exact motions belong to other factors than the expansion")
     weight = np.sqrt(structure.dynamics.stiffness)
@@ -349,20 +275,3 @@ def compare_expansion(
     return ExpansionComparison(
         path, found, frequency, initial, orders(frequency), orders(initial), orders(expected), uniform, orders(uniform)
     )
-
-
-def expand_nnm(scenario: Scenario, factors: Floats | None = None) -> ExpansionComparison:
-    """What a scenario's ``nnm`` section asks for, by multiple scales, compared with the exact motion as the factor
-    vanishes from ``continue_in.to`` on.
-
-    Raises
-    ------
-    ScenarioError : where the scenario asks for no mode, or the expansion does not exist.
-    """
-    from beamsim.analyses.nnm.analysis import conservative_system
-
-    if scenario.nnm is None:
-        raise ScenarioError(Problem("nnm", "is missing", "add for example `nnm: {mode: 1, method: multiple_scales}`"))
-    structure, settings = conservative_system(scenario), scenario.nnm
-    largest = float(getattr(settings.continue_in, "to", 1.0))
-    return compare_expansion(structure, expansion_path(structure, settings.mode, settings.energy, factors, largest))

@@ -1,7 +1,7 @@
 """A damped structure excited on its nonlinear normal mode: level predicted, exact motion, response about it.
 
-The prediction is energy balance along the backbone (:mod:`beamsim.orbits.forced_from_free`); the exact motion at
-phase resonance comes from shooting (:mod:`beamsim.orbits.phase_resonance`).
+The prediction is energy balance along the backbone and the exact motion at phase resonance comes from
+shooting (:mod:`beamsim.orbits.phase_resonance` holds both).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
-from beamsim.analyses.nnm.phase_resonance_results import (
+from beamsim.analyses.nnm.result import (
     HeldMotion,
     PhaseResonance,
     PredictedLevels,
@@ -27,8 +27,13 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, locate, solve_at
-from beamsim.orbits.forced_from_free import Appropriation, appropriate_force
-from beamsim.orbits.phase_resonance import find_phase_resonance, quadrature, turned_back
+from beamsim.orbits.phase_resonance import (
+    Appropriation,
+    appropriate_force,
+    find_phase_resonance,
+    quadrature,
+    turned_back,
+)
 from beamsim.orbits.shooting import ForcedOrbits, follow_orbits
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system

@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import BranchJump, ModeBranch, OrbitMotion
+from beamsim.analyses.nnm.result import BranchJump, ExpansionComparison, ModeBranch, OrbitMotion, RelaxedComparison
 from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
-    from beamsim.analyses.nnm.multiple_scales import ExpansionComparison
     from beamsim.analyses.nnm.paths import ModePath
-    from beamsim.analyses.nnm.thesis_method import RelaxedComparison
 
 
 def nnm_summary(

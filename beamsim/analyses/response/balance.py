@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.response.branches import Traced, first_orbit
+from beamsim.errors import locating
 from beamsim.orbits.balance_stability import BalancedOrbits
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings
 from beamsim.orbits.harmonic_balance import truncation
@@ -55,10 +56,16 @@ def balance_tracer(model: ResponseModel, harmonics: int, level: float, reach: tu
     f = model.followed
     omega = 2 * np.pi * (f.first if f.kind == "frequency" else model.frequency_hz)
     cubic = model.system.cubic if model.system.cubic.count else None
-    problem = BalancedOrbits(
-        model.system.dynamics, model.loads, harmonics, "frequency" if f.kind == "frequency" else "level", omega, level,
-        1, cubic,
-    )  # fmt: skip
+    with locating({"contacts": "snubbers", "harmonics": "sweep.method.harmonics"}):
+        problem = BalancedOrbits(
+            model.system.dynamics,
+            model.loads,
+            harmonics,
+            "frequency" if f.kind == "frequency" else "level",
+            omega,
+            level,
+            cubic=cubic,
+        )
     return BalanceTracer(problem, reach)
 
 

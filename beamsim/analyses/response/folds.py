@@ -9,8 +9,7 @@ import numpy as np
 from beamsim.analyses.response.motion import measure, sampled_orbit
 from beamsim.analyses.response.result import FoldCurveResult
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings
-from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve
-from beamsim.orbits.grazing_curve import start_of_grazing_curve
+from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
 
 if TYPE_CHECKING:

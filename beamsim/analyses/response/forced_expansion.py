@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
 from beamsim.analyses.response.paths import periodic_forcing
-from beamsim.errors import Problem, ScenarioError
+from beamsim.analyses.response.result import ForcedExpansionComparison
+from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import observed_orders, weakened
@@ -66,7 +66,8 @@ def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionCompari
     loads = periodic_forcing(scenario, system)
     levels = settings.levels or (excitation.level,)
     mode = _mode(system, loads, 2 * np.pi * low, 2 * np.pi * high)
-    return tuple(_compare(system, loads, float(level), mode, low, high) for level in levels)
+    with locating({"mode": "excitation.frequency", "frequency": "excitation.frequency"}):
+        return tuple(_compare(system, loads, float(level), mode, low, high) for level in levels)
 
 
 def _refuse(system: StructuralSystem) -> None:

@@ -12,7 +12,7 @@ from beamsim.contacts.contact_rates import MovedContact
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow
-from beamsim.orbits.contact_path import PathOfContacts
+from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario.continuation import PositionPath, SnubberPath, snubber_index
 from beamsim.scenario.excitation import Harmonic
@@ -61,9 +61,9 @@ class Followed:
         step = self.last - self.first
         return contacts, ContactDirection(*(step * r for r in (rates.stiffness, rates.dashpot, rates.gap, rates.shape)))
 
-    def path(self, flow: VariationalFlow | SmoothFlow) -> PathOfContacts:
+    def path(self, flow: VariationalFlow | SmoothFlow) -> ContactPath:
         """The path of systems through a flow."""
-        return PathOfContacts(flow, self.contacts_at)
+        return ContactPath(flow, self.contacts_at)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import numpy as np
 
 from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.analyses.outcome import Outcome
-from beamsim.analyses.response.forced_expansion_results import ForcedExpansionComparison
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats
@@ -61,6 +60,28 @@ class OverlayCurve:
     source: str  # the file it comes from; empty where it was computed with the curve
     title: str
     curve: SweepCurve
+
+
+@dataclass(frozen=True)
+class ForcedExpansionComparison:
+    """Steady motions near a mode by multiple scales, at one level, and how far they are from the exact ones.
+
+    The small factor multiplies springs, dashpots, damping and force together; 1 is the case itself.
+    """
+
+    level: float  # SI unit of the excitation
+    mode: int  # from 1
+    linear_frequency_hz: float
+    frequency_hz: Floats  # (np,) along the curve at a factor of one, through its tip
+    stable: Bools  # (np,) by the slow flow
+    leading: dict[str, Floats]  # probe -> (np,) m, largest deflection of a period, to leading order
+    first: dict[str, Floats]  # probe -> (np,) m, with the first-order correction
+    backbone_hz: Floats  # (np,) frequency of the nonlinear mode with the same leading amplitude, to first order
+    factor: Floats  # (E,) falling
+    factor_frequency_hz: Floats  # (E,) excitation's: the detuning shrinks with the factor
+    difference: Floats  # (E, 2) largest of a period, against the motion's size; leading and first order; nan: none near
+    orders: Floats  # (E - 1, 2) observed; 1 and 2 expected
+    stability_agrees: Bools  # (E,) the exact multipliers say what the slow flow says
 
 
 @dataclass(frozen=True)

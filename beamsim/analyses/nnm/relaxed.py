@@ -4,67 +4,26 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.nnm.paths import Followed, ModePath
+from beamsim.analyses.nnm.result import RelaxedComparison
 from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
-from beamsim.orbits.counted import CountedFamily
-from beamsim.orbits.relaxed_minimisation import RelaxedStep, relaxed_path
+from beamsim.orbits.relaxed_minimisation import CountedFamily, RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from beamsim.analyses.nnm.paths import Followed, ModePath
     from beamsim.scenario.nnm_method import ThesisMethod
 
 SAME = 1e-6  # relative distance of two shapes that are one motion's
 FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation
-FATES = {
-    "same": "Newton's method leads from it to the backbone's motion",
-    "other": "Newton's method leads from it to another motion",
-    "none": "there is no periodic motion near it",
-    "between": "the backbone has no motion there (a tongue cuts it)",
-}
-
-
-@dataclass(frozen=True)
-class RelaxedComparison:
-    """A path of relaxed minimisation, step by step, and the exact motions at the same factors."""
-
-    steps: int  # asked for
-    tolerance: float  # of the functional
-    status: str  # "complete" or why it ended early
-    factor: Floats  # (S,) of the steps taken; the last one may not have been reached
-    frequency_hz: Floats  # (S,)
-    functional: Floats  # (S,) what was minimised, at its end
-    passages: Ints  # (S,) motions computed
-    processor_time_s: Floats  # (S,)
-    reached: Bools  # (S,) whether the functional fell below the tolerance
-    coordinates: Floats  # (S, n) shape at rest
-    initial_displacement: Floats  # (S, nx) m
-    exact_frequency_hz: Floats  # (S,) of the backbone; nan where a tongue cuts it
-    frequency_difference: Floats  # (S,) relative to the exact one
-    shape_difference: Floats  # (S,) relative, in the norm of the linear strain energy
-    fate: tuple[str, ...]  # (S,) one of FATES
-    jumped: Bools  # (S,) steps that left the motion which the step before was on
-    shooting_passages: int  # motions computed for the backbone, its tongues and the same factors
-    shooting_processor_time_s: float
-
-    @property
-    def steps_reached(self) -> int:
-        """Number of steps whose functional fell below the tolerance."""
-        return int(np.count_nonzero(self.reached))
-
-    @property
-    def cost_ratio(self) -> float:
-        """Processor time over that of shooting."""
-        return float(self.processor_time_s.sum() / max(self.shooting_processor_time_s, 1e-9))
 
 
 def compare_relaxed(

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.analyses.nnm.thesis_method import RelaxedComparison
+from beamsim.analyses.nnm.result import NormalModeResult, RelaxedComparison
 from beamsim.plots.branches import stretches
 from beamsim.plots.style import curve_style, finish
 
