@@ -85,7 +85,7 @@ def fabricate(
     )
     modes = ModeTable(
         np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]), x, np.array([0.01, np.nan]), 2,
-        len(snubbers), 1000.0, 1e-5,
+        len(snubbers), 1000.0, 1e-5, "1" if chain else "m",
     )  # fmt: skip
     summary = {
         "peak_displacement_m": dict.fromkeys(probes, 4e-4),

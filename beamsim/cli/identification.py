@@ -66,7 +66,7 @@ def compare(
     from beamsim.cli.identification_report import print_comparison, save_comparison
     from beamsim.cli.output import output_file
     from beamsim.store.comparison import pair_channels
-    from beamsim.store.read import open_run
+    from beamsim.store.results import open_run
 
     stored = open_run(result)
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")

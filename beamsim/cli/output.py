@@ -33,7 +33,7 @@ def output_folder(output: Path | None, stem: str) -> Path:
 
 def save_run(result: RunResult, target: Path, *, plots: bool) -> list[Path]:
     """Write the result file and, beside it, the plots; returns the files."""
-    from beamsim.store.write import write_run
+    from beamsim.store.results import write_run
 
     files = [write_run(result, target)]
     if plots:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.random_response import RandomResponse
+from beamsim.analyses.run.result import RandomResponse
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend
 
 if TYPE_CHECKING:

@@ -67,7 +67,7 @@ def write_frequency_response(result: FrequencyResponse, path: Path | str) -> Pat
             write_curve(group, laid.curve)
             group.attrs.update({"source": laid.source, "title": laid.title})
         write_forced_expansion(file, result.expansion)
-        write_modes(file, result.modes, of_chain=result.scenario.beam is None)
+        write_modes(file, result.modes)
     return Path(path)
 
 

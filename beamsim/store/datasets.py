@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.store import schema
+from beamsim.store.declared import read, write
 from beamsim.store.schema import Field
 from beamsim.system.structural import ModeTable
-
-_MODE_NUMBERS = ("kept_modes", "static_vectors", "highest_frequency_hz", "reduction_error")
 
 
 def put(group: h5py.Group, field: Field, values: Any, *scales: h5py.Dataset, scale: bool = False) -> h5py.Dataset:
@@ -72,20 +71,11 @@ def words(values: Iterable[str]) -> NDArray[np.object_]:
     return np.array(list(values), dtype=h5py.string_dtype("utf-8"))
 
 
-def write_modes(parent: h5py.Group, modes: ModeTable, *, of_chain: bool) -> None:
+def write_modes(parent: h5py.Group, modes: ModeTable) -> None:
     """Write the group ``modes``: natural frequencies, damping, shapes, what the reduction kept."""
-    group = parent.create_group("modes")
-    group.attrs.update({name: getattr(modes, name) for name in _MODE_NUMBERS})
-    unit, where = ("1", "mass number") if of_chain else ("m", "position along the beam")
-    number = put(group, schema.MODE_NUMBER, np.arange(1, modes.open_frequencies_hz.size + 1), scale=True)
-    position = put(group, Field("position", unit, where), modes.position, scale=True)
-    for field in schema.MODES:
-        values = getattr(modes, field.name)
-        put(group, field, values, *((number, position) if values.ndim == 2 else (number,)))
+    write(parent.create_group("modes"), modes)
 
 
 def read_modes(parent: h5py.Group) -> ModeTable:
     """Inverse of `write_modes`."""
-    group = parent["modes"]
-    tables = {field.name: group[field.name][()] for field in schema.MODES}
-    return ModeTable(position=group["position"][()], **tables, **native(group, *_MODE_NUMBERS))
+    return ModeTable(**read(ModeTable, parent["modes"]))

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.run.result import RandomResponse, RunResult
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.store.matlab import write_mat
 from beamsim.store.uff import GENERAL, UP, Source, record_58, write_uff
-
-if TYPE_CHECKING:
-    from beamsim.analyses.run.random_response import RandomResponse
 
 
 def export_run(result: RunResult, target: Path | str, form: str) -> list[Path]:

@@ -74,7 +74,7 @@ def write_nnm(result: NormalModeResult, path: Path | str) -> Path:
             if index == result.motion_branch:
                 _write_motion(group.create_group("motion"), result.motion, position)
         _write_jumps(file.create_group("jumps"), result)
-        write_modes(file, result.modes, of_chain=of_chain)
+        write_modes(file, result.modes)
         if result.phase_resonance is not None:
             write_phase_resonance(file, result.phase_resonance, position)
         if result.expansion is not None:

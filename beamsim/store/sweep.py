@@ -101,7 +101,7 @@ def write_sweep(result: SweepResult, path: Path | str) -> Path:
             group.attrs.update(vars(level.work))
             if index in result.histories:
                 _write_history(group, result.histories[index])
-        write_modes(file, result.modes, of_chain=result.scenario.beam is None)
+        write_modes(file, result.modes)
         file.create_group("work").attrs.update(vars(result.work))
     return Path(path)
 

@@ -172,6 +172,7 @@ def _build(parts: _Parts) -> StructuralSystem:
             static_vectors=basis.static_vectors,
             highest_frequency_hz=basis.highest_frequency * model.frequency_scale / (2 * np.pi),
             reduction_error=error,
+            position_unit="1" if beam is None else "m",
         ),
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
+from beamsim.fields import Counter, attribute, axis, dataset, declared, key
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats
@@ -20,19 +21,21 @@ class ProbeRow:
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
 
 
-@dataclass(frozen=True)
+@declared
 class SnubberNumbers:
     """The numbers that describe a snubber, all resolved."""
 
-    name: str
-    position: float  # m along the beam; the mass number for a chain, halfway for a snubber between two masses
-    side: str  # "below" or "above"; between two masses "approach" or "separation"
-    stiffness: float  # N/m
-    dashpot: float  # N s/m
-    gap: float  # m, clearance positive; resolved where a preload was given
-    preload: float  # N, contact force at static equilibrium (nan where there is none)
-    blocked_force: float  # N, stiffness * max(-gap, 0): the force if the structure could not move
-    stiffness_ratio: float  # k L^3 / (E I); k over the largest chain spring for a chain
+    name: str = key("name of the snubber")
+    position: float = attribute(
+        "m", "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses"
+    )
+    side: str = attribute("", "below or above; between two masses approach or separation")
+    stiffness: float = attribute("N/m", "stiffness")
+    dashpot: float = attribute("N s/m", "damping constant")
+    gap: float = attribute("m", "clearance, positive when open; resolved where a preload was given")
+    preload: float = attribute("N", "contact force at static equilibrium; NaN where there is none")
+    blocked_force: float = attribute("N", "stiffness times max(-gap, 0): the force if the structure could not move")
+    stiffness_ratio: float = attribute("1", "k L^3 / (E I); in a chain, over its largest spring stiffness")
 
 
 @dataclass(frozen=True)
@@ -56,19 +59,33 @@ class BeamRecovery:
     base_moment: Floats  # (nx,) N m per m/s^2 of base acceleration, to be added: static share of the modes left out
 
 
-@dataclass(frozen=True)
-class ModeTable:
-    """Natural frequencies and shapes behind a run."""
+_MODE = (Counter("mode", "mode number"),)
 
-    open_frequencies_hz: Floats  # (r,) reduced model, every contact open
-    closed_frequencies_hz: Floats  # (r,) every snubber closed, piecewise-linear springs as at rest
-    shapes: Floats  # (r, nx) open mode shapes, unit modal mass (1/sqrt(kg)) at `position`
-    position: Floats  # (nx,) m, or mass numbers
-    damping_ratios: Floats  # (r,) of the open structure (nan for rigid-body modes)
-    kept_modes: int
-    static_vectors: int
-    highest_frequency_hz: float  # the highest frequency the reduction was made for
-    reduction_error: float  # estimated relative error of the reduction; see docs/theory.md
+
+@declared
+class ModeTable:
+    """Natural frequencies and mode shapes of the reduced model."""
+
+    # (r,), every snubber closed: piecewise-linear springs as at rest
+    open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open", along=_MODE)
+    closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed", along=_MODE)
+    shapes: Floats = dataset(  # (r, nx)
+        "kg^-0.5", "mode shapes of the open structure, unit modal mass", along=(*_MODE, "position")
+    )
+    position: Floats = axis("{position_unit}", "{position_meaning}")  # (nx,)
+    damping_ratios: Floats = dataset(  # (r,) nan for rigid-body modes
+        "1", "modal damping ratios of the open structure", along=_MODE
+    )
+    kept_modes: int = attribute("1", "number of modes kept by the reduction")
+    static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
+    highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
+    reduction_error: float = attribute("1", "estimated relative error of the reduction")  # see docs/theory.md
+    position_unit: str = attribute("", "m along a beam, 1 where masses are numbered", name="units", at="position")
+
+    @property
+    def position_meaning(self) -> str:
+        """What `position` is."""
+        return "position along the beam" if self.position_unit == "m" else "mass number"
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from beamsim.cli.app import app
 from beamsim.cli.failures import verdict
 from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
 from beamsim.scenario import template
-from beamsim.store.write import write_run
+from beamsim.store.results import write_run
 
 CASE = """\
 title: Small case
@@ -267,7 +267,7 @@ def test_interrupt_ends_with_130_and_leaves_nothing_half_written(where, call, he
     if where == "solver":
         solved.error = KeyboardInterrupt()
     elif where == "writing":
-        monkeypatch.setattr("beamsim.store.write.write_modes", interrupted)
+        monkeypatch.setattr("beamsim.store.declared.write", interrupted)
     else:
         monkeypatch.setattr("matplotlib.figure.Figure.savefig", interrupted)
     done = call("run", "case.yaml")

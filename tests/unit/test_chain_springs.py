@@ -9,8 +9,7 @@ from beamsim.analyses.response.analysis import frequency_response
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.scenario import LinkSnubber, MassSnubber, Scenario, load_scenario
-from beamsim.store.read import open_run
-from beamsim.store.write import write_run
+from beamsim.store.results import open_run, write_run
 
 CASE = """
 chain:

@@ -7,8 +7,7 @@ import beamsim
 from beamsim.analyses.sweep.linear_response import transfer
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.read import open_run
-from beamsim.store.write import write_run
+from beamsim.store.results import open_run, write_run
 from beamsim.system.build import build_system
 
 G = 9.80665

@@ -13,8 +13,7 @@ import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 from beamsim.store import schema
-from beamsim.store.read import open_run
-from beamsim.store.write import write_run
+from beamsim.store.results import open_run, write_run
 
 
 def assert_same(a, b, path="result"):
@@ -157,7 +156,7 @@ def test_failed_write_leaves_everything_as_it_was(failure, existing, fabricated_
     def fail(*_, **__):
         raise failure
 
-    monkeypatch.setattr("beamsim.store.write.write_modes", fail)
+    monkeypatch.setattr("beamsim.store.declared.write", fail)
     with pytest.raises((KeyboardInterrupt, RuntimeError, ResultFileError)) as caught:
         write_run(fabricated_run(), path)
     if isinstance(failure, OSError):

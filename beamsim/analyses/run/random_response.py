@@ -7,55 +7,13 @@ it is 1 for a linear structure, and below 1 where contact scatters energy to oth
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
-from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
+from beamsim.typing import Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
-
-
-@dataclass(frozen=True)
-class SignalStatistics:
-    """One signal of the run."""
-
-    name: str  # "input", a probe's or a snubber's
-    quantity: str
-    unit: str
-    mean: float
-    rms: float  # mean included
-    standard_deviation: float
-    highest: float
-    lowest: float
-    crest_factor: float  # largest distance from the mean over the standard deviation
-    kurtosis: float  # 3 for a Gaussian signal
-    crossing_rate_hz: float  # upward crossings of the mean a second
-    peaks_over_2_sigma: float  # share of the maxima more than so many standard deviations above the mean
-    peaks_over_3_sigma: float
-    density: Floats  # (F,) unit^2/Hz
-
-
-@dataclass(frozen=True)
-class RandomResponse:
-    """Statistics of a run, after its first part."""
-
-    start_s: float  # what comes before is left out
-    frequency_hz: Floats  # (F,)
-    input: SignalStatistics
-    signals: tuple[SignalStatistics, ...]
-    transmissibility: dict[str, Complexes]  # by probe, absolute acceleration (displacement for a force) over input
-    coherence: dict[str, Floats]  # by probe
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers, by name and quantity."""
-        keys = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
-        return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in (self.input, *self.signals)}
 
 
 def random_response(result: RunResult, force: Floats | None = None, skip: float = 0.1) -> RandomResponse | None:
@@ -99,7 +57,7 @@ def random_response(result: RunResult, force: Floats | None = None, skip: float 
     signals += [statistics(snubber.name, "force", "N", snubber.force) for snubber in result.snubbers.values()]
     quantity, unit = ("acceleration", "m/s^2") if force is None else ("force", "N")
     entered = statistics("input", quantity, unit, given)
-    return RandomResponse(float(result.time[first]), frequency, entered, tuple(signals), transmissibility, coherence)
+    return RandomResponse(float(result.time[first]), frequency, (entered, *signals), transmissibility, coherence)
 
 
 def _statistics(name: str, quantity: str, unit: str, x: Floats, rate: float, density: Floats) -> SignalStatistics:

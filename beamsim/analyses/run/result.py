@@ -1,136 +1,233 @@
-"""What an analysis hands back: frozen dataclasses with shapes and units, ready to store or draw."""
+"""What `beamsim run` hands back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any
 
 from beamsim.analyses.outcome import Outcome
+from beamsim.fields import (
+    Counter,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    group,
+    key,
+    keyed,
+    named,
+    per_name,
+    stored,
+    table,
+)
 from beamsim.system.structural import ModeTable, SnubberNumbers
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
-if TYPE_CHECKING:
-    from beamsim.analyses.run.random_response import RandomResponse
+MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
+_TIME = ("time",)
+_FREQUENCY = ("frequency_hz",)
+_EVENT = (Counter("event", "number of the contact event"),)
 
 
-@dataclass(frozen=True)
+@declared
 class ProbeHistory:
     """Motion of one probe at the output times."""
 
-    name: str
-    position: float  # m along the beam; the mass number for a chain
-    displacement: Floats  # (nt,) m, relative to the base
-    absolute_displacement: Floats  # (nt,) m
-    velocity: Floats  # (nt,) m/s, relative to the base
-    absolute_acceleration: Floats  # (nt,) m/s^2
+    name: str = key("name of the probe")
+    position: float = attribute("m", "position along the beam; the number of the mass in a chain")
+    displacement: Floats = dataset("m", "displacement relative to the base", along=_TIME)
+    absolute_displacement: Floats = dataset("m", "absolute displacement", along=_TIME)
+    velocity: Floats = dataset("m/s", "velocity relative to the base", along=_TIME)
+    absolute_acceleration: Floats = dataset("m/s^2", "absolute acceleration", along=_TIME)
 
 
-@dataclass(frozen=True)
+@declared
 class SnubberHistory(SnubberNumbers):
-    """One snubber at the output times."""
+    """One snubber at the output times; between two masses the displacement is the stretch."""
 
-    force: Floats  # (nt,) N, positive when it pushes
-    penetration: Floats  # (nt,) m
-    closed: Bools  # (nt,)
-    displacement: Floats  # (nt,) m, of the structure at the snubber, relative to the base; the stretch between masses
-    velocity: Floats  # (nt,) m/s
+    force: Floats = dataset("N", "contact force on the structure, positive when it pushes", along=_TIME)
+    penetration: Floats = dataset("m", "penetration of the structure into the snubber", along=_TIME)
+    closed: Bools = dataset("1", "whether the contact is closed", along=_TIME, flags=("open", "closed"))
+    displacement: Floats = dataset(
+        "m", "displacement of the structure at the snubber, relative to the base", along=_TIME
+    )
+    velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base", along=_TIME)
 
 
-@dataclass(frozen=True)
+@declared
 class SpringHistory:
     """One nonlinear spring of a chain at the output times."""
 
-    name: str
-    kind: str  # "cubic" or "piecewise_linear"
-    masses: tuple[int, ...]  # the one it ties to the ground, or the two it joins
-    stretch: Floats  # (nt,) m; to the ground the absolute displacement of the mass
-    force: Floats  # (nt,) N, positive where it pulls back a positive stretch
+    name: str = key("name of the spring")
+    kind: str = attribute("", "cubic or piecewise_linear")
+    masses: tuple[int, ...] = attribute("", "number of the mass it ties to the ground, or of the two it joins")
+    stretch: Floats = dataset(
+        "m", "stretch of the spring; to the ground the absolute displacement of the mass", along=_TIME
+    )
+    force: Floats = dataset("N", "force of the spring, positive where it pulls back a positive stretch", along=_TIME)
 
 
-@dataclass(frozen=True)
+@declared
 class EventLog:
     """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them."""
 
-    time: Floats  # (ne,) s
-    snubber: Ints  # (ne,) index into the scenario's snubbers
-    closing: Bools  # (ne,)
+    time: Floats = dataset("s", "time of the contact event", along=_EVENT)
+    snubber: Ints = dataset("1", "index of the snubber, from 0", along=_EVENT)
+    closing: Bools = dataset("1", "whether the contact closes", along=_EVENT, flags=("opening", "closing"))
 
 
-@dataclass(frozen=True)
+@declared
 class SpectralLine:
-    """One line of the harmonics table."""
+    """One line of the table of harmonics."""
 
-    order: float  # frequency over excitation frequency (nan without excitation frequency)
-    frequency_hz: float
-    amplitude: float  # zero to peak, in the unit of the spectrum's quantity
-    amplitude_db: float  # 20 log10(amplitude / max |x|)
-    phase_deg: float
-    kind: str  # "fundamental", "superharmonic", "subharmonic", "mean" or "other"
+    order: float = dataset("1", "frequency over excitation frequency")  # nan where there is no excitation frequency
+    frequency_hz: float = dataset("Hz", "frequency of the line")
+    amplitude: float = dataset("{unit}", "amplitude of the line, zero to peak")
+    amplitude_db: float = dataset("dB", "20 log10(amplitude / max |x|)")
+    phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
+    kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic or other")
 
 
-@dataclass(frozen=True)
+@declared
 class Spectrum:
-    """Single-sided spectrum of one quantity of one probe."""
+    """Single-sided spectrum of one quantity of one probe, and its lines."""
 
-    probe: str
-    quantity: str  # "absolute_acceleration" or "displacement"
-    unit: str  # "m/s^2" or "m"
-    frequency_hz: Floats  # (nf,)
-    amplitude: Floats  # (nf,) single-sided peak amplitude
-    amplitude_db: Floats  # (nf,) 20 log10(amplitude / max |x|)
-    excitation_hz: float  # nan where there is no single excitation frequency
-    window: str
-    start_s: float  # beginning of the analysed part
-    duration_s: float
-    lines: tuple[SpectralLine, ...] = ()
+    probe: str = attribute("", "name of the probe")
+    quantity: str = attribute("", "absolute_acceleration or displacement")
+    unit: str = attribute("", "unit of the quantity")
+    frequency_hz: Floats = axis("Hz", "frequency")
+    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity:words}", along=_FREQUENCY)
+    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity:words}", along=_FREQUENCY)
+    excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none, or several")
+    window: str = attribute("", "window")
+    start_s: float = attribute("s", "beginning of the part that is analysed")
+    duration_s: float = attribute("s", "its duration")
+    lines: tuple[SpectralLine, ...] = table("lines", Counter("line", "number of the line"), default=())
 
 
-@dataclass(frozen=True)
+@declared
 class BeamResult:
     """What is known along the beam."""
 
-    position: Floats  # (nx,) m
-    peak_bending_stress: Floats  # (nx,) Pa, largest absolute value at any time
-    extreme_shapes: Floats  # (2, nx) m, deflection at the lowest and highest point of the first probe
-    extreme_times: Floats  # (2,) s
-    static_shape: Floats  # (nx,) m, at static equilibrium (nan where there is none)
+    position: Floats = axis("m", "position along the beam")
+    peak_bending_stress: Floats = dataset("Pa", "largest absolute bending stress at any time", along=("position",))
+    extreme_shapes: Floats = dataset(
+        "m", "deflection when the first probe is lowest and highest", along=("extreme_times", "position")
+    )
+    extreme_times: Floats = axis("s", "times at which the first probe is lowest and highest")
+    static_shape: Floats = dataset("m", "deflection at static equilibrium", along=("position",))  # nan: there is none
 
 
-@dataclass(frozen=True)
+@declared
 class EnergyHistory:
     """Energies at the output times, relative frame; work_in = dissipated + stored - stored[0]."""
 
-    work_in: Floats  # (nt,) J
-    dissipated: Floats  # (nt,) J
-    stored: Floats  # (nt,) J
+    work_in: Floats = dataset("J", "work done on the structure by the excitation, in the relative frame", along=_TIME)
+    dissipated: Floats = dataset("J", "energy dissipated", along=_TIME)
+    stored: Floats = dataset("J", "energy stored, kinetic and elastic, snubbers included", along=_TIME)
 
 
-@dataclass(frozen=True)
+@declared
 class Work:
     """What the solver did."""
 
-    events: int
-    evaluations: int  # of the watched functions
-    segments: int
-    states: int  # contact states that were diagonalised
-    processor_time_s: float  # of the solver alone
+    events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
+    evaluations: int = attribute("1", "evaluations of the functions watched for events")
+    segments: int = attribute("1", "stretches of time between events")
+    states: int = attribute("1", "contact states that were diagonalised")
+    processor_time_s: float = attribute("s", "processor time of the solver alone")
 
 
-@dataclass(frozen=True)
+@declared
+class SignalStatistics:
+    """One signal of a run with a random or sampled input, after the first part of the run."""
+
+    name: str = attribute("", "input, or the name of the probe or snubber")
+    quantity: str = key("quantity of the signal")
+    unit: str = attribute("", "unit of the signal")
+    mean: float = attribute("{unit}", "mean")
+    rms: float = attribute("{unit}", "root mean square, mean included")
+    standard_deviation: float = attribute("{unit}", "standard deviation")
+    highest: float = attribute("{unit}", "largest value")
+    lowest: float = attribute("{unit}", "smallest value")
+    crest_factor: float = attribute("1", "largest distance from the mean over the standard deviation")
+    kurtosis: float = attribute("1", "kurtosis; 3 for a Gaussian signal")
+    crossing_rate_hz: float = attribute("Hz", "upward crossings of the mean per second")
+    peaks_over_2_sigma: float = attribute("1", "share of the maxima more than 2 standard deviations above the mean")
+    peaks_over_3_sigma: float = attribute("1", "share of the maxima more than 3 standard deviations above the mean")
+    density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}", along=_FREQUENCY)
+
+
+@declared
+class RandomResponse:
+    """Statistics of a run with a random or sampled input, after its first part."""
+
+    start_s: float = attribute("s", "what comes before is left out")
+    frequency_hz: Floats = axis("Hz", "frequency")
+    recorded: tuple[SignalStatistics, ...] = keyed(
+        parts=lambda signal: (signal.name, signal.quantity), having="density", indexed=True
+    )  # the input first
+    # by probe: of the absolute acceleration, of the displacement where a force drives the structure
+    transmissibility: dict[str, Complexes] = per_name(
+        "", "{transmissibility_unit}", "response over input (H1)", along=_FREQUENCY
+    )
+    coherence: dict[str, Floats] = per_name("", "1", "coherence of response and input", along=_FREQUENCY)
+
+    @property
+    def input(self) -> SignalStatistics:
+        """The acceleration of the base, or the force."""
+        return self.recorded[0]
+
+    @property
+    def signals(self) -> tuple[SignalStatistics, ...]:
+        """What responds to it."""
+        return self.recorded[1:]
+
+    @property
+    def transmissibility_unit(self) -> str:
+        """Unit of a probe's response over that of the input."""
+        return "1" if self.input.unit == "m/s^2" else "m/N"
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers, by name and quantity."""
+        keys = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
+        return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
+
+
+def _spectrum_group(spectrum: Spectrum) -> tuple[str, ...]:
+    return (spectrum.probe,) if spectrum.quantity == MAIN_QUANTITY else (spectrum.probe, spectrum.quantity)
+
+
+def _spectrum_rank(result: Mapping[str, Any], spectrum: Spectrum) -> tuple[int, str]:
+    """Spectra in the order of the probes."""
+    names = list(result["probes"])
+    return (names.index(spectrum.probe) if spectrum.probe in names else len(names), spectrum.quantity)
+
+
+@declared
 class RunResult(Outcome):
     """Everything `beamsim run` computes."""
 
-    method: str  # "exact" or "reference (BDF)" ...
-    time: Floats  # (nt,) s
-    probes: dict[str, ProbeHistory]
-    snubbers: dict[str, SnubberHistory]
-    base_acceleration: Floats  # (nt,) m/s^2 (zeros without base motion)
-    base_displacement: Floats  # (nt,) m
-    events: EventLog
-    spectra: dict[tuple[str, str], Spectrum]  # keyed by (probe name, quantity)
-    beam: BeamResult | None  # None for a chain
-    energy: EnergyHistory
-    modes: ModeTable
-    work: Work
-    random: RandomResponse | None = None  # of a random or sampled input
-    springs: dict[str, SpringHistory] = field(default_factory=dict)  # nonlinear springs of a chain
+    method: str = attribute("", "exact, or the name of the time stepper")
+    time: Floats = axis("s", "time")
+    probes: dict[str, ProbeHistory] = named("probes")
+    snubbers: dict[str, SnubberHistory] = named("snubbers")
+    # (nt,), zeros without base motion
+    base_acceleration: Floats = dataset("m/s^2", "acceleration of the base", along=_TIME, name="base/acceleration")
+    base_displacement: Floats = dataset("m", "displacement of the base", along=_TIME, name="base/displacement")
+    events: EventLog = group("events")
+    spectra: dict[tuple[str, str], Spectrum] = keyed(  # by probe and quantity
+        folder="spectra", parts=_spectrum_group, having="window", key=lambda s: (s.probe, s.quantity),
+        order=_spectrum_rank,
+    )  # fmt: skip
+    beam: BeamResult | None = group("beam")  # None for a chain
+    energy: EnergyHistory = group("energy")
+    modes: ModeTable = group("modes")
+    work: Work = group("work")
+    random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
+    springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
+
+    @property
+    @stored(attribute("", "names of the snubbers by index", name="names", at="events/snubber"))
+    def _snubber_names(self) -> list[str] | None:
+        return list(self.snubbers) or None

@@ -1,0 +1,331 @@
+"""Declared fields: what a result says once of each of its numbers, and everything else derives from.
+
+A result is a frozen dataclass made with `declared`; each of its fields is given by one of the functions here::
+
+    @declared
+    class ProbeHistory:
+        name: str = key("name of the probe")
+        position: float = attribute("m", "position along the beam")
+        displacement: Floats = dataset("m", "displacement relative to the base", along=("time",))
+
+    @declared
+    class RunResult(Outcome):
+        time: Floats = axis("s", "time")
+        probes: dict[str, ProbeHistory] = named("probes")
+
+The annotation says what a field is in Python, the function how it is stored, and its arguments what it means. HDF5
+files are written and read by `beamsim.store.declared`, which is where exports and the documentation of result files
+take their names, units and meanings from too. This module knows neither files nor analyses.
+
+Texts (names, units, meanings) may hold ``{field}``, which stands for the value of that field of the same dataclass or
+of one that contains it, and ``{field:words}``, the same with spaces for underscores: ``dataset("{unit}", "level")``
+has the unit that the result's field ``unit`` says. An axis is looked for in the dataset's own group first, then in the
+groups around it.
+
+Fields that are None are left out of the file. A field that a file lacks gets its default, so that a file written before
+the field was added still opens. Fields without a declaration are not stored.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, dataclass_transform
+
+_DECLARED = "declared"
+_REQUIRED: Any = dataclasses.MISSING
+
+
+class Counter(NamedTuple):
+    """An axis with no field of its own: numbers from ``start``, or fixed labels."""
+
+    name: str
+    meaning: str
+    start: int = 1
+    labels: tuple[Any, ...] = ()
+
+
+Along = tuple["str | Counter", ...]  # names of axes, or axes that only count
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Dataset:
+    """An array, a dimension scale, or a column of a table."""
+
+    unit: str
+    meaning: str
+    along: Along = ()
+    name: str = ""  # in the file, with the way there; the field's own by default
+    scale: bool = False
+    flags: tuple[str, str] | None = None  # what the values of a truth value mean
+    imaginary: str = ""  # meaning of the imaginary part where it is not that of the real part
+    phase: str = ""  # meaning of the phase of complex numbers that are stored as amplitude and phase
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PerName:
+    """An array or a number for each probe or snubber: ``<folder>/<name>/<field>``."""
+
+    folder: str
+    values: Dataset
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Attribute:
+    """A number or text that belongs to a whole group."""
+
+    unit: str
+    meaning: str
+    name: str = ""
+    at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
+    codec: str = ""  # "json" or "scenario" where it is stored as text
+    null: Any = float("nan")  # what stands for a number that JSON cannot hold
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Key:
+    """What a group is called by, which is read from its name."""
+
+    meaning: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Group:
+    """A dataclass in a group; in the group around it where the path is empty."""
+
+    path: str
+    given: Mapping[str, Any]
+    on: str = ""  # the dataset that carries the attributes
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Members:
+    """Dataclasses, each in a group of its own."""
+
+    folder: str
+    pattern: str = "{}"  # name of a member's group, with {} for its key
+    parts: Callable[[Any], tuple[str, ...]] | None = None  # of a member: the way to its group, instead of the pattern
+    key: Callable[[Any], Any] | None = None  # of a member: its key, instead of the name of its group
+    start: int = 0  # of the numbers of a tuple's members
+    labelled: bool = False  # with attributes ``name`` and ``index``
+    indexed: bool = False  # with the attribute ``index``
+    having: str = ""  # attribute or member by which such a group is known
+    order: Callable[[Mapping[str, Any], Any], Any] | None = None  # to sort by: of the fields read before and the member
+    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    required: bool = False  # at least one
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Table:
+    """Dataclasses as the rows of a table, their fields as columns."""
+
+    path: str
+    rows: Counter | None  # None where a column is the axis
+    empty: bool = True  # whether a table without rows is written
+
+
+Declaration = Dataset | PerName | Attribute | Key | Group | Members | Table
+_Class = TypeVar("_Class", bound=type)
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def _field(declaration: Declaration, default: Any, default_factory: Any) -> Any:
+    return dataclasses.field(default=default, default_factory=default_factory, metadata={_DECLARED: declaration})
+
+
+def dataset(
+    unit: str, meaning: str, *, along: Along = (), name: str = "", flags: tuple[str, str] | None = None,
+    imaginary: str = "", phase: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """An array along axes.
+
+    Complex numbers are two datasets, ``…_real`` and ``…_imag``; with `phase`, amplitude and ``…_phase_deg``. Truth
+    values have `flags`, the meanings of false and true.
+    """
+    kept = Dataset(
+        unit=unit, meaning=meaning, along=along, name=name, flags=flags, imaginary=imaginary, phase=phase
+    )  # fmt: skip
+    return _field(kept, default, default_factory)
+
+
+def axis(unit: str, meaning: str, *, name: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED) -> Any:
+    """An array that other datasets are along: a dimension scale."""
+    return _field(Dataset(unit=unit, meaning=meaning, name=name, scale=True), default, default_factory)
+
+
+def per_probe(
+    unit: str, meaning: str, *, along: Along = (), name: str = "", imaginary: str = "", default: Any = _REQUIRED,
+    default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """An array (or a number, which becomes an attribute) for each probe, ``probes/<name>/<field>``."""
+    values = Dataset(unit=unit, meaning=meaning, along=along, name=name, imaginary=imaginary)
+    return _field(PerName(folder="probes", values=values), default, default_factory)
+
+
+def per_snubber(
+    unit: str, meaning: str, *, along: Along = (), name: str = "", default: Any = _REQUIRED,
+    default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """An array (or a number, which becomes an attribute) for each snubber, ``snubbers/<name>/<field>``."""
+    values = Dataset(unit=unit, meaning=meaning, along=along, name=name)
+    return _field(PerName(folder="snubbers", values=values), default, default_factory)
+
+
+def per_name(
+    folder: str, unit: str, meaning: str, *, along: Along = (), name: str = "", default: Any = _REQUIRED,
+    default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """An array for each name in a folder that is neither of probes nor of snubbers."""
+    values = Dataset(unit=unit, meaning=meaning, along=along, name=name)
+    return _field(PerName(folder=folder, values=values), default, default_factory)
+
+
+def attribute(
+    unit: str, meaning: str, *, name: str = "", at: str = "", codec: str = "", null: Any = float("nan"),
+    default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """A number or text that belongs to the group (or to what is at ``at`` in it); ``codec`` as in `Attribute`."""
+    kept = Attribute(unit=unit, meaning=meaning, name=name, at=at, codec=codec, null=null)
+    return _field(kept, default, default_factory)
+
+
+def key(meaning: str) -> Any:
+    """The name or number that the group is called by."""
+    return _field(Key(meaning=meaning), _REQUIRED, _REQUIRED)
+
+
+def group(path: str, *, given: Mapping[str, Any] | None = None, on: str = "", default: Any = _REQUIRED) -> Any:
+    """A dataclass in the group ``path``; ``given`` are fields of it that are not stored, ``on`` as in `Group`."""
+    return _field(Group(path=path, given=given or {}, on=on), default, _REQUIRED)
+
+
+def named(
+    folder: str, *, given: Mapping[str, Any] | None = None, having: str = "", default: Any = _REQUIRED,
+    default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """A dataclass for each name, ``<folder>/<name>`` with the attributes ``name`` and ``index``.
+
+    ``having`` is a dataset that tells which of the groups have such a dataclass, where not all of them do.
+    """
+    return _field(Members(folder=folder, labelled=True, given=given or {}, having=having), default, default_factory)
+
+
+def numbered(
+    folder: str, *, start: int = 0, indexed: bool = False, required: bool = False, default: Any = _REQUIRED
+) -> Any:
+    """A tuple of dataclasses, ``<folder>/<n>`` with n from ``start``; with the attribute ``index`` if ``indexed``."""
+    return _field(Members(folder=folder, start=start, indexed=indexed, required=required), default, _REQUIRED)
+
+
+def keyed(
+    pattern: str = "{}", *, folder: str = "", having: str = "", parts: Callable[[Any], tuple[str, ...]] | None = None,
+    key: Callable[[Any], Any] | None = None, order: Callable[[Mapping[str, Any], Any], Any] | None = None,
+    indexed: bool = False, default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
+) -> Any:  # fmt: skip
+    """Dataclasses in groups named after their keys; for a tuple, after the field that is a `key`. See `Members`."""
+    kept = Members(
+        folder=folder, pattern=pattern, parts=parts, key=key, having=having, order=order, indexed=indexed
+    )  # fmt: skip
+    return _field(kept, default, default_factory)
+
+
+def table(path: str, rows: Counter | None = None, *, empty: bool = True, default: Any = _REQUIRED) -> Any:
+    """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`."""
+    return _field(Table(path=path, rows=rows, empty=empty), default, _REQUIRED)
+
+
+@dataclass_transform(
+    frozen_default=True,
+    field_specifiers=(
+        dataset, axis, per_probe, per_snubber, per_name, attribute, key, group, named, numbered, keyed, table,
+        dataclasses.field,
+    ),
+)  # fmt: skip
+def declared(cls: _Class) -> _Class:
+    """A frozen dataclass whose fields are declared."""
+    return dataclasses.dataclass(frozen=True)(cls)  # type: ignore[return-value]
+
+
+def stored(field: Any) -> Callable[[_Function], _Function]:
+    """Declare a property, which is written and not read: ``@property``, then ``@stored(dataset(...))``."""
+    declaration = field.metadata[_DECLARED]
+
+    def mark(function: _Function) -> _Function:
+        function.__declared__ = declaration  # type: ignore[attr-defined]
+        return function
+
+    return mark
+
+
+class Member(NamedTuple):
+    """One declared field of a class."""
+
+    name: str
+    declaration: Any  # one of `Declaration`
+    annotation: Any  # the type, without None
+    optional: bool  # whether it may be None
+    derived: bool  # whether it is a property, which is not read
+    default: Callable[[], Any] | None
+
+    @property
+    def stored_name(self) -> str:
+        """Name in the file; may hold ``{field}``."""
+        return getattr(self.declaration, "name", "") or self.name
+
+
+@cache
+def members_of(cls: Any) -> tuple[Member, ...]:
+    """The declared fields of a dataclass and its declared properties, in order."""
+    found = []
+    for field in dataclasses.fields(cls):
+        if _DECLARED in field.metadata:
+            annotation, optional = _without_none(_annotation(cls, field.name))
+            found.append(Member(field.name, field.metadata[_DECLARED], annotation, optional, False, _default(field)))
+    for base in reversed(cls.__mro__):
+        for name, value in vars(base).items():
+            declaration = getattr(getattr(value, "fget", None), "__declared__", None)
+            if declaration is not None:
+                found.append(Member(name, declaration, Any, True, True, None))
+    return tuple(found)
+
+
+def _default(field: Any) -> Callable[[], Any] | None:
+    if field.default_factory is not dataclasses.MISSING:
+        return field.default_factory  # type: ignore[no-any-return]
+    return None if field.default is dataclasses.MISSING else lambda: field.default
+
+
+def _annotation(cls: type, name: str) -> Any:
+    owner = next(base for base in cls.__mro__ if name in vars(base).get("__annotations__", {}))
+    text = vars(owner)["__annotations__"][name]
+    return eval(text, vars(sys.modules[owner.__module__])) if isinstance(text, str) else text
+
+
+def _without_none(annotation: Any) -> tuple[Any, bool]:
+    options = (
+        getattr(annotation, "__args__", ()) if type(annotation).__name__ in ("UnionType", "_UnionGenericAlias") else ()
+    )
+    inner = [option for option in options if option is not type(None)]
+    return (inner[0], True) if len(inner) == 1 else (annotation, False)
+
+
+def filled(text: str, names: Sequence[Any]) -> str:
+    """A text with each ``{field}`` replaced by that of the first of ``names`` (objects or mappings) that has it."""
+
+    def value(match: re.Match[str]) -> str:
+        for owner in names:
+            if isinstance(owner, Mapping):
+                if match[1] in owner:
+                    return _spoken(owner[match[1]], match[2])
+            elif hasattr(owner, match[1]):
+                return _spoken(getattr(owner, match[1]), match[2])
+        raise KeyError(f"no field {match[1]} for {text!r}")
+
+    return re.sub(r"\{(\w+)(:words)?\}", value, text) if "{" in text else text
+
+
+def _spoken(value: Any, words: str | None) -> str:
+    return str(value).replace("_", " ") if words else str(value)

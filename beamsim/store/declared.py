@@ -1,0 +1,411 @@
+"""HDF5 from declared fields (`beamsim.fields`): one writer and one reader of every result."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, get_args, get_origin
+
+import h5py
+import numpy as np
+
+from beamsim.fields import Attribute, Counter, Dataset, Group, Key, Member, Members, PerName, Table, filled, members_of
+from beamsim.store.schema import group_name, plain
+
+_TEXT = h5py.string_dtype("utf-8")
+
+
+# --- Writing ---------------------------------------------------------------------------------------------------------
+
+
+def write(group: h5py.Group, value: Any, names: Sequence[Any] = (), *, on: str = "") -> None:
+    """Write the declared fields of ``value`` into ``group``; ``names`` are what contains it, the nearest first.
+
+    ``on`` is the dataset that carries the attributes, where it is not the group.
+    """
+    names = (value, *names)
+    cls: Any = type(value)
+    for member in sorted(members_of(cls), key=_rank):
+        found = getattr(value, member.name)
+        if found is not None:
+            _write_member(group, member, found, names, on)
+
+
+def _rank(member: Member) -> int:
+    """Axes before what is along them, attributes after the datasets that may carry them."""
+    declaration = member.declaration
+    if isinstance(declaration, Dataset) and declaration.scale:
+        return 0
+    return 2 if isinstance(declaration, Attribute) else 1
+
+
+def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence[Any], on: str) -> None:
+    match member.declaration:
+        case Dataset() as declared:
+            _write_array(group, group, member.stored_name, declared, value, names)
+        case Attribute() as declared:
+            at = declared.at or on
+            owner = group[at] if at else group
+            owner.attrs[member.stored_name] = _encoded(value, declared)
+        case PerName(folder=folder, values=declared):
+            for index, (name, item) in enumerate(value.items()):
+                own = _labelled(group, folder, name, index)
+                if np.ndim(item):
+                    _write_array(group, own, declared.name or member.name, declared, item, names)
+                else:
+                    own.attrs[declared.name or member.name] = item
+        case Group() as declared:
+            write(group.require_group(declared.path) if declared.path else group, value, names, on=declared.on)
+        case Members() as declared:
+            _write_members(group, declared, value, names)
+        case Table() as declared:
+            _write_table(group, declared, value, member, names)
+
+
+def _write_members(group: h5py.Group, declared: Members, value: Any, names: Sequence[Any]) -> None:
+    items = list(value.items()) if isinstance(value, Mapping) else [(_key(item), item) for item in value]
+    for index, (key, item) in enumerate(items):
+        if declared.labelled:
+            own = _labelled(group, declared.folder, key, index)
+        else:
+            link = declared.pattern.format(key if key is not None else declared.start + index)
+            parts = declared.parts(item) if declared.parts else (link,)
+            own = group.require_group("/".join([*filter(None, [declared.folder]), *map(group_name, parts)]))
+            if declared.indexed:
+                own.attrs["index"] = index
+        write(own, item, names)
+
+
+def _key(item: Any) -> Any:
+    """What a member of a tuple is called by; None where it is numbered."""
+    name = _key_field(type(item))
+    return getattr(item, name) if name else None
+
+
+def _key_field(cls: type) -> str:
+    return next((m.name for m in members_of(cls) if isinstance(m.declaration, Key)), "")
+
+
+def _labelled(group: h5py.Group, folder: str, name: str, index: int) -> h5py.Group:
+    """The group ``<folder>/<name>`` with its attributes, made if it is missing."""
+    path = f"{folder}/{group_name(name)}" if folder else group_name(name)
+    if path in group:
+        return group[path]
+    own = group.create_group(path)
+    own.attrs.update({"name": name, "index": index})
+    return own
+
+
+def _write_table(group: h5py.Group, declared: Table, rows: Sequence[Any], member: Member, names: Sequence[Any]) -> None:
+    if not rows and not declared.empty:
+        return
+    own = group.require_group(declared.path) if declared.path else group
+    size = len(rows)
+    scale = None if declared.rows is None else _counted(own, declared.rows, size)
+    for column in sorted(members_of(_item_of(member.annotation)), key=_rank):
+        cells = _column([getattr(row, column.name) for row in rows], column)
+        dataset = _put(own, column.stored_name, column.declaration, cells, names)
+        if column.declaration.scale:
+            scale = dataset
+            continue
+        dataset.dims[0].attach_scale(scale)
+        _attach(own, dataset, column.declaration.along, first=1)
+
+
+def _column(values: list[Any], column: Member) -> Any:
+    if column.annotation is str:
+        return np.array(values, dtype=_TEXT)
+    if get_origin(column.annotation) is tuple:
+        return np.array(values, dtype=float).reshape(len(values), -1)
+    return np.array(values, dtype=column.annotation if column.annotation in (int, float, bool) else float)
+
+
+def _write_array(
+    group: h5py.Group, home: h5py.Group, name: str, declared: Dataset, value: Any, names: Sequence[Any]
+) -> None:
+    """Write one dataset into ``home``, or the two of a complex number; axes that only count belong to ``group``."""
+    unit, meaning = declared.unit, declared.meaning
+    if np.iscomplexobj(value) and declared.phase:
+        parts = [(name, np.abs(value), unit, meaning)]
+        parts.append((f"{name}_phase_deg", np.degrees(np.angle(value)), "degree", declared.phase))
+    elif np.iscomplexobj(value):
+        real, imaginary = (meaning, declared.imaginary) if declared.imaginary else (
+            f"{meaning}, real part", f"{meaning}, imaginary part"
+        )  # fmt: skip
+        parts = [(f"{name}_real", value.real, unit, real), (f"{name}_imag", value.imag, unit, imaginary)]
+    else:
+        parts = [(name, value, unit, meaning)]
+    for link, values, units, long_name in parts:
+        dataset = _put(home, link, declared, values, names, units, long_name)
+        if not declared.scale:
+            _attach(group, dataset, declared.along)
+
+
+def _put(
+    group: h5py.Group, name: str, declared: Dataset, value: Any, names: Sequence[Any], unit: str = "", meaning: str = ""
+) -> h5py.Dataset:
+    values = np.asarray(value)
+    if values.dtype.kind == "U":
+        values = np.array(value, dtype=_TEXT)
+    if declared.flags is not None:
+        values = values.astype(np.uint8)
+    dataset = group.create_dataset(filled(name, names), data=values)
+    dataset.attrs["units"] = filled(unit or declared.unit, names)
+    dataset.attrs["long_name"] = filled(meaning or declared.meaning, names)
+    if declared.flags is not None:
+        dataset.attrs["flag_values"] = np.array([0, 1], dtype=np.uint8)
+        dataset.attrs["flag_meanings"] = " ".join(declared.flags)
+    if declared.scale:
+        dataset.make_scale(dataset.name.rpartition("/")[2])
+    return dataset
+
+
+def _attach(group: h5py.Group, dataset: h5py.Dataset, along: Sequence[str | Counter], first: int = 0) -> None:
+    for number, item in enumerate(along, first):
+        scale = _counted(group, item, dataset.shape[number]) if isinstance(item, Counter) else _axis(dataset, item)
+        dataset.dims[number].attach_scale(scale)
+
+
+def _counted(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
+    """The axis of a counter in ``group``, made when it is first needed."""
+    if counter.name in group:
+        return group[counter.name]
+    labels = np.arange(counter.start, counter.start + size) if not counter.labels else counter.labels
+    text = bool(counter.labels) and isinstance(counter.labels[0], str)
+    dataset = group.create_dataset(counter.name, data=np.array(labels, dtype=_TEXT if text else None))
+    dataset.attrs.update({"units": "1", "long_name": counter.meaning})
+    dataset.make_scale(counter.name)
+    return dataset
+
+
+def _axis(dataset: h5py.Dataset, name: str) -> h5py.Dataset:
+    """The nearest axis of a name: in the group of the dataset or one around it."""
+    group = dataset.parent
+    while name not in group or not isinstance(group[name], h5py.Dataset) or not group[name].is_scale:
+        if group.name == "/":
+            raise KeyError(f"{dataset.name} has no axis {name}")
+        group = group.parent
+    return group[name]
+
+
+def _encoded(value: Any, declared: Attribute) -> Any:
+    if declared.codec == "json":
+        return json.dumps(plain(value), ensure_ascii=False)
+    if declared.codec == "scenario":
+        return value.to_yaml()
+    return np.array(value) if isinstance(value, tuple) and value and not isinstance(value[0], str) else value
+
+
+# --- Reading ---------------------------------------------------------------------------------------------------------
+
+
+def read(cls: type, group: h5py.Group, names: Sequence[Any] = (), *, key: Any = None, on: str = "") -> dict[str, Any]:
+    """The declared fields of a ``cls`` as they are in ``group``, by name; ``names`` as in `write`.
+
+    Raises
+    ------
+    KeyError
+        Where one is missing that has no default.
+    """
+    found: dict[str, Any] = {}
+    for member in sorted(members_of(cls), key=_reading_rank):
+        if member.derived:
+            continue
+        if isinstance(member.declaration, Key):
+            found[member.name] = _converted(key, member.annotation)
+            continue
+        try:
+            found[member.name] = _read_member(group, member, (found, *names), on)
+        except _MissingError as missing:
+            if member.optional:
+                found[member.name] = None
+            elif member.default is not None:
+                found[member.name] = member.default()
+            else:
+                raise KeyError(str(missing)) from None
+    return found
+
+
+class _MissingError(Exception):
+    """What a field needs is not in the file."""
+
+
+def _reading_rank(member: Member) -> int:
+    return 0 if isinstance(member.declaration, Attribute) else 1
+
+
+def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], on: str) -> Any:
+    match member.declaration:
+        case Dataset() as declared:
+            return _read_array(group, member, declared, names)
+        case Attribute() as declared:
+            at = declared.at or on
+            owner = group.get(at) if at else group
+            if owner is None or member.stored_name not in owner.attrs:
+                raise _MissingError(f"{group.name}: no {member.stored_name}")
+            return _decoded(owner.attrs[member.stored_name], member, declared)
+        case PerName() as declared:
+            return _read_per_name(group, member, declared, names)
+        case Group() as declared:
+            if (declared.path and declared.path not in group) or (declared.on and declared.on not in group):
+                raise _MissingError(f"{group.name}: no {declared.path or declared.on}")
+            own, around = group[declared.path] if declared.path else group, (declared.given, *names)
+            return member.annotation(**declared.given, **read(member.annotation, own, around, on=declared.on))
+        case Members() as declared:
+            return _read_members(group, member, declared, names)
+        case Table() as declared:
+            return _read_table(group, member, declared)
+    raise TypeError(f"{member.name} is not stored")
+
+
+def _read_per_name(group: h5py.Group, member: Member, declared: PerName, names: Sequence[Any]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    own = member._replace(declaration=declared.values, annotation=_item_of(member.annotation))
+    for place in _ordered(group, declared.folder):
+        if own.annotation in (int, float, bool, str):
+            values[_true_name(place)] = _converted(place.attrs[own.stored_name], own.annotation)
+        else:
+            try:
+                values[_true_name(place)] = _read_array(place, own, declared.values, names)
+            except _MissingError:
+                continue  # what not all of them have
+    return values
+
+
+def _read_members(group: h5py.Group, member: Member, declared: Members, names: Sequence[Any]) -> Any:
+    cls = _item_of(member.annotation)
+    folder = group.get(declared.folder) if declared.folder else group
+    found = []
+    for link, own in _candidates(folder, declared) if folder is not None else ():
+        called = _true_name(own) if declared.labelled else link
+        found.append((called, cls(**declared.given, **read(cls, own, (declared.given, *names), key=called))))
+    if not found and declared.required:
+        raise KeyError(f"{group.name}{declared.folder} is missing")
+    if declared.order is not None:
+        found.sort(key=lambda entry: declared.order(names[0], entry[1]))  # type: ignore[misc]
+    if get_origin(member.annotation) is tuple:
+        return tuple(item for _, item in found)
+    kind = get_args(member.annotation)[0]
+    keys = [declared.key(item) if declared.key else _converted(called, kind) for called, item in found]
+    return dict(zip(keys, (item for _, item in found), strict=True))
+
+
+def _candidates(folder: h5py.Group, declared: Members) -> Iterator[tuple[str, h5py.Group]]:
+    """Members' groups and what the pattern says they are called by, in order."""
+    pattern = re.compile(re.escape(declared.pattern).replace(r"\{\}", "(.+)"))
+    groups = _groups_below(folder) if declared.parts else (g for g in folder.values() if isinstance(g, h5py.Group))
+    found = []
+    for own in groups:
+        link = own.name.rpartition("/")[2]
+        match = pattern.fullmatch(link)
+        if match and (not declared.having or declared.having in own.attrs or declared.having in own):
+            found.append((match[1], own))
+    if declared.labelled or declared.indexed:
+        return iter(sorted(found, key=lambda entry: _index(entry[1])))
+    return iter(sorted(found, key=lambda entry: (int(entry[0]), "") if entry[0].isdigit() else (-1, entry[0])))
+
+
+def _groups_below(group: h5py.Group) -> Iterator[h5py.Group]:
+    for item in group.values():
+        if isinstance(item, h5py.Group):
+            yield item
+            yield from _groups_below(item)
+
+
+def _ordered(group: h5py.Group, folder: str) -> list[h5py.Group]:
+    """The groups of a folder in the order of their indices."""
+    own = group.get(folder, {}) if folder else group
+    return sorted((item for item in own.values() if isinstance(item, h5py.Group)), key=_index)
+
+
+def _index(group: h5py.Group) -> int:
+    """The number that orders a group among its like; that of the first group in it where it has none."""
+    if "index" in group.attrs:
+        return int(group.attrs["index"])
+    return min((_index(item) for item in group.values() if isinstance(item, h5py.Group)), default=0)
+
+
+def _true_name(group: h5py.Group) -> str:
+    """The name a group is called by, which its link may spell differently."""
+    if "name" in group.attrs:
+        return str(group.attrs["name"])
+    inner = [item for item in group.values() if isinstance(item, h5py.Group) and "name" in item.attrs]
+    return str(inner[0].attrs["name"]) if inner else str(group.name.rpartition("/")[2])
+
+
+def _read_table(group: h5py.Group, member: Member, declared: Table) -> tuple[Any, ...]:
+    cls = _item_of(member.annotation)
+    if declared.path and declared.path not in group:
+        if declared.empty:
+            raise _MissingError(f"{group.name}: no {declared.path}")
+        return ()
+    own = group[declared.path] if declared.path else group
+    columns = {}
+    for column in members_of(cls):
+        if not column.derived:
+            dataset = own.get(column.stored_name)
+            if dataset is None and column.default is not None:
+                continue  # not in files written before the field was added
+            if dataset is None:
+                raise KeyError(f"{own.name}/{column.stored_name} is missing")
+            values = _words(dataset) if _is_text(dataset) else dataset[()].tolist()
+            columns[column.name] = [_converted(value, column.annotation) for value in values]
+    return tuple(cls(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+
+
+def _read_array(group: h5py.Group, member: Member, declared: Dataset, names: Sequence[Any]) -> Any:
+    name = filled(member.stored_name, names)
+    if f"{name}_real" in group:
+        return np.asarray(group[f"{name}_real"][()] + 1j * group[f"{name}_imag"][()])
+    if name not in group:
+        raise _MissingError(f"{group.name}: no {name}")
+    dataset = group[name]
+    if declared.phase:
+        return np.asarray(dataset[()] * np.exp(1j * np.radians(group[f"{name}_phase_deg"][()])))
+    if _is_text(dataset):
+        return tuple(_words(dataset))
+    values = dataset[()]
+    if np.ndim(values) == 0 or get_origin(member.annotation) is tuple:
+        return _converted(values, member.annotation)
+    return values.astype(bool) if declared.flags is not None else values
+
+
+def _decoded(value: Any, member: Member, declared: Attribute) -> Any:
+    if declared.codec == "json":
+        return _converted(json.loads(value), member.annotation, declared.null)
+    if declared.codec == "scenario":
+        from beamsim.scenario import load_scenario
+
+        return load_scenario(str(value))
+    return _converted(value, member.annotation)
+
+
+def _converted(value: Any, annotation: Any, null: Any = math.nan) -> Any:
+    """A value from a file as its annotation has it."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is tuple:
+        kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else inner
+        return tuple(_converted(item, kind, null) for item, kind in zip(value, kinds, strict=True))
+    if isinstance(value, Mapping):
+        return {key: _converted(item, inner[1], null) for key, item in value.items()}
+    if value is None:
+        return null
+    if annotation in (str, int, float, bool):
+        return annotation(value)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _is_text(dataset: h5py.Dataset) -> bool:
+    return h5py.check_string_dtype(dataset.dtype) is not None
+
+
+def _words(dataset: h5py.Dataset) -> list[str]:
+    return [str(text) for text in dataset.asstr()[()]]
+
+
+def _item_of(annotation: Any) -> Any:
+    """Class of the members of a tuple or a dict."""
+    arguments = get_args(annotation)
+    return arguments[1] if get_origin(annotation) is dict else arguments[0]

@@ -1,0 +1,110 @@
+"""Result files of earlier versions still open, and are written again just as they were."""
+
+import gzip
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import beamsim
+
+FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
+WRITERS = {
+    "run": beamsim.write_run,
+    "sweep": beamsim.write_sweep,
+    "continuation": beamsim.write_frequency_response,
+    "designs": beamsim.write_designs,
+    "identify-stiffness": beamsim.write_identification,
+    "nnm": beamsim.write_nnm,
+    "compare": beamsim.write_comparison,
+}
+OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
+# What may differ: the scenario's text has the form of the version that writes it.
+UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
+# Long names that were reworded: path's end -> text in the files of today.
+REWORDED = {}
+
+
+def described(path):
+    """Everything a file says: attributes of groups, and of datasets also their values, types and axes."""
+    told = {}
+
+    def note(name, item):
+        name = f"/{name}".rstrip("/") or "/"
+        for key, value in item.attrs.items():
+            if key not in OF_HDF5 and (name, key) not in UNLIKE:
+                told[f"{name}@{key}"] = sorted(value.split()) if key == "json_encoded" else np.asarray(value).tolist()
+        if isinstance(item, h5py.Dataset):
+            text = h5py.check_string_dtype(item.dtype) is not None
+            told[name] = np.asarray(item.asstr()[()] if text else item[()])
+            axes = [[scale.name for scale in dimension.values()] for dimension in item.dims]
+            told[f"{name} axes"] = item.is_scale, axes
+
+    with h5py.File(path) as file:
+        note("", file)
+        file.visititems(note)
+    return told
+
+
+def unpacked(packed, folder):
+    path = folder / packed.name.removesuffix(".gz")
+    path.write_bytes(gzip.decompress(packed.read_bytes()))
+    return path
+
+
+@pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
+def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
+    from beamsim.store.stored import kind_of
+
+    earlier = unpacked(packed, tmp_path)
+    again = WRITERS[kind_of(earlier)](beamsim.open_result(earlier), tmp_path / "again.h5")
+    old, new = described(earlier), described(again)
+    assert set(old) == set(new)
+    for name, value in old.items():
+        if name.endswith("@long_name") and value != new[name]:
+            assert REWORDED.get(value) == new[name], name
+        elif isinstance(value, np.ndarray) and value.dtype != object:
+            assert value.dtype == new[name].dtype, name
+            round_off = 1e-11 if name.endswith(("_db", "_deg")) else 0.0  # of what is worked out again
+            np.testing.assert_allclose(new[name], value, rtol=1e-13, atol=round_off, err_msg=name)
+        else:
+            np.testing.assert_equal(new[name], value, name)
+
+
+def test_there_is_a_file_of_every_kind(tmp_path):
+    from beamsim.store.stored import KINDS, kind_of
+
+    assert {kind_of(unpacked(packed, tmp_path)) for packed in FILES} == set(KINDS)
+    assert max(path.stat().st_size for path in FILES) < 100_000
+
+
+def test_a_difference_is_seen(tmp_path):
+    """The comparison fails where a unit, an axis, an attribute or a value is another."""
+    path = unpacked(FILES[-1], tmp_path)
+    before = described(path)
+
+    def changed(change):
+        other = unpacked(FILES[-1], tmp_path)
+        with h5py.File(other, "a") as file:
+            change(file)
+        after = described(other)
+        return [name for name in before if not np.array_equal(before[name], after[name])]
+
+    name = next(name for name, value in before.items() if isinstance(value, np.ndarray) and value.dtype.kind == "f")
+    assert f"{name}@units" in changed(lambda file: file[name].attrs.modify("units", "furlong"))
+    assert name in changed(lambda file: file[name].write_direct(np.full(file[name].shape, 7.0)))
+    axes = next(name for name, value in before.items() if name.endswith(" axes") and value[1] and value[1][0])
+
+    def detach(file):
+        dimension = file[axes.removesuffix(" axes")].dims[0]
+        dimension.detach_scale(dimension[0])
+
+    assert axes in [n for n in before if str(before[n]) != str(described_after(tmp_path, detach)[n])]
+
+
+def described_after(tmp_path, change):
+    other = unpacked(FILES[-1], tmp_path)
+    with h5py.File(other, "a") as file:
+        change(file)
+    return described(other)
