@@ -1,4 +1,8 @@
-"""The command line: load, call, save, print."""
+"""The command line: load, call, save, print.
+
+Never here: computing, drawing, opening files.
+Begin with `app`, the commands; `failures` has the exit codes.
+"""
 
 from __future__ import annotations
 

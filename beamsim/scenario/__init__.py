@@ -1,5 +1,8 @@
 """Scenarios: the YAML a user writes, checked, in SI units, with located errors.
 
+Never here: numerics, apart from the units and what a default needs.
+Begin with `scenario`, the whole, and `loading`; every section has a module of its own.
+
 >>> from beamsim.scenario import load_scenario
 >>> scenario = load_scenario('''
 ... chain: {masses: [1, 1], springs: [1, 1, 1]}

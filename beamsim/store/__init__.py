@@ -1,1 +1,5 @@
-"""Result files: the HDF5 layout, writing, reading, export to other formats."""
+"""Result files: the HDF5 layout, writing, reading, export to other formats.
+
+Never here: physics; a file holds what a result holds.
+Begin with `schema`, the layout, then `write` and `read`.
+"""
