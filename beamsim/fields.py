@@ -9,7 +9,7 @@ A result is a frozen dataclass made with `declared`; each of its fields is given
         displacement: Floats = dataset("m", "displacement relative to the base", along=("time",))
 
     @declared
-    class RunResult(Outcome):
+    class RunResult(Result):
         time: Floats = axis("s", "time")
         probes: dict[str, ProbeHistory] = named("probes")
 

@@ -49,7 +49,6 @@ class OutcomeCode(Enum):
     BACK_TO_PERIOD = OutcomeKind.COMPLETE, "back to period {multiple}", ""
     BACK_TO_BRAKE_ORBITS = OutcomeKind.COMPLETE, "came back to brake orbits", ""
     ENERGY_TRANSFERRED = OutcomeKind.COMPLETE, "the energy has been transferred to the other mode", ""
-    CONVERGED = OutcomeKind.COMPLETE, "converged", ""
 
     # a branch of periodic orbits
     NOT_BEGUN = OutcomeKind.STOPPED, "not begun", ""
@@ -149,7 +148,7 @@ class OutcomeCode(Enum):
     )
     STEPPED_OVER = (
         OutcomeKind.STOPPED,
-        "one step of 1 % from {before:.6g} to {after:.6g} N/m stepped over the tolerance of {tolerance:.6%} of the "
+        "one step of 1 % from {before:.6g} to {after:.6g} N/m stepped over the tolerance of {percent:g} % of the "
         "frequency",
         "widen identify_stiffness.tolerance, or use method: secular",
     )

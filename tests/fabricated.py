@@ -18,6 +18,7 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.run.spectrum import spectrum
+from beamsim.outcomes import COMPLETE, Outcome
 
 YAML = """\
 title: Fabricated, 65 Hz
@@ -45,7 +46,7 @@ def fabricate(
     probes: tuple[str, ...] = ("tip", "middle"),
     chain: bool = False,
     frequency: float = 65.0,
-    status: str = "complete",
+    outcome: Outcome = COMPLETE,
     rate: float = 10_000.0,
     duration: float = 0.4,
 ) -> RunResult:
@@ -112,7 +113,7 @@ def fabricate(
         "kept_modes": 2,
         "static_vectors": len(snubbers),
         "reduction_error": 1e-5,
-        "status": status,
+        "status": outcome.text,
         "method": "exact",
         "linear": None if not snubbers else False,
     }  # fmt: skip
@@ -121,7 +122,7 @@ def fabricate(
     return RunResult(
         scenario=FabricatedScenario(),  # type: ignore[arg-type]
         method="exact",
-        status=status,
+        outcome=outcome,
         time=time,
         probes=histories,
         snubbers=stops,

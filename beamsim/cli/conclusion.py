@@ -10,24 +10,24 @@ from beamsim.cli.failures import say
 from beamsim.errors import LimitExceededError, NotTrustedError, Problem, ScenarioError
 
 if TYPE_CHECKING:
-    from beamsim.analyses.outcome import Outcome
+    from beamsim.analyses.result import Result
     from beamsim.cli.interruption import Interruption
     from beamsim.scenario import Scenario
 
-Result = TypeVar("Result", bound="Outcome", contravariant=True)
+ResultT = TypeVar("ResultT", bound="Result", contravariant=True)
 
 
-class Printer(Protocol[Result]):
+class Printer(Protocol[ResultT]):
     """Prints a result and the files it left, as JSON or as a table."""
 
-    def __call__(self, result: Result, files: Sequence[Path], /, *, as_json: bool) -> None:
+    def __call__(self, result: ResultT, files: Sequence[Path], /, *, as_json: bool) -> None:
         """Print it."""
 
 
 def conclude(
-    result: Result,
+    result: ResultT,
     files: Sequence[Path],
-    show: Printer[Result],
+    show: Printer[ResultT],
     *,
     json: bool,
     quiet: bool,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
@@ -35,7 +35,7 @@ def print_result(
     print_table(title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
 
 
-def print_outcome(result: Outcome, rows: Iterable[Row], files: Sequence[Path], *, as_json: bool, **more: Any) -> None:
+def print_outcome(result: Result, rows: Iterable[Row], files: Sequence[Path], *, as_json: bool, **more: Any) -> None:
     """Print the result of a command: its summary and ``more`` as JSON, or its table with the files written below."""
     about = {"status": result.status, "warnings": list(result.warnings)}
     summary = {**about, **result.summary, **more, "wall_time_s": result.wall_time_s}

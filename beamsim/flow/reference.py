@@ -15,6 +15,7 @@ import numpy as np
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 
 
@@ -36,7 +37,7 @@ class ReferenceTrajectory:
     evaluations: int  # of the right-hand side
     restarts: int
     end: float
-    status: str
+    outcome: Outcome
     processor_time_s: float
 
     def sample(self, output_of: Callable[[Bools], LinearOutput]) -> Floats:
@@ -91,7 +92,7 @@ def integrate(
     breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
     Y = np.empty((times.size, 2 * n + m + 2))
     C = np.zeros((times.size, m), dtype=bool)
-    done, t, restarts, status = 0, 0.0, 0, "complete"
+    done, t, restarts, outcome = 0, 0.0, 0, COMPLETE
     ev_time: list[float] = []
     ev_contact: list[int] = []
     ev_closing: list[bool] = []
@@ -104,7 +105,10 @@ def integrate(
         )  # fmt: skip
         restarts += 1
         if solution.status < 0:
-            status = f"the {integrator} integrator gave up at {solution.t[-1]:.6g} s: {solution.message}"
+            outcome = Outcome.of(
+                OutcomeCode.INTEGRATOR_FAILED,
+                integrator=integrator, time=float(solution.t[-1]), reason=str(solution.message),
+            )  # fmt: skip
         end = float(solution.t[-1])
         last = int(np.searchsorted(times, end, side="right" if end >= duration else "left"))
         if last > done:
@@ -123,10 +127,10 @@ def integrate(
             ev_contact.append(hit)
             ev_closing.append(bool(closed[hit]))
             if len(ev_time) > max_events:
-                status = f"stopped at {t:.6g} s after {len(ev_time)} contact events"
+                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=t, events=len(ev_time))
         if progress is not None:
             progress(t / duration)
-        if t >= duration or status != "complete":
+        if t >= duration or not outcome.complete:
             break
     return ReferenceTrajectory(
         flow,
@@ -143,7 +147,7 @@ def integrate(
         right_hand_side.count,
         restarts,
         t,
-        status,
+        outcome,
         clock.process_time() - begin,
     )
 

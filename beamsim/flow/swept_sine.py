@@ -14,6 +14,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -188,7 +189,7 @@ class CycleRecord:
     events: int
     segments: int
     evaluations: int
-    status: str
+    outcome: Outcome
     processor_time_s: float
     log: SegmentLog | None = None
 
@@ -264,7 +265,7 @@ def sweep(
     tables, inputs, forced, kept = flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output_of)
     k, x, contact = 0, 0.0, -1
     segments = events = evaluations = 0
-    status = "complete"
+    outcome = COMPLETE
     logs: list[tuple[NDArray[np.generic], ...]] = []
     happened: list[tuple[NDArray[np.generic], ...]] = []
     while k < windows.count:
@@ -294,10 +295,12 @@ def sweep(
             logs.append(tuple(a[:n_seg] for a in seg))
             happened.append(tuple(a[:n_ev] for a in ev))
         if code == BUDGET:
-            status = f"stopped at {windows.start[k] + x:.6g} s after {evaluations} evaluations of the contact gaps"
+            outcome = Outcome.of(
+                OutcomeCode.EVALUATION_LIMIT, time=float(windows.start[k] + x), evaluations=evaluations
+            )
             break
         if events > max_events:
-            status = f"stopped at {windows.start[k] + x:.6g} s after {events} contact events"
+            outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=float(windows.start[k] + x), events=events)
             break
         if progress is not None:
             progress(k / windows.count)
@@ -323,7 +326,7 @@ def sweep(
         events=events,
         segments=segments,
         evaluations=evaluations,
-        status=status,
+        outcome=outcome,
         processor_time_s=clock.process_time() - begin,
         log=log,
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
+from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Floats, Ints
 
 PEAK_TOLERANCE = 1e-10  # relative distance within which two peaks of an output are not told apart
@@ -35,7 +36,7 @@ class Trajectory:
     final_y: Floats  # (2n,)
     final_face: Floats  # (m,)
     evaluations: int
-    status: str
+    outcome: Outcome
     processor_time_s: float
 
     def _segments(self) -> tuple[Floats, Ints, Ints, Floats, Floats]:

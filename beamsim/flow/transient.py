@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats
 
@@ -30,7 +31,7 @@ def simulate(
 
     Contacts are found by the certified march of :mod:`beamsim.flow.kernels`. The work is bounded: a motion
     with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
-    with a status that says so.
+    with an outcome that says so.
 
     Returns
     -------
@@ -48,7 +49,7 @@ def simulate(
     state = flow.state_index(closed)
     logs: list[tuple[NDArray[np.generic], ...]] = []
     events: list[tuple[NDArray[np.generic], ...]] = []
-    t, n_events, evaluations, status = 0.0, 0, 0, "complete"
+    t, n_events, evaluations, outcome = 0.0, 0, 0, COMPLETE
     length, contact = 64, -1
     while t < duration:
         length = min(length, max_events + 1 - n_events)
@@ -60,14 +61,10 @@ def simulate(
         events.append(ev)
         n_events += ev[0].size
         if code == kernels.BUDGET:
-            status = (
-                f"stopped at {t:.6g} s after {evaluations} evaluations of the contact gaps without reaching the end"
-            )
+            outcome = Outcome.of(OutcomeCode.EVALUATION_LIMIT, time=t, evaluations=evaluations)
             break
         if n_events > max_events:
-            status = (
-                f"stopped at {t:.6g} s after {n_events} contact events (the limit is run.max_events = {max_events})"
-            )
+            outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=t, events=n_events)
             break
         if progress is not None:
             progress(t / duration)
@@ -78,7 +75,7 @@ def simulate(
         logs.append((np.zeros(1), np.zeros(1), one + state, one, y[None, :].copy(), face[None, :].copy()))
     merged = [np.concatenate(column) for column in zip(*logs, strict=True)]
     happened = [np.concatenate(column) for column in zip(*events, strict=True)]
-    return Trajectory(flow, t, *merged, *happened, y, face, evaluations, status, processor)  # type: ignore[call-arg, arg-type]
+    return Trajectory(flow, t, *merged, *happened, y, face, evaluations, outcome, processor)  # type: ignore[call-arg, arg-type]
 
 
 def _advance(

@@ -19,8 +19,10 @@ import numpy as np
 
 from beamsim.analyses.designs.result import CaseFailure, Coordinate, DesignsResult, Response
 from beamsim.files import replacing
+from beamsim.outcomes import Outcome
 from beamsim.store import schema
 from beamsim.store.datasets import put, texts, words
+from beamsim.store.outcomes import outcome_of_text
 from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
@@ -47,7 +49,8 @@ def write_designs(result: DesignsResult, path: Path | str) -> Path:
                 "responses": json.dumps(list(result.responses), ensure_ascii=False),
                 "limits": json.dumps(dict(result.limits)),
                 "failures": json.dumps(
-                    [[f.case, list(f.values), f.reason] for f in result.failures], ensure_ascii=False
+                    [[f.case, list(f.values), f.outcome.text, f.outcome.as_dict()] for f in result.failures],
+                    ensure_ascii=False,
                 ),
                 "fingerprint": result.fingerprint,
             }
@@ -167,9 +170,14 @@ def _fields(file: h5py.File) -> dict[str, Any]:
         "responses": {name: _read_response(group[_link(name)]) for name in json.loads(group.attrs["responses"])},
         "margins": {item.attrs["name"]: _read_response(item) for item in margins},
         "limits": json.loads(group.attrs["limits"]),
-        "failures": tuple(CaseFailure(case, tuple(v), why) for case, v, why in json.loads(group.attrs["failures"])),
+        "failures": tuple(_failure(*item) for item in json.loads(group.attrs["failures"])),
         "fingerprint": group.attrs["fingerprint"],
     }
+
+
+def _failure(case: int, values: list[Any], text: str, outcome: dict[str, Any] | None = None) -> CaseFailure:
+    """A case without responses; older files have no more than the text."""
+    return CaseFailure(case, tuple(values), outcome_of_text(text) if outcome is None else Outcome.from_dict(outcome))
 
 
 def _link(name: str) -> str:

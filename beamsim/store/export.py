@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
 from beamsim.store.csv_folder import CsvFolder, flat, header
@@ -154,7 +154,7 @@ def _struct(group: h5py.Group) -> dict[str, Any]:
     return struct
 
 
-class _Header(LazyScenario, Outcome):
+class _Header(LazyScenario, Result):
     """What every result file says of itself."""
 
 

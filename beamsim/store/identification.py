@@ -29,6 +29,7 @@ from beamsim.analyses.identify.result import (
 )
 from beamsim.store import schema
 from beamsim.store.datasets import native, put, texts, words
+from beamsim.store.outcomes import outcome_attributes, read_outcome
 from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 from beamsim.typing import Floats
@@ -100,11 +101,12 @@ def _write_stiffness(file: h5py.File, result: IdentificationResult) -> None:
         return
     dataset = put(file, _STIFFNESS, estimate.stiffness)
     numbers = (
-        "snubber", "method", "status", "residual", "standard_deviation", "total_standard_deviation", "coverage",
+        "snubber", "method", "residual", "standard_deviation", "total_standard_deviation", "coverage",
         "monte_carlo_standard_deviation", "monte_carlo_samples", "monte_carlo_unreachable", "uncertainty_from",
         "eigenvalue_solutions",
     )  # fmt: skip
     dataset.attrs.update({name: getattr(estimate, name) for name in numbers})
+    dataset.attrs.update(outcome_attributes(estimate.outcome))
     for name in ("interval", "interval_first_order", "monte_carlo_interval", "individual", "reach_hz", "condition"):
         dataset.attrs[name] = np.asarray(getattr(estimate, name), dtype=float)
     dataset.attrs["fit_to"] = np.array(estimate.fit_to)
@@ -175,9 +177,10 @@ def _write_nonlinear(file: h5py.File, result: IdentificationResult) -> None:
     _write_parameters(group, found.parameters, found.correlation)
     numbers = (
         "misfit_before", "misfit", "degrees_of_freedom", "starts", "starts_agreeing", "responses", "processor_time_s",
-        "coverage", "status",
+        "coverage",
     )  # fmt: skip
     group.attrs.update({name: getattr(found, name) for name in numbers})
+    group.attrs.update(outcome_attributes(found.outcome))
     group.attrs["warnings"] = json.dumps(list(found.warnings), ensure_ascii=False)
     for i, profile in enumerate(found.profiles, 1):
         _write_profile(group.create_group(f"profiles/{i}"), profile)
@@ -260,11 +263,12 @@ def _read_stiffness(file: h5py.File) -> StiffnessEstimate | None:
         return None
     dataset = file["stiffness"]
     numbers = native(
-        dataset, "snubber", "method", "status", "residual", "standard_deviation", "total_standard_deviation",
+        dataset, "snubber", "method", "residual", "standard_deviation", "total_standard_deviation",
         "coverage", "monte_carlo_standard_deviation", "monte_carlo_samples", "monte_carlo_unreachable",
         "uncertainty_from", "eigenvalue_solutions",
     )  # fmt: skip
     return StiffnessEstimate(
+        outcome=read_outcome(dataset.attrs),
         stiffness=float(dataset[()]),
         fit_to=tuple(int(mode) for mode in dataset.attrs["fit_to"]),
         individual=dataset.attrs["individual"],
@@ -332,6 +336,7 @@ def _read_nonlinear(file: h5py.File) -> NonlinearEstimate | None:
     group = file["nonlinear"]
     tests = [item for _, item in sorted(group["tests"].items(), key=lambda item: int(item[0]))]
     return NonlinearEstimate(
+        outcome=read_outcome(group.attrs),
         parameters=_read_parameters(group),
         correlation=group["correlation"][()],
         tests=tuple(_read_test(item) for item in tests),
@@ -339,7 +344,7 @@ def _read_nonlinear(file: h5py.File) -> NonlinearEstimate | None:
         warnings=tuple(json.loads(group.attrs["warnings"])),
         **native(
             group, "misfit_before", "misfit", "degrees_of_freedom", "starts", "starts_agreeing", "responses",
-            "processor_time_s", "coverage", "status",
+            "processor_time_s", "coverage",
         ),
     )  # fmt: skip
 

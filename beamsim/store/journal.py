@@ -12,15 +12,15 @@ import os
 import time as clock
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import IO
 
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
+from beamsim.outcomes import Outcome
 
-VERSION = 1
+VERSION = 2
 SYNCED_EVERY_S = 5.0  # a crash of the whole machine costs at most the cases of this time
 
 
@@ -94,7 +94,7 @@ class Journal:
 
 
 def _line(outcome: CaseOutcome) -> str:
-    return json.dumps(asdict(outcome), ensure_ascii=False) + "\n"
+    return json.dumps({**vars(outcome), "outcome": outcome.outcome.as_dict()}, ensure_ascii=False) + "\n"
 
 
 def _read(path: Path) -> tuple[str, tuple[CaseOutcome, ...]] | None:
@@ -112,8 +112,9 @@ def _read(path: Path) -> tuple[str, tuple[CaseOutcome, ...]] | None:
     outcomes: dict[int, CaseOutcome] = {}
     for line in lines[1:]:
         try:
-            outcome = CaseOutcome(**json.loads(line))
-        except (TypeError, ValueError):
+            case = json.loads(line)
+            outcome = CaseOutcome(**{**case, "outcome": Outcome.from_dict(case["outcome"])})
+        except (KeyError, TypeError, ValueError):
             break
         outcomes[outcome.index] = outcome
     return str(header["fingerprint"]), tuple(outcomes.values())

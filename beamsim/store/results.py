@@ -10,11 +10,11 @@ from beamsim.store import declared
 from beamsim.store.stored import KINDS, LazyScenario, creating, reading, root_fields, write_root
 
 if TYPE_CHECKING:
-    from beamsim.analyses.outcome import Outcome
+    from beamsim.analyses.result import Result
     from beamsim.analyses.run.result import RunResult
 
 
-def write_result(result: Outcome, path: Path | str, command: str) -> Path:
+def write_result(result: Result, path: Path | str, command: str) -> Path:
     """Write a result to ``path``; an existing file is replaced only when the new one is complete.
 
     Raises

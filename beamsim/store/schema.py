@@ -34,6 +34,8 @@ ROOT_ATTRIBUTES = (
     "title",
     "method",
     "status",
+    "outcome",  # code of the status
+    "outcome_numbers",  # JSON object, the numbers that belong to it
     "created",
     "wall_time_s",
     "warnings",  # JSON list

@@ -30,9 +30,10 @@ import h5py
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.store import schema
+from beamsim.store.outcomes import outcome_attributes, read_outcome
 
 if TYPE_CHECKING:
-    from beamsim.analyses.outcome import Outcome
+    from beamsim.analyses.result import Result
     from beamsim.scenario import Scenario
 
 
@@ -155,7 +156,7 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
                 raise sink.error
 
 
-def write_root(file: h5py.File, result: Outcome, command: str, **more: Any) -> None:
+def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> None:
     """Write what every result file carries, the summary included, and the attributes `more`."""
     from beamsim.version import __version__
 
@@ -166,7 +167,7 @@ def write_root(file: h5py.File, result: Outcome, command: str, **more: Any) -> N
             "command": command,
             "scenario": result.scenario.to_yaml(),
             "title": result.title,
-            "status": result.status,
+            **outcome_attributes(result.outcome),
             "created": result.created,
             "wall_time_s": result.wall_time_s,
             "warnings": json.dumps(list(result.warnings), ensure_ascii=False),
@@ -184,7 +185,7 @@ def root_fields(file: h5py.File) -> dict[str, Any]:
         "scenario_yaml": str(attributes["scenario"]),
         "beamsim_version": str(attributes["beamsim_version"]),
         "_title": str(attributes["title"]),
-        "status": str(attributes["status"]),
+        "outcome": read_outcome(attributes),
         "created": str(attributes["created"]),
         "wall_time_s": float(attributes["wall_time_s"]),
         "warnings": tuple(json.loads(attributes["warnings"])),

@@ -29,6 +29,7 @@ from beamsim.analyses.sweep.result import (
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
 from beamsim.store.datasets import named_group, native, ordered, put, read_modes, texts, words, write_modes
+from beamsim.store.outcomes import outcome_attributes, read_outcome
 from beamsim.store.schema import Field
 from beamsim.store.stored import LazyScenario, creating, reading, root_fields, write_root
 
@@ -97,7 +98,8 @@ def write_sweep(result: SweepResult, path: Path | str) -> Path:
         _write_peaks(file.create_group("peaks"), result)
         for index, level in result.levels.items():
             group = file.create_group(f"level_{index}")
-            group.attrs.update({"level": level.level, "status": level.status, "truncation": level.truncation})
+            group.attrs.update({"level": level.level, "truncation": level.truncation})
+            group.attrs.update(outcome_attributes(level.outcome))
             group.attrs.update(vars(level.work))
             if index in result.histories:
                 _write_history(group, result.histories[index])
@@ -219,7 +221,7 @@ def _fields(file: h5py.File) -> dict[str, Any]:
             index = int(name.removeprefix("level_"))
             a = native(group)
             work = SweepWork(**{key: a[key] for key in SweepWork.__dataclass_fields__})
-            levels[index] = LevelWork(a["level"], a["status"], a["truncation"], work)
+            levels[index] = LevelWork(a["level"], read_outcome(a), a["truncation"], work)
             if "time" in group:
                 histories[index] = _read_history(group)
     return {

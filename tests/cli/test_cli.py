@@ -14,6 +14,7 @@ import beamsim
 from beamsim.cli.app import app
 from beamsim.cli.failures import verdict
 from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import template
 from beamsim.store.results import write_run
 
@@ -239,7 +240,9 @@ def test_place_that_cannot_be_written_is_found_before_computing(call, here, solv
 
 
 def test_partial_result_is_saved_and_ends_with_3(call, here, solved, fabricated_run):
-    solved.result = fabricated_run(status="stopped at t = 0.2 s: more than max_events events")
+    solved.result = fabricated_run(
+        outcome=Outcome.of(OutcomeCode.EVENT_LIMIT, time=0.2, events=9, limit="run.max_events")
+    )
     done = call("run", "case.yaml", "--no-plots")
     assert done.exit_code == 3
     assert "max_events" in done.stderr

@@ -10,6 +10,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import integrate
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
+from beamsim.outcomes import OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 
@@ -149,7 +150,7 @@ def test_long_grazing_ends(make_system):
     system = make_system([1.0], [0.5], constant_load=[-1.0], shape=[[1.0]], stiffness=[10.0], gap=[1.0])
     flow = ExactFlow(system, Forcing(np.ones((1, 1)), (Signal.harmonic(1e-14, 3.0),)), 100.0)
     trajectory = simulate(flow, np.array([-1.0, 0.0]))
-    assert trajectory.status == "complete"
+    assert trajectory.outcome.complete
     assert trajectory.event_time.size < 200
     assert trajectory.evaluations < 20_000
 
@@ -158,11 +159,11 @@ def test_work_is_bounded_and_reported(make_system, no_forcing):
     system = make_system([0.0], [0.0], constant_load=[-9.81], shape=[[1.0]], stiffness=[1e9], dashpot=[1e3])
     flow = ExactFlow(system, no_forcing(1), 1000.0)
     trajectory = simulate(flow, np.array([0.1, 0.0]), max_events=50)
-    assert "max_events" in trajectory.status
+    assert trajectory.outcome.code is OutcomeCode.EVENT_LIMIT
     assert 0 < trajectory.end < 1000.0
     assert trajectory.event_time.size == 51
     limited = simulate(flow, np.array([0.1, 0.0]), max_evaluations=100)
-    assert "evaluations" in limited.status
+    assert limited.outcome.code is OutcomeCode.EVALUATION_LIMIT
 
 
 @settings(max_examples=25, deadline=None)

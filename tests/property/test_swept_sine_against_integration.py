@@ -10,6 +10,7 @@ from beamsim.flow.swept_sine import SweptFlow, sweep
 from beamsim.flow.transient import simulate
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import Leg, cut_into_windows, swept_signals
+from beamsim.outcomes import OutcomeCode
 from beamsim.system.equations import Forcing
 
 
@@ -144,7 +145,7 @@ def test_random_structure(make_system, case, rigid):
         lambda t: (windows.evaluate(displacement, t), windows.evaluate(velocity, t)) if on_ground else (0.0, 0.0),
         start, windows.duration, windows.start if on_ground else np.zeros(0), times,
     )  # fmt: skip
-    assert record.status == "complete"
+    assert record.outcome.complete
     assert record.events == events
     assert events > 1 or rigid
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
@@ -314,6 +315,6 @@ def test_work_is_bounded(make_system):
     windows = cut_into_windows([Leg(0.1, 0.4, 0.05, True)], Profile.constant(0.0))
     flow = flow_of(system, np.array([1.0]), windows)
     record = sweep(flow, np.array([0.1, 0.0]), nothing(flow), max_evaluations=200)
-    assert "evaluations" in record.status
+    assert record.outcome.code is OutcomeCode.EVALUATION_LIMIT
     assert 0 < record.end < windows.duration
     assert record.reached < windows.cycles

@@ -7,6 +7,7 @@ import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.contacts.contact_point import snubber_point
+from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 
 CASE = Path(__file__).parents[2] / "configs" / "identify_snubber.yaml"
@@ -47,10 +48,10 @@ def test_the_thesis_loop_takes_a_hundred_times_the_eigenvalue_solutions():
 def test_a_step_of_the_loop_can_jump_over_a_narrow_tolerance():
     result = identify_stiffness(case(method="thesis", tolerance=1e-6))
     assert not result.complete
-    assert "jumped over the tolerance" in result.status
+    assert result.outcome.code is OutcomeCode.STEPPED_OVER
     assert result.estimate.stiffness > 0
     capped = identify_stiffness(case(method="thesis", most_solutions=50))
-    assert "50 eigenvalue solutions were not enough" in capped.status
+    assert (capped.outcome.code, capped.outcome.numbers["solutions"]) == (OutcomeCode.SOLUTION_LIMIT, 50)
 
 
 def test_the_printed_stiffness_lacks_a_factor_of_the_length():

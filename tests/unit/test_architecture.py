@@ -60,27 +60,19 @@ KNOWN_STRUCTURE_TESTS: set[str] = {
     "beamsim.system.contact_change",
 }
 KNOWN_STATUS_COMPARISONS: set[str] = {
-    "beamsim.analyses.designs.cases",
-    "beamsim.analyses.identify.analysis",
     "beamsim.analyses.nnm.analysis",
     "beamsim.analyses.nnm.full_period",
     "beamsim.analyses.nnm.paths",
     "beamsim.analyses.nnm.phase_resonance",
     "beamsim.analyses.nnm.result",
-    "beamsim.analyses.outcome",
     "beamsim.analyses.response.analysis",
-    "beamsim.analyses.run.analysis",
-    "beamsim.analyses.sweep.analysis",
-    "beamsim.analyses.sweep.stepped",
     "beamsim.cli.nnm_report",
-    "beamsim.flow.reference",
 }
 KNOWN_SHARED_CLASS_NAMES: set[str] = {
     "Axis",
     "Comparison",
     "Followed",
     "Measured",
-    "Outcome",
     "PhaseResonance",
     "Problem",
     "Profile",

@@ -13,6 +13,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, Motion, settle
+from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing
 
@@ -47,7 +48,7 @@ def test_without_contact_the_steady_state_is_that_of_linear_theory():
     assert set(curve.steady.kind) == {"periodic"}
     assert set(curve.steady.period_cycles) == {1}
     assert np.all(curve.contact_share["stop"] == 0)
-    assert result.status == "complete"
+    assert result.outcome == COMPLETE
 
 
 def test_with_contact_the_steady_state_is_the_end_of_a_long_transient():

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import COMPLETE
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -62,7 +63,7 @@ class ChannelComparison:
 
 
 @dataclass(frozen=True)
-class Comparison(Outcome):
+class Comparison(Result):
     """Everything that ``beamsim compare`` found."""
 
     channels: tuple[ChannelComparison, ...]
@@ -93,7 +94,7 @@ def compare(
     channels = tuple(_channel(result, *pair, harmonics, last, warnings) for pair in pairs)
     return Comparison(
         scenario=result.scenario,
-        status="complete",
+        outcome=COMPLETE,
         channels=channels,
         summary=_summary(channels),
         warnings=tuple(warnings),

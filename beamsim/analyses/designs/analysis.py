@@ -19,6 +19,7 @@ from beamsim.analyses.designs.result import CaseFailure, CaseOutcome, Coordinate
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.designs import Axis, LatinHypercube, axes
 from beamsim.typing import Floats
 
@@ -175,19 +176,19 @@ def design_study(
 def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
     """Put outcomes, perhaps not of all cases yet, into one table."""
     solved = np.zeros(len(plan.tasks), dtype=bool)
-    failed = [outcomes[k] for k in sorted(outcomes) if outcomes[k].reason]
-    good = [outcomes[k] for k in sorted(outcomes) if not outcomes[k].reason]
+    failed = [outcomes[k] for k in sorted(outcomes) if not outcomes[k].outcome.complete]
+    good = [outcomes[k] for k in sorted(outcomes) if outcomes[k].outcome.complete]
     solved[[outcome.index for outcome in good]] = True
     responses = _responses(plan, good)
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
     margins, where = _margins(plan, responses, limits)
-    failures = tuple(CaseFailure(o.index, plan.tasks[o.index].values, o.reason) for o in failed)
+    failures = tuple(CaseFailure(o.index, plan.tasks[o.index].values, o.outcome) for o in failed)
     missing = len(plan.tasks) - len(outcomes)
     return DesignsResult(
         scenario=plan.scenario,
         analysis=plan.analysis,
         kind=plan.kind,
-        status=_status(len(plan.tasks), missing, failures),
+        outcome=_outcome(len(plan.tasks), missing, failures),
         shape=plan.shape,
         coordinates=plan.coordinates,
         solved=solved.reshape(plan.shape),
@@ -369,13 +370,16 @@ def _assigned(coordinate: Coordinate, value: Value) -> str:
     return f"{coordinate.path} = {shown} {coordinate.unit if coordinate.unit != '1' else ''}".rstrip()
 
 
-def _status(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> str:
+def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Outcome:
     parts = []
     if missing:
-        parts.append(f"{cases - missing} of {cases} cases computed")
+        parts.append(Outcome.of(OutcomeCode.CASES_MISSING, done=cases - missing, cases=cases))
     if failures:
         first = failures[0]
         parts.append(
-            f"{len(failures)} of {cases} cases failed, the first (case {first.case + 1}) because {first.reason}"
-        )
-    return "; ".join(parts) or "complete"
+            Outcome.of(
+                OutcomeCode.CASES_FAILED, failed=len(failures), cases=cases, case=first.case + 1,
+                reason=first.outcome.text,
+            )
+        )  # fmt: skip
+    return parts[0].but(*parts[1:]) if parts else COMPLETE

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
+from beamsim.outcomes import Outcome, OutcomeCode
 
 if TYPE_CHECKING:
     from beamsim.analyses.run.result import RunResult
@@ -64,7 +65,7 @@ class CaseTask:
 class Analysis:
     """How one case is solved."""
 
-    solve: Callable[[Scenario], tuple[Responses, str]]  # responses, and status ("complete" or why not)
+    solve: Callable[[Scenario], tuple[Responses, Outcome]]  # responses, and how the analysis ended
     rehearse: Callable[[Scenario], object]  # a short case that compiles what a long one needs
 
 
@@ -110,14 +111,13 @@ def solve_case(task: CaseTask) -> CaseOutcome:
     """Solve one case; what goes wrong is part of the outcome, so that the other cases go on."""
     begin = clock.process_time()
     try:
-        values, status = ANALYSES[task.analysis].solve(case_scenario(task))
+        values, outcome = ANALYSES[task.analysis].solve(case_scenario(task))
     except BeamsimError as error:
-        values, status = {}, "; ".join(str(error).splitlines())
+        values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason="; ".join(str(error).splitlines()))
     except (ArithmeticError, ValueError, RuntimeError) as error:
-        values, status = {}, f"internal error ({type(error).__name__}: {error})"
-    if status == "complete":
-        return CaseOutcome(task.index, values, "", clock.process_time() - begin)
-    return CaseOutcome(task.index, {}, status, clock.process_time() - begin)
+        reason = f"internal error ({type(error).__name__}: {error})"
+        values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason=reason)
+    return CaseOutcome(task.index, values if outcome.complete else {}, outcome, clock.process_time() - begin)
 
 
 def warm_up(task: CaseTask | None) -> None:
@@ -196,11 +196,11 @@ def _first(frequencies: list[float]) -> list[float]:
     return kept + [math.nan] * (MODES_KEPT - len(kept))
 
 
-def _solve_run(scenario: Scenario) -> tuple[Responses, str]:
+def _solve_run(scenario: Scenario) -> tuple[Responses, Outcome]:
     from beamsim.analyses.run.analysis import run
 
     result = run(scenario)
-    return run_responses(result), result.status
+    return run_responses(result), result.outcome
 
 
 def _rehearse_run(scenario: Scenario) -> object:
@@ -214,11 +214,11 @@ def _rehearse_run(scenario: Scenario) -> object:
     return run(scenario.model_copy(update={"run": settings}))
 
 
-def _solve_sweep(scenario: Scenario) -> tuple[Responses, str]:
+def _solve_sweep(scenario: Scenario) -> tuple[Responses, Outcome]:
     from beamsim.analyses.sweep.analysis import sweep
 
     result = sweep(scenario)
-    return sweep_responses(result), result.status
+    return sweep_responses(result), result.outcome
 
 
 def _rehearse_sweep(scenario: Scenario) -> object:
@@ -233,7 +233,7 @@ def _rehearse_sweep(scenario: Scenario) -> object:
     return sweep(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
-def _solve_response(scenario: Scenario) -> tuple[Responses, str]:
+def _solve_response(scenario: Scenario) -> tuple[Responses, Outcome]:
     from beamsim.analyses.designs.response_cases import solve_response
 
     return solve_response(scenario)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.response.analysis import frequency_response
+from beamsim.outcomes import Outcome
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse
@@ -46,8 +47,8 @@ def response_responses(result: FrequencyResponse) -> dict[str, float | list[floa
     return values
 
 
-def solve_response(scenario: Scenario) -> tuple[dict[str, float | list[float]], str]:
-    """Responses and status of one case."""
+def solve_response(scenario: Scenario) -> tuple[dict[str, float | list[float]], Outcome]:
+    """Responses and outcome of one case."""
     from beamsim.analyses.designs.cases import frequency_responses
 
     result = frequency_response(scenario)
@@ -55,7 +56,7 @@ def solve_response(scenario: Scenario) -> tuple[dict[str, float | list[float]], 
     linear = frequency_responses(
         modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), bool(scenario.all_snubbers)
     )
-    return response_responses(result) | linear, result.status
+    return response_responses(result) | linear, result.outcome
 
 
 def rehearse_response(scenario: Scenario) -> object:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
+from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.typing import Bools, Floats
 
 Value = float | str
@@ -21,7 +22,7 @@ class CaseOutcome:
 
     index: int  # in the order of the cases
     values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode
-    reason: str = ""  # why it failed; empty where it did not
+    outcome: Outcome = COMPLETE  # or why it failed
     processor_time_s: float = 0.0
 
 
@@ -67,11 +68,11 @@ class CaseFailure:
 
     case: int  # from 0
     values: tuple[Value, ...]  # of the coordinates
-    reason: str
+    outcome: Outcome
 
 
 @dataclass(frozen=True)
-class DesignsResult(Outcome):
+class DesignsResult(Result):
     """Everything `beamsim sweep` computes of a scenario with ``vary``."""
 
     analysis: str  # what was done with each case: "run", or the kind of sweep

@@ -27,6 +27,7 @@ from beamsim.analyses.identify.stiffness import Measured, check_reach, fit_stiff
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
 from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import COMPLETE
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
@@ -122,11 +123,11 @@ def _identify(
         nonlinear = fit_nonlinear(current, section, measurements, progress)
         warnings += nonlinear.warnings
     spent = clock.process_time() - processor
-    problems = [part.status for part in (estimate, nonlinear) if part is not None and part.status != "converged"]
+    parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     pad = _pad_modulus(section, estimate)
     return IdentificationResult(
         scenario=scenario,
-        status="; ".join(problems) or "complete",
+        outcome=parts[0].but(*parts[1:]) if parts else COMPLETE,
         estimate=estimate,
         with_snubber=table,
         without_snubber=without,
@@ -168,13 +169,13 @@ def _measured(section: IdentifyStiffness, still: int) -> Measured:
 
 
 def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured) -> StiffnessEstimate:
-    status, solutions = "converged", 1  # the modes of the structure without snubber
+    outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
     if section.method == "thesis":
         loop = thesis_loop(
             point, measured.mode[0], float(measured.omega[0]), tolerance=section.tolerance,
             most_solutions=section.most_solutions, rigid=int(np.sum(point.omega == 0)),
         )  # fmt: skip
-        k, status, solutions = loop.stiffness, loop.status, loop.solutions
+        k, outcome, solutions = loop.stiffness, loop.outcome, loop.solutions
     else:
         k = fit_stiffness(point, measured)
     predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
@@ -212,7 +213,7 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
         total_standard_deviation=spread.standard_deviation,
         uncertainty_from=source,
         eigenvalue_solutions=solutions,
-        status=status,
+        outcome=outcome,
     )
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
+from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class StiffnessEstimate:
     total_standard_deviation: float  # N/m, with the uncertainty of the structure's parameters
     uncertainty_from: str  # "given", "scatter" of the modes, or "" (unknown)
     eigenvalue_solutions: int
-    status: str = "converged"  # or a sentence that says why not
+    outcome: Outcome = COMPLETE  # or why it did not converge
 
 
 @dataclass(frozen=True)
@@ -153,11 +154,11 @@ class NonlinearEstimate:
     processor_time_s: float
     coverage: float
     warnings: tuple[str, ...]
-    status: str = "converged"
+    outcome: Outcome = COMPLETE
 
 
 @dataclass(frozen=True)
-class IdentificationResult(Outcome):
+class IdentificationResult(Result):
     """Everything `beamsim identify-stiffness` computes."""
 
     estimate: StiffnessEstimate | None

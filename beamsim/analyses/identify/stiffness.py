@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
@@ -187,7 +188,7 @@ class LoopResult:
 
     stiffness: float  # N/m, of the last step
     solutions: int  # eigenvalue solutions
-    status: str  # "converged" or a sentence
+    outcome: Outcome
 
 
 def thesis_loop(
@@ -212,20 +213,13 @@ def thesis_loop(
     for count in range(1, most_solutions + 1):
         found = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
         if abs(found - omega) <= tolerance * omega:
-            return LoopResult(k, count, "converged")
+            return LoopResult(k, count, COMPLETE)
         if found > omega:
-            return LoopResult(
-                k, count,
-                f"one step of 1 % from {previous:.6g} to {k:.6g} N/m jumped over the tolerance of "
-                f"{100 * tolerance:g} % of the frequency: widen identify_stiffness.tolerance, or use method: secular",
-            )  # fmt: skip
+            outcome = Outcome.of(OutcomeCode.STEPPED_OVER, before=previous, after=k, percent=100 * tolerance)
+            return LoopResult(k, count, outcome)
         previous = k
         k *= GROWTH
-    return LoopResult(
-        previous, most_solutions,
-        f"{most_solutions} eigenvalue solutions were not enough: raise identify_stiffness.most_solutions, or use "
-        "method: secular",
-    )  # fmt: skip
+    return LoopResult(previous, most_solutions, Outcome.of(OutcomeCode.SOLUTION_LIMIT, solutions=most_solutions))
 
 
 def individual_stiffness(point: SpringPoint, measured: Measured) -> Mapping[int, float]:

@@ -42,6 +42,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.continuation import INTERRUPTED, Settings, solve_at
 from beamsim.orbits.relaxed_minimisation import CountedFamily
 from beamsim.orbits.reversible import linear_mode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm_method import FullPeriodMethod, ThesisMethod
 from beamsim.system.build import build_system
@@ -127,7 +128,7 @@ def nnm(
         mode=job.mode + 1,
         parameter=job.parameter,
         method=scenario.nnm.solver.kind,
-        status=status,
+        outcome=COMPLETE if status == "complete" else Outcome.of(OutcomeCode.STOPPED, text=status),
         branches=branches,
         jumps=followed.jumps,
         position=system.modes.position if system.beam is None else system.beam.position,

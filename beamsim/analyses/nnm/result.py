@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.orbit_events import OrbitEvent
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -244,7 +244,7 @@ class RelaxedComparison:
 
 
 @dataclass(frozen=True)
-class NormalModeResult(Outcome):
+class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
 
     mode: int  # from 1

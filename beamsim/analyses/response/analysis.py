@@ -27,6 +27,7 @@ from beamsim.analyses.response.paths import ResponseModel, level_unit, response_
 from beamsim.analyses.response.result import FoldCurveResult, FrequencyResponse, ResponseBranch
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.continuation import INTERRUPTED
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
 from beamsim.typing import Floats
 
@@ -103,7 +104,7 @@ def frequency_response(
     f, second = model.followed, model.second
     return FrequencyResponse(
         scenario=scenario,
-        status=status,
+        outcome=COMPLETE if status == "complete" else Outcome.of(OutcomeCode.STOPPED, text=status),
         branches=tuple(branches),
         modes=model.system.modes,
         summary=_summary(model, settings, status, branches, folds, clock.process_time() - processor),

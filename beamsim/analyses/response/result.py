@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.analyses.orbit_events import OrbitEvent
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats
@@ -85,7 +85,7 @@ class ForcedExpansionComparison:
 
 
 @dataclass(frozen=True)
-class FrequencyResponse(Outcome):
+class FrequencyResponse(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
 
     branches: tuple[ResponseBranch, ...]

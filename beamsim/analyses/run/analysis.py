@@ -34,6 +34,7 @@ from beamsim.analyses.run.spectrum import spectrum
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats
@@ -77,7 +78,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
     result = RunResult(
         scenario=scenario,
         method=motion.method,
-        status=motion.status,
+        outcome=motion.outcome,
         time=motion.time,
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),
@@ -119,7 +120,7 @@ class _Motion:
     """What either solver leaves behind, on the output times."""
 
     method: str
-    status: str
+    outcome: Outcome
     time: Floats
     values: dict[str, Floats]  # by output group
     closed: Bools
@@ -180,7 +181,7 @@ def _same_in_every_state(output: LinearOutput) -> Callable[[Bools], LinearOutput
 def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None) -> _Motion:
     flow = exact_flow(system, settings.duration)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress)
-    times = times[times <= trajectory.end] if trajectory.status != "complete" else times
+    times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
     groups = _groups(system, flow)
     closed = trajectory.closed_at(times)
     nothing_closed = np.zeros(flow.system.contacts.count, dtype=bool)
@@ -205,7 +206,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
     order = np.argsort(extreme_times)
     return _Motion(
         method="exact",
-        status=trajectory.status,
+        outcome=_with_limit(trajectory.outcome),
         time=times,
         values=values,
         closed=closed,
@@ -272,7 +273,7 @@ def _reference(
     }
     return _Motion(
         method=f"reference ({integrator}, rtol {rtol:g})",
-        status=trajectory.status,
+        outcome=_with_limit(trajectory.outcome),
         time=at,
         values=values,
         closed=trajectory.closed,
@@ -292,6 +293,11 @@ def _reference(
         ),
         warnings=warnings,
     )
+
+
+def _with_limit(outcome: Outcome) -> Outcome:
+    """The outcome, with the key of the scenario that limits the events."""
+    return outcome.but(limit="run.max_events") if outcome.code is OutcomeCode.EVENT_LIMIT else outcome
 
 
 def _longest_step(system: StructuralSystem) -> float:
@@ -404,7 +410,7 @@ def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str,
     low_a, _, high_a, _ = motion.extremes["acceleration"]
     closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(names))
     summary: dict[str, Any] = {
-        "status": motion.status,
+        "status": motion.outcome.text,
         "method": motion.method,
         "peak_displacement_m": _named(probes, np.maximum(np.abs(low), np.abs(high))),
         "min_displacement_m": _named(probes, low),

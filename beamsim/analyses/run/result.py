@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
 from beamsim.fields import (
     Counter,
     attribute,
@@ -205,7 +205,7 @@ def _spectrum_rank(result: Mapping[str, Any], spectrum: Spectrum) -> tuple[int, 
 
 
 @declared
-class RunResult(Outcome):
+class RunResult(Result):
     """Everything `beamsim run` computes."""
 
     method: str = attribute("", "exact, or the name of the time stepper")

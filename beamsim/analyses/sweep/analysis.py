@@ -13,6 +13,7 @@ from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
@@ -81,19 +82,21 @@ def sweep(
         logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
         work = _sum([known[index].work for index in sorted(known)])
         truncation = max((level.truncation for level in known.values()), default=0.0)
-        status = next((level.status for level in known.values() if level.status != "complete"), "complete")
+        outcome = combined(level.outcome for level in known.values())
         if len(known) < len(levels):
-            status = f"interrupted: {len(known)} of {len(levels)} levels"
+            outcome = Outcome.of(
+                OutcomeCode.INTERRUPTED, done=len(known), total=len(levels), unit_of_work="levels of the sweep"
+            )
         return SweepResult(
             scenario=scenario,
             kind=settings.kind,
-            status=status,
+            outcome=outcome,
             curves=dict(curves),
             linear=linear_curve(system, settings.from_, settings.to, logarithmic),
             peaks=peaks,
             modes=system.modes,
             work=work,
-            summary=_summary(scenario, system, status, curves, peaks, work, truncation),
+            summary=_summary(scenario, system, outcome.text, curves, peaks, work, truncation),
             levels=dict(known),
             histories=dict(histories),
             truncation=truncation,
@@ -102,7 +105,7 @@ def sweep(
         )
 
     for index, level in enumerate(levels):
-        if resume is not None and index in resume.levels and resume.levels[index].status == "complete":
+        if resume is not None and index in resume.levels and resume.levels[index].outcome.complete:
             known[index] = resume.levels[index]
             curves.update({name: curve for name, curve in resume.curves.items() if curve.level_index == index})
             if index in resume.histories:
@@ -120,12 +123,12 @@ def sweep(
                 record.reached, record.events, record.segments, record.evaluations, len(record.flow.bare.states),
                 record.processor_time_s,
             )  # fmt: skip
-            reached = record.status
+            reached = record.outcome
         else:
             from beamsim.analyses.sweep.stepped import step_level
 
             stepped = step_level(system, settings, excitation, level, index, report, limited)
-            new, counted, reached, truncation = stepped.curves, stepped.work, stepped.status, 0.0
+            new, counted, reached, truncation = stepped.curves, stepped.work, stepped.outcome, 0.0
         curves.update({curve.name: curve for curve in new})
         known[index] = LevelWork(float(level), reached, truncation, counted)
         if save is not None and clock.perf_counter() >= next_save:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.analyses.outcome import Outcome
+from beamsim.analyses.result import Result
+from beamsim.outcomes import Outcome
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -131,13 +132,13 @@ class LevelWork:
     """One level that was computed."""
 
     level: float
-    status: str
+    outcome: Outcome
     truncation: float
     work: SweepWork
 
 
 @dataclass(frozen=True)
-class SweepResult(Outcome):
+class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
     kind: str  # "swept_sine" or "stepped"

@@ -18,6 +18,7 @@ from beamsim.inputs.profiles import acceleration_amplitude
 from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, Measured, Motion, Settled, measure, settle
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.structural import StructuralSystem
@@ -34,7 +35,7 @@ class SteppedRun:
 
     curves: tuple[SweepCurve, ...]
     work: SweepWork
-    status: str
+    outcome: Outcome
 
 
 @dataclass
@@ -80,7 +81,7 @@ def step_level(
     orders = np.array((0.0, *settings.orders))
     start = np.array(system.initial_state, dtype=float)
     motion = Motion(start, np.zeros(system.dynamics.contacts.count), -1)
-    curves, status, done = [], "complete", 0
+    curves, outcome, done = [], COMPLETE, 0
     for direction, frequencies in ways_taken:
         points: list[_Point] = []
         for f in frequencies:
@@ -91,20 +92,20 @@ def step_level(
             try:
                 points.append(_point(stepper, motion, settings, float(f), amplitude, output_of, orders))
             except ArithmeticError as error:
-                status = f"stopped at {f:.6g} Hz: {error}"
+                outcome = Outcome.of(OutcomeCode.NO_STEADY_STATE, parameter=float(f), unit="Hz", reason=str(error))
                 break
             done += 1
             if progress is not None:
                 progress(done / total)
         if points:
             curves.append(_curve(system, settings, quantity, level, level_index, direction, points, limited))
-        if status != "complete":
+        if not outcome.complete:
             break
     work = SweepWork(
         stepper.cycles, stepper.events, stepper.segments, stepper.evaluations, len(flow.bare.states),
         clock.process_time() - begin,
     )  # fmt: skip
-    return SteppedRun(tuple(curves), work, status)
+    return SteppedRun(tuple(curves), work, outcome)
 
 
 def _windows_at_a_time(settings: SteppedSine) -> int:

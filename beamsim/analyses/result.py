@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from beamsim.outcomes import Outcome
+
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
@@ -24,11 +26,11 @@ def _versions() -> dict[str, str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Result:
     """Base of the results of all commands: where they come from, how they ended, what is printed of them."""
 
     scenario: Scenario  # resolved
-    status: str  # "complete" or a sentence that says why it stopped early
+    outcome: Outcome  # how the computation ended
     summary: dict[str, Any]  # plain Python values; names as fixed in RESULTS.md
     warnings: tuple[str, ...] = ()
     wall_time_s: float = 0.0
@@ -36,9 +38,14 @@ class Outcome:
     provenance: dict[str, str] = field(default_factory=_versions)  # of Python and the packages
 
     @property
+    def status(self) -> str:
+        """How the computation ended, as text: "complete", or why it stopped early and what to try."""
+        return self.outcome.text
+
+    @property
     def complete(self) -> bool:
         """Whether everything asked for was computed and can be trusted."""
-        return self.status == "complete"
+        return self.outcome.complete
 
     @property
     def title(self) -> str:
