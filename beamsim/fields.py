@@ -81,7 +81,7 @@ class Attribute:
     meaning: str
     name: str = ""
     at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
-    codec: str = ""  # "json" or "scenario" where it is stored as text
+    codec: str = ""  # "json" or "scenario" where it is stored as text, "outcome" for an `Outcome`
     null: Any = float("nan")  # what stands for a number that JSON cannot hold
 
 
@@ -192,6 +192,11 @@ def attribute(
     return _field(kept, default, default_factory)
 
 
+def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
+    """An `Outcome`: attributes ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON)."""
+    return _field(Attribute(unit="", meaning=meaning, name="status", at=at, codec="outcome"), default, _REQUIRED)
+
+
 def key(meaning: str) -> Any:
     """The name or number that the group is called by."""
     return _field(Key(meaning=meaning), _REQUIRED, _REQUIRED)
@@ -240,7 +245,7 @@ def table(path: str, rows: Counter | None = None, *, empty: bool = True, default
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
-        dataset, axis, per_probe, per_snubber, per_name, attribute, key, group, named, numbered, keyed, table,
+        dataset, axis, per_probe, per_snubber, per_name, attribute, ending, key, group, named, numbered, keyed, table,
         dataclasses.field,
     ),
 )  # fmt: skip

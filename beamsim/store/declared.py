@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from beamsim.fields import Attribute, Counter, Dataset, Group, Key, Member, Members, PerName, Table, filled, members_of
+from beamsim.store.outcomes import outcome_attributes, read_outcome
 from beamsim.store.schema import group_name, plain
 
 _TEXT = h5py.string_dtype("utf-8")
@@ -48,7 +49,10 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
         case Attribute() as declared:
             at = declared.at or on
             owner = group[at] if at else group
-            owner.attrs[member.stored_name] = _encoded(value, declared)
+            if declared.codec == "outcome":
+                owner.attrs.update(outcome_attributes(value))
+            else:
+                owner.attrs[member.stored_name] = _encoded(value, declared)
         case PerName(folder=folder, values=declared):
             for index, (name, item) in enumerate(value.items()):
                 own = _labelled(group, folder, name, index)
@@ -245,6 +249,8 @@ def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], on: st
             owner = group.get(at) if at else group
             if owner is None or member.stored_name not in owner.attrs:
                 raise _MissingError(f"{group.name}: no {member.stored_name}")
+            if declared.codec == "outcome":
+                return read_outcome(owner.attrs)
             return _decoded(owner.attrs[member.stored_name], member, declared)
         case PerName() as declared:
             return _read_per_name(group, member, declared, names)

@@ -22,6 +22,8 @@ WRITERS = {
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 # What may differ: the scenario's text has the form of the version that writes it.
 UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
+# What later versions write in addition: attributes.
+ADDED = {"outcome", "outcome_numbers"}
 # Long names that were reworded: path's end -> text in the files of today.
 REWORDED = {}
 
@@ -33,7 +35,7 @@ def described(path):
     def note(name, item):
         name = f"/{name}".rstrip("/") or "/"
         for key, value in item.attrs.items():
-            if key not in OF_HDF5 and (name, key) not in UNLIKE:
+            if key not in OF_HDF5 | ADDED and (name, key) not in UNLIKE:
                 told[f"{name}@{key}"] = sorted(value.split()) if key == "json_encoded" else np.asarray(value).tolist()
         if isinstance(item, h5py.Dataset):
             text = h5py.check_string_dtype(item.dtype) is not None

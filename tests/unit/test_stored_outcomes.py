@@ -3,7 +3,9 @@ import json
 import h5py
 import pytest
 
+from beamsim.fields import attribute, declared, ending
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.store import declared as files
 from beamsim.store.outcomes import outcome_of_text
 from beamsim.store.results import open_run, write_run
 
@@ -44,3 +46,17 @@ def test_texts_of_old_files(text, code):
     outcome = outcome_of_text(text)
     assert outcome.code is code
     assert outcome.text == text or outcome == COMPLETE
+
+
+@declared
+class _Branch:
+    level: float = attribute("N", "level")
+    outcome: Outcome = ending("how the branch ended")
+
+
+def test_a_declared_outcome(tmp_path):
+    branch = _Branch(2.0, STOPPED)
+    with h5py.File(tmp_path / "branch.h5", "w") as file:
+        files.write(file, branch)
+        assert file.attrs["status"] == STOPPED.text
+        assert _Branch(**files.read(_Branch, file)) == branch
