@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from beamsim.analyses.run.result import (
-    BeamResult,
+    BodyResult,
     EnergyHistory,
     EventLog,
     ModeTable,
@@ -19,6 +19,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.analyses.run.spectrum import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.structures.stations import ALONG, MASSES, Stations
 
 YAML = """\
 title: Fabricated, 65 Hz
@@ -81,12 +82,13 @@ def fabricate(
     }
     x = np.arange(1.0, 3.0) if chain else np.linspace(0, 0.27, 11)
     curve = (x / x[-1]) ** 2
-    beam = BeamResult(
+    beam = BodyResult(
         x, 2e7 * (1 - x / 0.27), np.array([-1e-4 * curve, 4e-4 * curve]), np.array([0.3, 0.2]), -2e-5 * curve
     )
+    stations = Stations.of([("chain", MASSES, x) if chain else ("beam", ALONG, x)])
     modes = ModeTable(
-        np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]), x, np.array([0.01, np.nan]), 2,
-        len(snubbers), 1000.0, 1e-5, "1" if chain else "m",
+        stations, np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]),
+        np.array([0.01, np.nan]), 2, len(snubbers), 1000.0, 1e-5,
     )  # fmt: skip
     summary = {
         "peak_displacement_m": dict.fromkeys(probes, 4e-4),
@@ -130,7 +132,7 @@ def fabricate(
         base_displacement=-base / omega**2,
         events=events,
         spectra=spectra,
-        beam=None if chain else beam,
+        only_body=None if chain else beam,
         energy=EnergyHistory(1e-3 * time, 5e-4 * time, 5e-4 * time),
         modes=modes,
         work=Work(int(n), 20 * int(n), int(n) + 1, 2, 0.0012),

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.structures.assembly import assemble
+from beamsim.structures.assembly import assemble, snubber_site
+from beamsim.structures.basis import LoadPattern
 from beamsim.structures.modes import DENSE_LIMIT, natural_modes
-from beamsim.structures.places import place_of, row_of
-from beamsim.structures.reduction import LoadPattern, reduce_model
+from beamsim.structures.places import Place
+from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
@@ -27,13 +28,13 @@ def snubber_point(scenario: Scenario, name: str, wanted: int = 1) -> SpringPoint
     snubber, which carries the static compliance of the rest.
     """
     model = assemble(scenario)
-    snubber = scenario.snubber(name)
-    row = row_of(model, snubber)
+    site = snubber_site(scenario.located_snubber(name))
+    row = model.row(site)
     if model.size <= DENSE_LIMIT:
         modes = natural_modes(model)
         omega, vectors = modes.omega, modes.vectors
     else:
-        basis = reduce_model(model, [LoadPattern(row, place_of(snubber))], count=wanted + _EXTRA_MODES)
+        basis = reduce_model(model, [LoadPattern(row, site.coordinate)], count=wanted + _EXTRA_MODES)
         omega, vectors = basis.omega, basis.vectors
     return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
 
@@ -51,4 +52,6 @@ def mode_shapes(scenario: Scenario, count: int, positions: tuple[float, ...]) ->
     rigid = model.rigid.shape[1]
     modes = natural_modes(model, count=count + rigid).first(count + rigid)
     frequencies = modes.omega[rigid:] * model.frequency_scale / (2 * np.pi)
-    return np.asarray(frequencies), np.asarray((model.rows(positions) @ modes.vectors[:, rigid:]).T)
+    return np.asarray(frequencies), np.asarray(
+        (model.rows([Place(model.name, x) for x in positions]) @ modes.vectors[:, rigid:]).T
+    )

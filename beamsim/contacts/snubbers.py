@@ -11,12 +11,13 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_frequencies
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.scenario.snubber import SnubberBase
+    from beamsim.scenario import Located
 
 
 def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
@@ -32,17 +33,17 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
     return float(2 * ratio * stiffness / moving[0])
 
 
-def build_contacts(snubbers: Sequence[SnubberBase], shape: Floats, omega: Floats, rigid: int, path: str) -> Contacts:
+def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rigid: int) -> Contacts:
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
     Parameters
     ----------
-    snubbers : the scenario's.
+    located : the scenario's snubbers and where they are written.
     shape : (m, n) deflection at each for a unit of each coordinate.
     omega : (n,) rad/s, open structure.
     rigid : number of rigid-body coordinates.
-    path : where the snubbers are in the scenario, for messages.
     """
+    snubbers = [item for _, _, item in located]
     dashpot = np.zeros(len(snubbers))
     problems: list[Problem] = []
     for i, snubber in enumerate(snubbers):
@@ -55,7 +56,11 @@ def build_contacts(snubbers: Sequence[SnubberBase], shape: Floats, omega: Floats
             dashpot[i] = dashpot_from_ratio(snubber.damping.ratio, snubber.stiffness, omega, shape[i], rigid)
         except ValueError as error:
             problems.append(
-                Problem(f"{path}[{i}].damping.ratio", f"has no meaning here: {error}", "give the dashpot in N s/m")
+                Problem(
+                    f"{path_text(located[i].path)}.damping.ratio",
+                    f"has no meaning here: {error}",
+                    "give the dashpot in N s/m",
+                )
             )
     if problems:
         raise ScenarioError(problems)
@@ -82,12 +87,11 @@ def springs_of(contacts: Contacts) -> Springs:
 
 def resolve_preloads(
     contacts: Contacts,
-    preload: Sequence[float | None],
+    located: Sequence[Located],
     stiffness: Floats,
     rigid: int,
     loads: Floats,
     cubic: CubicSprings,
-    path: str,
 ) -> Contacts:
     """Contacts whose gaps give the preloads asked for (of the first of them), as contact forces at static equilibrium.
 
@@ -95,6 +99,7 @@ def resolve_preloads(
     follows from P = k (-gap - s w). Raises ScenarioError where no such equilibrium exists: on
     a structure that only the stops hold, the loads fix the contact forces and no gap changes them.
     """
+    preload = [item.preload for _, _, item in located]
     given = np.array([p is not None for p in preload], dtype=bool)
     if not given.any():
         return contacts
@@ -108,11 +113,11 @@ def resolve_preloads(
         raise ScenarioError(
             [
                 Problem(
-                    f"{path}[{i}].preload",
+                    f"{path_text(located[i].path)}.preload",
                     f"= {force[i]:g} N cannot be reached: with it, {found.reason}",
                     "give a gap instead, hold the structure, or balance the loads",
                 )
-                for i in np.flatnonzero(given)
+                for i in np.flatnonzero(given).tolist()
             ]
         )
     w = contacts.shape @ found.q

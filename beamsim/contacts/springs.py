@@ -15,18 +15,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import Problem, ScenarioError
-from beamsim.structures.places import pair_of
+from beamsim.scenario.base import path_text
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Chain
+    from beamsim.scenario import Located
 
 
 def one_sided_parts(
@@ -70,35 +70,22 @@ class SpringInfo:
         return np.asarray(self.linear * stretch + self.cubic * stretch**3 - delta @ (self.sign * self.stiffness))
 
 
-def nonlinear_springs(chain: Chain | None) -> list[tuple[str, Any]]:
-    """Place in the scenario, and spring, of every nonlinear one, in the model's order."""
-    if chain is None:
-        return []
-    lists = (("springs_to_ground", chain.springs_to_ground), ("springs_between", chain.springs_between))
-    return [
-        (f"chain.{name}[{index}]", spring)
-        for name, springs in lists
-        for index, spring in enumerate(springs)
-        if spring.kind != "linear"
-    ]
-
-
-def describe_springs(chain: Chain | None, shape: Floats) -> tuple[SpringInfo, ...]:
+def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringInfo, ...]:
     """The nonlinear springs; ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
 
     Raises ScenarioError where breakpoints do not increase: a design that varies them is not checked where it is read.
     """
     none = np.zeros(0)
     found = []
-    for row, (path, spring) in zip(shape, nonlinear_springs(chain), strict=True):
-        masses = pair_of(spring) or (spring.mass,)
+    for row, (path, _, spring) in zip(shape, springs, strict=True):
+        masses = tuple(sorted(spring.masses)) if hasattr(spring, "masses") else (spring.mass,)
         if spring.kind == "cubic":
             law = (float(spring.stiffness), 0.0, none, none, none)
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):
                 raise ScenarioError(
                     Problem(
-                        f"{path}.breakpoints",
+                        f"{path_text(path)}.breakpoints",
                         f"= {list(spring.breakpoints)} do not increase",
                         "keep their order in every case",
                     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.plots.branches import figure_of, stretches
+from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
 
 if TYPE_CHECKING:
@@ -58,31 +59,28 @@ def comparison_figure(comparison: ExpansionComparison) -> Figure:
     return figure
 
 
-def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes, of_beam: bool) -> Axes:
+def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes) -> Axes:
     """Deflection at rest, linear, to both orders and exact, at the largest factor with an exact motion."""
     path, exact = comparison.path, comparison.exact
     known = np.flatnonzero(np.isfinite(exact.frequency_hz))
     k = int(known[np.argmax(path.factor[known])])
     shapes = path.initial_displacement[k]
     scale = scale_for("m", shapes, exact.initial_displacement[k])
-    marker = "" if of_beam else "o"
-    ax.plot(path.position, exact.initial_displacement[k] * scale.factor, color="0.7", linewidth=4.0, label="exact")
+    measured = exact.initial_displacement[k] * scale.factor
+    plot_along(ax, path.stations, measured, "exact", color="0.7", linewidth=4.0, marker="")
     for order, name in enumerate(("linear mode", "first order", "second order")):
-        ax.plot(
-            path.position, shapes[order] * scale.factor, label=name, marker=marker, markersize=4,
-            **curve_style((2, 0, 1)[order]),
-        )  # fmt: skip
-    finish(ax, "Position (m)" if of_beam else "Mass", f"Deflection at rest ({scale.unit})")
+        plot_along(ax, path.stations, shapes[order] * scale.factor, name, **curve_style((2, 0, 1)[order]))
+    finish_along(ax, path.stations, f"Deflection at rest ({scale.unit})")
     ax.set_title(f"Mode {path.mode}, stiffness factor {path.factor[k]:.3g}", fontsize="medium")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 
 
-def comparison_figures(comparison: ExpansionComparison, of_beam: bool) -> dict[str, Figure]:
+def comparison_figures(comparison: ExpansionComparison) -> dict[str, Figure]:
     """Both pictures of a mode by multiple scales, by name; the second needs an exact motion."""
     figures = {"multiple_scales": comparison_figure(comparison)}
     if np.any(np.isfinite(comparison.exact.frequency_hz)):
-        figures["multiple_scales_initial"] = figure_of("", lambda ax: plot_initial_vectors(comparison, ax, of_beam))
+        figures["multiple_scales_initial"] = figure_of("", lambda ax: plot_initial_vectors(comparison, ax))
     return figures
 
 

@@ -14,6 +14,7 @@ from beamsim.plots.multiple_scales import comparison_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.relaxed import thesis_figure
 from beamsim.plots.save import save_figures
+from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
 from beamsim.typing import Floats
 
@@ -48,15 +49,10 @@ def plot_deflected_shapes(result: NormalModeResult, ax: Axes) -> Axes:
 
 def _shapes(result: NormalModeResult, ax: Axes, curves: tuple[tuple[Floats, str], ...]) -> None:
     scale = scale_for("m", *(shape for shape, _ in curves))
-    of_beam = result.scenario.beam is not None
-    place = scale_for("m", result.position) if of_beam else None
-    x = result.position * (1.0 if place is None else place.factor)
     ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
     for k, (shape, name) in enumerate(curves):
-        ax.plot(x, shape * scale.factor, label=name, marker="" if of_beam else "o", markersize=4, **curve_style(k))
-    if place is None:
-        ax.set_xticks(x)
-    finish(ax, "Mass" if place is None else f"Position ({place.unit})", f"Deflection ({scale.unit})")
+        plot_along(ax, result.stations, shape * scale.factor, name, **curve_style(k))
+    finish_along(ax, result.stations, f"Deflection ({scale.unit})")
     legend(ax, len(curves), len(curves), "shapes")
 
 
@@ -69,9 +65,7 @@ def _nodes(result: NormalModeResult) -> list[tuple[int, str]]:
     moving = np.flatnonzero(np.abs(result.motion.stations).max(axis=0) > 0)
     count = min(MOST_CURVES, moving.size)
     chosen = moving[(moving.size * np.arange(1, count + 1) / max(count, 1)).round().astype(int) - 1]
-    if result.scenario.beam is None:
-        return [(int(k), f"mass {result.position[k]:g}") for k in chosen]
-    return [(int(k), f"{1e3 * result.position[k]:.3g} mm") for k in chosen]
+    return [(int(k), result.stations.name(int(k))) for k in chosen]
 
 
 def plot_node_motion(result: NormalModeResult, ax: Axes) -> Axes:
@@ -81,7 +75,7 @@ def plot_node_motion(result: NormalModeResult, ax: Axes) -> Axes:
     for k, (at, name) in enumerate(nodes):
         ax.plot(motion.time * time.factor, motion.stations[:, at] * scale.factor, label=name, **curve_style(k))
     finish(ax, f"Time ({time.unit})", f"Displacement ({scale.unit})")
-    _beside(ax, f"{len(nodes)} {'masses' if result.scenario.beam is None else 'nodes'}")
+    _beside(ax, f"{len(nodes)} {'nodes' if result.stations.axis.continuous else 'masses'}")
     return ax
 
 
@@ -189,7 +183,7 @@ def _motion_figure(result: NormalModeResult) -> Figure:
 
 def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     """Every picture of a nonlinear mode, by name."""
-    motion, of_beam = f"{result.title}\n{_told(result)}", result.scenario.beam is not None
+    motion = f"{result.title}\n{_told(result)}"
     figures = {
         "backbone": figure_of(result.title, lambda ax: plot_backbone(result, ax)),
         "mode_shapes": figure_of(motion, lambda ax: plot_mode_shapes(result, ax)),
@@ -202,11 +196,11 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     if result.parameter != "stiffness_factor":
         figures["frequency_energy"] = figure_of(result.title, lambda ax: plot_frequency_energy(result, ax))
     if result.expansion is not None:
-        figures |= comparison_figures(result.expansion, result.scenario.beam is not None)
+        figures |= comparison_figures(result.expansion)
     if result.relaxed is not None:
         figures["thesis"] = thesis_figure(result)
     if result.phase_resonance is not None:
-        figures |= phase_resonance_figures(result.phase_resonance, result.title, result.position, of_beam)
+        figures |= phase_resonance_figures(result.phase_resonance, result.title, result.stations)
     return figures
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from beamsim.plots.branches import figure_of, stretches
 from beamsim.plots.labels import put_names
+from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for, thinned
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from beamsim.analyses.nnm.result import HeldMotion, PhaseResonance
+    from beamsim.structures.stations import Stations
 
 _STANDARD_GRAVITY = 9.80665  # m/s^2
 _DEEPEST_DB = 120.0
@@ -98,17 +100,16 @@ def plot_levels(result: PhaseResonance, ax: Axes) -> Axes:
     return ax
 
 
-def plot_held_shapes(held: HeldMotion, ax: Axes, position: np.ndarray, of_beam: bool) -> Axes:
+def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
     """Deflected shapes at two instants of the last period, over those of the mode (thesis, figures 4.14 and 4.17)."""
     scale = scale_for("m", held.shapes, held.mode_shapes)
-    marker = "" if of_beam else "o"
     for k in (0, 1):
         style = curve_style(k) | {"linestyle": "-"}
         label = f"held, t = {held.instants[k]:.4g} s"
-        ax.plot(position, held.shapes[k] * scale.factor, label=label, marker=marker, markersize=4, **style)
-        style = {"color": style["color"], "linestyle": (0, (2, 2)), "linewidth": 1.8, "alpha": 0.6}
-        ax.plot(position, held.mode_shapes[k] * scale.factor, label="nonlinear mode then", **style)
-    finish(ax, "Position (m)" if of_beam else "Mass", f"Deflection ({scale.unit})")
+        plot_along(ax, stations, held.shapes[k] * scale.factor, label, **style)
+        style = {"color": style["color"], "linestyle": (0, (2, 2)), "linewidth": 1.8, "alpha": 0.6, "marker": ""}
+        plot_along(ax, stations, held.mode_shapes[k] * scale.factor, "nonlinear mode then", **style)
+    finish_along(ax, stations, f"Deflection ({scale.unit})")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 
@@ -147,9 +148,7 @@ def plot_departure(result: PhaseResonance, ax: Axes) -> Axes:
     return ax
 
 
-def phase_resonance_figures(
-    result: PhaseResonance, title: str, position: np.ndarray, of_beam: bool
-) -> dict[str, Figure]:
+def phase_resonance_figures(result: PhaseResonance, title: str, stations: Stations) -> dict[str, Figure]:
     """Every picture of a held mode, by name; shapes and spectrum are those of the last level."""
     figures = {
         "phase_resonance": figure_of(title, lambda ax: plot_resonances(result, ax)),
@@ -160,6 +159,6 @@ def phase_resonance_figures(
     held = last.held
     if held is not None:
         under = f"{title}, {last.level * level.factor:.4g} {level.unit}, {held.departure.size} periods"
-        figures["held_shapes"] = figure_of(under, lambda ax: plot_held_shapes(held, ax, position, of_beam))
+        figures["held_shapes"] = figure_of(under, lambda ax: plot_held_shapes(held, ax, stations))
         figures["held_spectrum"] = figure_of(under, lambda ax: plot_held_spectrum(held, ax))
     return figures

@@ -130,11 +130,11 @@ def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
     return ax
 
 
-def plot_deflected_shapes(result: RunResult, ax: Axes) -> Axes:
-    """Beam when the first probe is lowest and highest, its static shape, and the snubbers' faces."""
-    beam = result.beam
-    if beam is None:
-        raise ValueError("a chain has no deflected shape")
+def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
+    """A body (the first one by default) when the first probe is lowest and highest, its static shape, and the snubbers' faces."""
+    if not result.bodies:
+        raise ValueError("no body has a deflected shape: the masses of a chain are points")
+    beam = result.bodies[body or next(iter(result.bodies))]
     faces = [(-1.0 if s.side == "below" else 1.0) * s.gap for s in result.snubbers.values()]
     length = scale_for("m", beam.extreme_shapes, np.array(faces))
     along = scale_for("m", beam.position)
@@ -215,9 +215,10 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         plot_density(result.random, above)
         plot_transmissibility(result.random, below)
         figures["random"] = figure
-    if result.beam is not None:
-        figure, (ax,) = panels(1, height=4.4)
-        plot_deflected_shapes(result, ax)
+    if result.bodies:
+        figure, axes = panels(len(result.bodies), height=4.4 if len(result.bodies) == 1 else 3.2 * len(result.bodies))
+        for ax, body in zip(axes, result.bodies, strict=True):
+            plot_deflected_shapes(result, ax, body)
         figures["deflected_shapes"] = figure
     return figures
 

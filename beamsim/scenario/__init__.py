@@ -13,6 +13,7 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 """
 
 from beamsim.scenario.beam import Beam, GeneralSection, PointMass, RectangleSection, Supports, TubeSection
+from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
@@ -61,6 +62,7 @@ __all__ = [
     "AtMass",
     "AtPosition",
     "Beam",
+    "Body",
     "Chain",
     "ChainSnubber",
     "ConstantForce",
@@ -85,6 +87,7 @@ __all__ = [
     "LinearLinkSpring",
     "LinkSnubber",
     "LinkSpring",
+    "Located",
     "MassSnubber",
     "ModalDamping",
     "ModeStart",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Tag
 
 from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
 from beamsim.scenario.quantities import (
     Area,
@@ -127,8 +128,10 @@ class PointMass(Schema):
     """The mass; it has no rotary inertia."""
 
 
-class Beam(Schema):
+class Beam(Body):
     """A uniform Euler-Bernoulli beam along x from 0 (left) to `length` (right)."""
+
+    body_kind: ClassVar[str] = "beam"
 
     length: Length
     """Length."""
@@ -165,6 +168,10 @@ class Beam(Schema):
                 "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
                 (missing,) if flat else (),
             )
+
+    def on_the_body(self, position: float) -> float:
+        """The position, put on the end where round-off puts it beyond."""
+        return min(position, self.length)
 
     @property
     def cross_section(self) -> RectangleSection | TubeSection | GeneralSection:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from beamsim.scenario.base import Schema, fail, known
+from beamsim.scenario.base import Path, fail, known
+from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.names import named
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
@@ -14,8 +15,11 @@ from beamsim.scenario.snubber import ChainSnubber
 from beamsim.scenario.spring import GroundSpring, LinkSpring
 
 
-class Chain(Schema):
+class Chain(Body):
     """Masses in a row, springs and dashpots between neighbours and to the walls (the base)."""
+
+    body_kind: ClassVar[str] = "chain"
+    reduced_by_default: ClassVar[bool] = False
 
     masses: Annotated[tuple[Mass, ...], Field(min_length=1)]
     """The n masses."""
@@ -61,9 +65,18 @@ class Chain(Schema):
         return len(self.masses)
 
     @property
-    def bends(self) -> bool:
-        """Whether a spring is not linear."""
-        return any(spring.kind != "linear" for spring in (*self.springs_to_ground, *self.springs_between))
+    def own_snubbers(self) -> tuple[Any, ...]:
+        """Snubbers listed in the body itself, under ``snubbers``."""
+        return self.snubbers
+
+    def nonlinear_springs(self) -> list[tuple[Path, Any]]:
+        """Springs of the body that are not linear, with their paths below the body."""
+        return [
+            ((name, index), spring)
+            for name in ("springs_to_ground", "springs_between")
+            for index, spring in enumerate(getattr(self, name))
+            if spring.kind != "linear"
+        ]
 
     @property
     def stiffest_spring(self) -> float:

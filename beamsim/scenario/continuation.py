@@ -326,9 +326,7 @@ def continuation_problems(scenario: Scenario, sweep: Continuation) -> Iterator[P
                 "the folds are found",
                 "widen the range to hold it",
             )
-    chain = scenario.chain
-    bends = chain is not None and chain.bends
-    if isinstance(sweep.method, HarmonicBalance) and not (scenario.all_snubbers or bends):
+    if isinstance(sweep.method, HarmonicBalance) and not (scenario.all_snubbers or scenario.nonlinear_springs):
         yield Problem(
             "sweep.method", "= harmonic_balance needs a snubber or a nonlinear spring", "use shooting, or add a snubber"
         )

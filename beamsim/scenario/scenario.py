@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
+from typing import Any, ClassVar
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import checks
-from beamsim.scenario.base import Schema, UnknownValueError, known
+from beamsim.scenario.base import Path, Schema, UnknownValueError, known
 from beamsim.scenario.beam import Beam
+from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.designs import Vary
 from beamsim.scenario.excitation import Excitation, NoExcitation
@@ -115,13 +117,48 @@ class Scenario(Schema):
         return isinstance(run, dict) and run.get("sample_rate") is None
 
     @property
-    def all_snubbers(self) -> tuple[Snubber, ...] | tuple[ChainSnubber, ...]:
-        """The snubbers, of beam or chain."""
-        return self.snubbers if self.chain is None else self.chain.snubbers
+    def all_bodies(self) -> dict[str, Body]:
+        """The bodies by name."""
+        bodies: dict[str, Body | None] = {"beam": self.beam, "chain": self.chain}
+        return {name: body for name, body in bodies.items() if body is not None}
 
-    def snubber(self, name: str) -> Snubber | ChainSnubber:
-        """The snubber with this name."""
-        return next(s for s in self.all_snubbers if s.name == name)
+    body_sections: ClassVar[tuple[str, ...]] = ("beam", "chain")
+    """Sections that hold bodies."""
+
+    def body_path(self, name: str) -> Path:
+        """Where a body is written."""
+        return (name,)
+
+    @property
+    def located_snubbers(self) -> tuple[Located, ...]:
+        """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies."""
+        bodies = self.all_bodies
+        default = next(iter(bodies), "")
+        shared = (Located(("snubbers", k), default, snubber) for k, snubber in enumerate(self.snubbers))
+        own = (
+            Located((*self.body_path(name), "snubbers", k), name, snubber)
+            for name, body in bodies.items()
+            for k, snubber in enumerate(body.own_snubbers)
+        )
+        return (*shared, *own)
+
+    def located_snubber(self, name: str) -> Located:
+        """The snubber with this name, its path and its body."""
+        return next(located for located in self.located_snubbers if located.item.name == name)
+
+    @property
+    def nonlinear_springs(self) -> tuple[Located, ...]:
+        """The nonlinear springs of all bodies, with their paths."""
+        return tuple(
+            Located((*self.body_path(name), *path), name, spring)
+            for name, body in self.all_bodies.items()
+            for path, spring in body.nonlinear_springs()
+        )
+
+    @property
+    def all_snubbers(self) -> tuple[Any, ...]:
+        """The snubbers of the scenario and those listed in the bodies."""
+        return tuple(located.item for located in self.located_snubbers)
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:

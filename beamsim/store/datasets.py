@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from beamsim.store import schema
 from beamsim.store.declared import read, write
 from beamsim.store.schema import Field
+from beamsim.structures.stations import Stations
 from beamsim.system.structural import ModeTable
 
 
@@ -69,6 +70,17 @@ def texts(dataset: h5py.Dataset) -> list[str]:
 def words(values: Iterable[str]) -> NDArray[np.object_]:
     """Texts as `put` takes them."""
     return np.array(list(values), dtype=h5py.string_dtype("utf-8"))
+
+
+def write_stations(group: h5py.Group, stations: Stations) -> h5py.Dataset:
+    """Write the stations; returns their scale ``position``."""
+    write(group, stations)
+    return group["position"]
+
+
+def read_stations(group: h5py.Group) -> Stations:
+    """Inverse of `write_stations`."""
+    return Stations(**read(Stations, group))
 
 
 def write_modes(parent: h5py.Group, modes: ModeTable) -> None:

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.result import RandomResponse, RunResult
+from beamsim.analyses.run.result import BodyResult, RandomResponse, RunResult
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.store.matlab import write_mat
 from beamsim.store.uff import GENERAL, UP, Source, record_58, write_uff
+from beamsim.structures.stations import Stations
+from beamsim.system.structural import ModeTable
 
 
 def export_run(result: RunResult, target: Path | str, form: str) -> list[Path]:
@@ -80,19 +82,20 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
     out.numbers(
         "mode_shapes",
         {
-            "mass" if result.beam is None else "position_m": modes.position,
+            **station_columns(modes.stations),
             **{f"mode_{k}_per_sqrt_kg": shape for k, shape in enumerate(modes.shapes, 1)},
         },
     )
-    if result.beam is not None:
+    for name, body in result.bodies.items():
+        stress = body.peak_bending_stress
         out.numbers(
-            "beam",
+            name if len(modes.stations.parts) == 1 else f"body_{name}",
             {
-                "position_m": result.beam.position,
-                "peak_bending_stress_pa": result.beam.peak_bending_stress,
-                "lowest_shape_m": result.beam.extreme_shapes[0],
-                "highest_shape_m": result.beam.extreme_shapes[1],
-                "static_shape_m": result.beam.static_shape,
+                "position_m": body.position,
+                **({} if stress is None else {"peak_bending_stress_pa": stress}),
+                "lowest_shape_m": body.extreme_shapes[0],
+                "highest_shape_m": body.extreme_shapes[1],
+                "static_shape_m": body.static_shape,
             },
         )
     if result.random is not None:
@@ -199,6 +202,26 @@ def export_uff(result: RunResult, path: Path) -> list[Path]:
 # --- MATLAB ---------------------------------------------------------------------------------------------------------
 
 
+def _mode_variables(modes: ModeTable) -> dict[str, Any]:
+    """The table as variables, its stations as their positions."""
+    position = modes.stations.position
+    return {"position" if key == "stations" else key: position if key == "stations" else value
+            for key, value in vars(modes).items()}  # fmt: skip
+
+
+def _known(body: BodyResult) -> dict[str, Any]:
+    return {key: value for key, value in vars(body).items() if value is not None}
+
+
+def station_columns(stations: Stations) -> dict[str, Any]:
+    """Columns that say where stations are: the position or the number of the mass, of several bodies with the body."""
+    of_body = {}
+    if len(stations.parts) > 1:
+        sizes = [part.stations.stop - part.stations.start for part in stations]
+        of_body = {"body": np.repeat(np.arange(len(sizes)), sizes)}
+    return {**of_body, "position_m" if stations.axis.continuous else "mass": stations.position}
+
+
 def export_mat(result: RunResult, path: Path) -> list[Path]:
     """MATLAB file (version 5) with the structure of the result file; names become valid field names."""
 
@@ -222,7 +245,7 @@ def export_mat(result: RunResult, path: Path) -> list[Path]:
         "events": {**vars(result.events), "snubber": result.events.snubber + 1},  # MATLAB counts from 1
         "spectra": spectra,
         "energy": dict(vars(result.energy)),
-        "modes": dict(vars(result.modes)),
+        "modes": {**_mode_variables(result.modes)},
         "work": dict(vars(result.work)),
         "summary": result.summary,
         "info": {
@@ -234,8 +257,10 @@ def export_mat(result: RunResult, path: Path) -> list[Path]:
             "warnings": np.array(result.warnings, dtype=object),
         },
     }
-    if result.beam is not None:
-        variables["beam"] = dict(vars(result.beam))
+    if len(result.modes.stations.parts) == 1:
+        variables |= {name: _known(body) for name, body in result.bodies.items()}
+    else:
+        variables["bodies"] = {name: _known(body) for name, body in result.bodies.items()}
     if result.random is not None:
         variables["random"] = asdict(result.random)
     write_mat(variables, path)

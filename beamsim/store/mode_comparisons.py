@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 
 from beamsim.analyses.nnm.result import ExactModes, ExpansionComparison, ExpansionPath, RelaxedComparison
-from beamsim.store.datasets import native, put, texts
+from beamsim.store.datasets import native, put, read_stations, texts
 from beamsim.store.schema import Field
 
 _FACTOR = Field("factor", "1", "stiffness factor")
@@ -116,7 +116,7 @@ def read_expansion(parent: h5py.Group) -> ExpansionComparison | None:
     path = ExpansionPath(
         **native(group, *_PATH_NUMBERS),
         factor=factor,
-        position=parent["position"][()],
+        stations=read_stations(parent),
         **{field.name: group[field.name][()] for field in _PATH},
     )
     exact = ExactModes(factor=factor, **{field.name: group["exact"][field.name][()] for field in _EXACT})

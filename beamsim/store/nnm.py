@@ -16,7 +16,16 @@ import numpy as np
 
 from beamsim.analyses.nnm.result import BranchJump, ModeBranch, NormalModeResult, OrbitMotion
 from beamsim.store import schema
-from beamsim.store.datasets import named_group, native, ordered, put, read_modes, write_modes
+from beamsim.store.datasets import (
+    named_group,
+    native,
+    ordered,
+    put,
+    read_modes,
+    read_stations,
+    write_modes,
+    write_stations,
+)
 from beamsim.store.mode_comparisons import read_expansion, read_relaxed, write_expansion, write_relaxed
 from beamsim.store.orbit_tables import NUMBER, read_special, read_stability, write_special, write_stability
 from beamsim.store.phase_resonance import read_phase_resonance, write_phase_resonance
@@ -55,13 +64,11 @@ def write_nnm(result: NormalModeResult, path: Path | str) -> Path:
     ResultFileError
         When the file cannot be written.
     """
-    of_chain = result.scenario.beam is None
     with creating(path) as file:
         write_root(
             file, result, "nnm", continued_in=result.parameter, **{name: getattr(result, name) for name in _ROOT}
         )
-        where = ("1", "mass number") if of_chain else ("m", "position along the beam")
-        position = put(file, Field("position", *where), result.position, scale=True)
+        position = write_stations(file, result.stations)
         linear = Field("linear_shape", "m", "linear mode with the largest deflection of the motion that is drawn")
         put(file, linear, result.linear_shape, position)
         count = np.arange(1, result.backbone.coordinates.shape[1] + 1)
@@ -155,7 +162,7 @@ def open_nnm(path: Path | str) -> StoredMode:
                 "parameter": own["continued_in"],
                 "branches": tuple(_read_branch(group) for group in branches),
                 "jumps": _read_jumps(file["jumps"]),
-                "position": file["position"][()],
+                "stations": read_stations(file),
                 "linear_shape": file["linear_shape"][()],
                 "motion": _read_motion(branches[own["motion_branch"]]["motion"]),
                 "modes": read_modes(file),

@@ -1,20 +1,33 @@
-"""From a scenario to the full model of its structure."""
+"""From a scenario to its structure."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.chain import assemble_chain
+from beamsim.structures.places import Site, site_of
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.structures.full import FullModel
+    from beamsim.scenario import Located, Scenario
+    from beamsim.structures.structure import Structure
+
+ASSEMBLE: dict[str, Callable[[Any, str], Structure]] = {"beam": assemble_beam, "chain": assemble_chain}
+"""A line a kind of body."""
 
 
-def assemble(scenario: Scenario) -> FullModel:
-    """The full model of the structure without snubbers."""
-    if scenario.beam is not None:
-        return assemble_beam(scenario.beam)
-    assert scenario.chain is not None
-    return assemble_chain(scenario.chain)
+def assemble(scenario: Scenario) -> Structure:
+    """The structure without snubbers."""
+    ((name, body),) = scenario.all_bodies.items()
+    return ASSEMBLE[body.body_kind](body, name)
+
+
+def site_in(scenario: Scenario, item: Any) -> Site:
+    """Where something of a scenario sits that stands at its top level: a probe, a force, the excitation."""
+    return site_of(item, next(iter(scenario.all_bodies)))
+
+
+def snubber_site(contact: Located) -> Site:
+    """Where a snubber or spring of a scenario sits."""
+    return site_of(contact.item, contact.body)

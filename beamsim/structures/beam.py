@@ -1,18 +1,27 @@
-"""Assembly of a beam: mesh, supports, point masses, rigid-body modes."""
+"""A beam: mesh, supports, point masses, rigid-body modes, and what it answers as a structure."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.full import FullModel
-from beamsim.structures.hermite import curvature_factor, mass_matrix, shape_functions
+from beamsim.structures.beam_fields import largest_deflection, project_polynomial
+from beamsim.structures.beam_model import BeamModel, deflection_row
+from beamsim.structures.beam_sensitivity import beam_sensitivities
+from beamsim.structures.damping import damping_matrix
+from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
+from beamsim.structures.places import Site
+from beamsim.structures.recovery import beam_recovery
+from beamsim.structures.stations import Recovery
+from beamsim.structures.structure import Path
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Beam
+    from beamsim.structures.basis import ReducedBasis
 
 # What an end holds: (deflection, slope).
 _HELD = {
@@ -41,14 +50,6 @@ def _scatter(blocks: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) 
     return matrix
 
 
-def deflection_row(mesh: Mesh, x: float) -> Floats:
-    """(2 nodes,) row that gives the deflection at adimensional x."""
-    row = np.zeros(2 * mesh.nodes.size)
-    element, xi = mesh.locate(x)
-    row[mesh.dofs[element]] = shape_functions(xi, mesh.lengths[element])
-    return row
-
-
 def _rigid_modes(mesh: Mesh, mass: Any, held: Ints) -> Floats:
     """(2 nodes, r) rigid-body modes that the supports allow, orthonormal in the mass matrix.
 
@@ -73,7 +74,39 @@ def _rigid_modes(mesh: Mesh, mass: Any, held: Ints) -> Floats:
     return np.array(modes).reshape(len(modes), 2 * mesh.nodes.size).T
 
 
-def assemble_beam(beam: Beam) -> FullModel:
+class BeamStructure(BeamModel):
+    """A beam as a structure."""
+
+    def unit_stiffness(self, site: Site) -> float:
+        """E I / L^3, N/m."""
+        return self.beam.bending_stiffness / self.beam.length**3
+
+    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
+        """(n, n) C of the reduced model, 1/s."""
+        return damping_matrix(self.beam.damping, self, basis, omega)
+
+    def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+        """Deflection, bending moment and stress along the beam."""
+        return (beam_recovery(self, basis, sites, base_moves),)
+
+    def largest_deflection(self, field: Floats) -> float:
+        """Largest absolute deflection of a field (N,), also between the nodes."""
+        return largest_deflection(self.mesh, self.whole_field(field))
+
+    def project(self, basis: ReducedBasis, numbers: Sequence[float], quantity: str) -> tuple[Floats, float]:
+        """Coordinates of a polynomial in x (m) from the left end, and the relative error."""
+        q, kinetic, bending = project_polynomial(self, basis, numbers)
+        # A velocity has kinetic energy only; a displacement's error matters in the strain energy too.
+        return q, max(kinetic, bending) if quantity == "displacement" else kinetic
+
+    def sensitivities(
+        self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+    ) -> dict[Path, float]:
+        """d ln k / d ln p of every number of the beam."""
+        return beam_sensitivities(self, path, site, site_path, v, k, squared)
+
+
+def assemble_beam(beam: Beam, name: str = "beam") -> BeamStructure:
     """Sparse matrices of a beam on its supports (equations: docs/theory.md, section 1).
 
     Point masses are placed on nodes of their own; consistent mass everywhere else.
@@ -106,14 +139,8 @@ def assemble_beam(beam: Beam) -> FullModel:
         # xi * integral of N N^T dx: the distributed mass matrix over rho S, point masses left out.
         damping = (distributed * (beam.damping.coefficient * length))[free][:, free].tocsc()
 
-    masses = len(beam.point_masses)
-
-    def frequency_count(omega: float) -> int:
-        # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
-        # both rigid-body modes counted. A mass added lowers at most one more frequency past the limit.
-        return int(np.ceil(np.sqrt(omega) / np.pi)) + 2 + masses
-
-    return FullModel(
+    return BeamStructure(
+        name=name,
         mass=mass[free][:, free].tocsc(),
         factor=factor[:, free].tocsr(),
         damping=damping,
@@ -122,9 +149,8 @@ def assemble_beam(beam: Beam) -> FullModel:
         rigid=_rigid_modes(mesh, mass, held)[free],
         mass_scale=mass_scale,
         stiffness_scale=beam.bending_stiffness / length**3,
-        deflection=lambda x: deflection_row(mesh, x / length)[free],
-        frequency_count=frequency_count,
         deflection_dofs=np.flatnonzero(free % 2 == 0),
-        free=free,
+        beam=beam,
         mesh=mesh,
+        free=free,
     )

@@ -1,19 +1,22 @@
-"""Assembly of a chain of lumped masses between walls."""
+"""A chain of lumped masses between walls, and what it answers as a structure."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.full import FullModel
-from beamsim.structures.places import pair_of
+from beamsim.structures.damping import damping_matrix
+from beamsim.structures.places import Place, Site, site_of
+from beamsim.structures.stations import MASSES, Recovery
+from beamsim.structures.structure import Path, Structure
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from beamsim.scenario import Chain
+    from beamsim.structures.basis import ReducedBasis
 
 
 def _stretch(count: int, links: int) -> Floats:
@@ -59,7 +62,74 @@ def linear_stiffness(spring: Any) -> float:
     return float(spring.slope_at_rest) if spring.kind == "piecewise_linear" else 0.0
 
 
-def assemble_chain(chain: Chain) -> FullModel:
+@dataclass(frozen=True)
+class ChainStructure(Structure):
+    """Masses in a row; places are their numbers from 1."""
+
+    chain: Chain
+
+    def frequency_count(self, omega: float) -> int:
+        """All of them."""
+        return self.size
+
+    def deflection_row(self, place: Place) -> Floats:
+        """(N,) displacement of a mass for a unit of each degree of freedom."""
+        return np.asarray(np.eye(self.size)[round(place.point) - 1])
+
+    def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
+        """There is nothing between the masses."""
+        raise ValueError("a chain has no positions between its masses")
+
+    def unit_stiffness(self, site: Site) -> float:
+        """The stiffest spring of the row, N/m."""
+        return max(self.chain.springs)
+
+    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
+        """(n, n) C of the reduced model, 1/s."""
+        return damping_matrix(self.chain.damping, self, basis, omega)
+
+    def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+        """The displacements of all masses."""
+        shapes = basis.vectors * (1 / np.sqrt(self.mass_scale))
+        return (Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes),)
+
+    def largest_deflection(self, field: Floats) -> float:
+        """Largest absolute displacement of a mass."""
+        return float(np.abs(field).max())
+
+    def project(self, basis: ReducedBasis, numbers: Sequence[float], quantity: str) -> tuple[Floats, float]:
+        """Kinetic (M-orthogonal) projection of one number a mass, and the relative error in the kinetic norm."""
+        field = np.asarray(numbers, dtype=float)
+        q = basis.vectors.T @ (self.mass @ field)
+        error = field - basis.vectors @ q
+        norm = float(field @ (self.mass @ field))
+        relative = np.sqrt(float(error @ (self.mass @ error)) / norm) if norm > 0 else 0.0
+        return q * np.sqrt(self.mass_scale), float(relative)
+
+    def sensitivities(
+        self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+    ) -> dict[Path, float]:
+        """d ln k / d ln p of every mass and spring."""
+        found: dict[Path, float] = {
+            (*path, "masses", i): squared * mass / self.mass_scale * float(v[i]) ** 2 / k
+            for i, mass in enumerate(self.chain.masses)
+        }
+        ends = np.concatenate([[0.0], v, [0.0]])
+        for i, spring in enumerate(self.chain.springs):
+            if spring > 0:
+                found[(*path, "springs", i)] = -spring / self.stiffness_scale * float(ends[i + 1] - ends[i]) ** 2 / k
+        for name in ("springs_to_ground", "springs_between"):
+            for i, beside in enumerate(getattr(self.chain, name)):
+                stretch = float(self.row(site_of(beside, self.name)) @ v)
+                rate = -linear_stiffness(beside) / self.stiffness_scale * stretch**2 / k
+                if beside.kind == "linear":
+                    found[(*path, name, i, "stiffness")] = rate
+                elif beside.kind == "piecewise_linear":
+                    found[(*path, name, i, "stiffnesses", beside.number_at_rest)] = rate
+        return found
+
+
+def assemble_chain(chain: Chain, name: str = "chain") -> ChainStructure:
     """Matrices of a chain: dashpots and springs between neighbours and walls, and the linear part of all other springs.
 
     The walls move with the base; the ground does not, so under base motion a spring to ground pulls
@@ -74,8 +144,8 @@ def assemble_chain(chain: Chain) -> FullModel:
     ground = np.zeros(count)
     for spring in chain.springs_to_ground:
         ground[spring.mass - 1] += linear_stiffness(spring)
-    between = [(pair_of(s), linear_stiffness(s)) for s in chain.springs_between]
-    links = [(pair[0] - 1, pair[1] - 1, k) for pair, k in between if pair is not None and k > 0]
+    between = [(sorted(s.masses), linear_stiffness(s)) for s in chain.springs_between]
+    links = [(pair[0] - 1, pair[1] - 1, k) for pair, k in between if k > 0]
 
     mass_scale = float(np.mean(masses))
     stiffness_scale = float(max(springs.max(initial=0.0), ground.max(), *(k for _, _, k in links), 0.0))
@@ -101,7 +171,8 @@ def assemble_chain(chain: Chain) -> FullModel:
     for j, group in enumerate(groups):
         rigid[group, j] = 1.0 / np.sqrt(masses[group].sum() / mass_scale)
 
-    return FullModel(
+    return ChainStructure(
+        name=name,
         mass=csc_array(np.diag(masses / mass_scale)),
         factor=csr_array(rows.reshape(-1, count)),
         damping=damping,
@@ -110,8 +181,6 @@ def assemble_chain(chain: Chain) -> FullModel:
         rigid=rigid,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
-        deflection=lambda number: np.eye(count)[round(number) - 1],
-        frequency_count=lambda omega: count,
         deflection_dofs=np.arange(count),
-        free=np.arange(count),
+        chain=chain,
     )

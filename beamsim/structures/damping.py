@@ -9,18 +9,23 @@ import numpy as np
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Beam, Chain
-    from beamsim.structures.full import FullModel
-    from beamsim.structures.reduction import ReducedBasis
+    from beamsim.scenario import ModalDamping, RayleighDamping, ViscousDamping
+    from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.structure import Structure
 
 
-def damping_matrix(structure: Beam | Chain, model: FullModel, basis: ReducedBasis, omega: Floats) -> Floats:
-    """(n, n) symmetric C, 1/s, of the open structure.
+def damping_matrix(
+    damping: ModalDamping | RayleighDamping | ViscousDamping | None,
+    structure: Structure,
+    basis: ReducedBasis,
+    omega: Floats,
+) -> Floats:
+    """(n, n) symmetric C, 1/s, of one open body.
 
     Parameters
     ----------
-    structure : the scenario's beam or chain, for its ``damping``.
-    model, basis : the full model (dashpots and viscous damping) and the reduced basis.
+    damping : the body's, as the scenario gives it.
+    structure, basis : the full model (dashpots and viscous damping) and the reduced basis.
     omega : (n,) physical angular frequencies of the coordinates, rad/s.
 
     Notes
@@ -30,7 +35,6 @@ def damping_matrix(structure: Beam | Chain, model: FullModel, basis: ReducedBasi
     Viscous and dashpots: the physical matrix projected.
     """
     c = np.zeros((omega.size, omega.size))
-    damping = structure.damping
     if damping is not None and damping.kind == "modal":
         given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
         ratio = np.full(omega.size, given[-1])
@@ -39,8 +43,8 @@ def damping_matrix(structure: Beam | Chain, model: FullModel, basis: ReducedBasi
         c += np.diag(2 * ratio * omega)
     elif damping is not None and damping.kind == "rayleigh":
         c += np.diag(damping.mass + damping.stiffness * omega**2)
-    if model.damping is not None:
-        projected = basis.vectors.T @ (model.damping @ basis.vectors) / model.mass_scale
+    if structure.damping is not None:
+        projected = basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
         c += (projected + projected.T) / 2
     return c
 

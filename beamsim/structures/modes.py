@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.structures.full import FullModel
+    from beamsim.structures.structure import Structure
 
 # Above this size the lowest modes come from shift-invert Lanczos instead of a dense decomposition.
 DENSE_LIMIT = 400
@@ -41,7 +41,7 @@ def orient(vectors: Floats, deflection_dofs: Ints) -> Floats:
     return np.asarray(vectors * sign)
 
 
-def _dense(model: FullModel) -> tuple[Floats, Floats]:
+def _dense(model: Structure) -> tuple[Floats, Floats]:
     """All flexible modes: the singular values of B L^{-T} (M = L L^T) are the frequencies."""
     from scipy.linalg import solve_triangular, svd
 
@@ -54,7 +54,7 @@ def _dense(model: FullModel) -> tuple[Floats, Floats]:
     return omega[order], vectors
 
 
-def _sparse(model: FullModel, count: int) -> tuple[Floats, Floats]:
+def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
     """The lowest `count` flexible modes by shift-invert Lanczos, then one Rayleigh-Ritz step through B."""
     from scipy.sparse.linalg import eigsh
 
@@ -67,7 +67,7 @@ def _sparse(model: FullModel, count: int) -> tuple[Floats, Floats]:
     return _rayleigh_ritz(model, vectors, count)
 
 
-def _rayleigh_ritz(model: FullModel, vectors: Floats, count: int) -> tuple[Floats, Floats]:
+def _rayleigh_ritz(model: Structure, vectors: Floats, count: int) -> tuple[Floats, Floats]:
     """The lowest `count` flexible modes within span(vectors)."""
     v = vectors - model.rigid @ (model.rigid.T @ (model.mass @ vectors))
     # Orthonormal basis in M, without the directions that were rigid.
@@ -78,11 +78,11 @@ def _rayleigh_ritz(model: FullModel, vectors: Floats, count: int) -> tuple[Float
     return omega[::-1], q @ vt[::-1].T
 
 
-def _gram(model: FullModel, v: Any) -> Floats:
+def _gram(model: Structure, v: Any) -> Floats:
     return np.asarray(v.T @ (model.mass @ v))
 
 
-def natural_modes(model: FullModel, count: int | None = None, below: float | None = None) -> Modes:
+def natural_modes(model: Structure, count: int | None = None, below: float | None = None) -> Modes:
     """The lowest modes, rigid-body modes included and first.
 
     Parameters

@@ -1,39 +1,57 @@
-"""Where something sits on a structure, and the deflection it feels there."""
+"""Where something sits: a place of a body, or a link between two places."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-
-from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.full import FullModel
+from dataclasses import dataclass, field
+from typing import Any
 
 
-def pair_of(thing: Any) -> tuple[int, int] | None:
-    """Numbers of the two masses that a snubber or spring acts between, the lower one first; None for one place."""
-    masses = getattr(thing, "between", None) or getattr(thing, "masses", None)
-    return None if masses is None else (min(masses), max(masses))
+@dataclass(frozen=True)
+class Place:
+    """A point of a body and a direction of motion there."""
+
+    body: str
+    point: float  # m along a beam; number of a mass
+    direction: str = "w"
+    label: str = field(default="", compare=False)  # for people
+
+    @property
+    def coordinate(self) -> float:
+        """Where it is drawn along the body's axis."""
+        return self.point
 
 
-def place_of(thing: Any) -> float:
-    """Position in m along a beam, or mass number in a chain; halfway for what acts between two masses."""
-    pair = pair_of(thing)
-    if pair is not None:
-        return 0.5 * (pair[0] + pair[1])
-    position = getattr(thing, "position", None)
-    return float(thing.mass if position is None else position)
+@dataclass(frozen=True)
+class Link:
+    """Two places that something acts between; it stretches when the second moves away from the first, upwards."""
+
+    first: Place
+    second: Place
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.first.label} – {self.second.label}"
+
+    @property
+    def coordinate(self) -> float:
+        """Halfway."""
+        return 0.5 * (self.first.point + self.second.point)
 
 
-def row_of(model: FullModel, thing: Any) -> Floats:
-    """(N,) deflection there for a unit of each degree of freedom; between two masses how far they draw apart.
+Site = Place | Link
 
-    Displacements count from the wall at mass 1, so that the stretch of a link is that of its higher mass less that of
-    the lower one, as in the chain's own springs.
-    """
-    pair = pair_of(thing)
-    if pair is None:
-        return model.deflection(place_of(thing))
-    return np.asarray(model.deflection(float(pair[1])) - model.deflection(float(pair[0])))
+
+def site_of(item: Any, body: str) -> Site:
+    """Where something of a scenario sits; ``body`` is meant where it names none."""
+    masses = getattr(item, "between", None) or getattr(item, "masses", None)
+    if masses is not None:
+        # Displacements count from the wall at mass 1, as in the chain's own springs: the higher mass less the lower.
+        low, high = sorted(masses)
+        return Link(_on_mass(body, low), _on_mass(body, high))
+    position = getattr(item, "position", None)
+    return _on_mass(body, item.mass) if position is None else Place(body, float(position), label=f"{position:g} m")
+
+
+def _on_mass(body: str, number: int) -> Place:
+    return Place(body, float(number), label=f"mass {number}")

@@ -8,19 +8,22 @@ integrating the load, so that a station under a point load sees the peak there.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
+from beamsim.structures.places import Link, Site
 from beamsim.structures.reduction import static_deflections
+from beamsim.structures.stations import ALONG, Recovery
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.structures.full import FullModel
+    from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.beam_model import BeamModel
     from beamsim.structures.mesh import Mesh
-    from beamsim.structures.reduction import ReducedBasis
 
 
 def stations(mesh: Mesh, extra: list[float]) -> Floats:
@@ -37,6 +40,25 @@ def deflection_rows(mesh: Mesh, x: Floats, vectors: Floats) -> Floats:
     return np.asarray(np.einsum("xd,xdn->xn", shape, vectors[mesh.dofs[element]]))
 
 
+def beam_recovery(structure: BeamModel, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> Recovery:
+    """Deflection, bending moment and stress along a beam; stations are nodes, element midpoints and the sites."""
+    beam, scale = structure.beam, 1 / np.sqrt(structure.mass_scale)
+    length = beam.length
+    points = [p.point for s in sites for p in ((s.first, s.second) if isinstance(s, Link) else (s,))]
+    x = stations(structure.mesh, [point / length for point in points])
+    moment = moment_rows(structure, basis, x, length)
+    remainder = inertia_remainder(structure, basis, x, moment) if base_moves else np.zeros(x.size)
+    return Recovery(
+        body=structure.name,
+        axis=ALONG,
+        position=x * length,
+        deflection=deflection_rows(structure.mesh, x, structure.whole_field(basis.vectors)) * scale,
+        bending_moment=moment * (scale * beam.bending_stiffness / length**2),
+        stress_per_moment=beam.extreme_fibre / beam.second_moment,
+        base_moment=-remainder * (structure.mass_scale * length),
+    )
+
+
 @dataclass(frozen=True)
 class _Fields:
     """Columns of displacement with the loads that hold them in equilibrium, K u = M a + point forces."""
@@ -46,7 +68,7 @@ class _Fields:
     point: Floats  # (patterns, c) unit point forces
 
 
-def moment_rows(model: FullModel, basis: ReducedBasis, x: Floats, length: float) -> Floats:
+def moment_rows(model: BeamModel, basis: ReducedBasis, x: Floats, length: float) -> Floats:
     """(nx, n) scaled moments w'' at adimensional x, for a unit of each column of the basis.
 
     Parameters
@@ -70,7 +92,7 @@ def moment_rows(model: FullModel, basis: ReducedBasis, x: Floats, length: float)
     return moment
 
 
-def inertia_remainder(model: FullModel, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
+def inertia_remainder(model: BeamModel, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx,) scaled moment under the uniform inertia load, statically, that the reduced basis lacks.
 
     Deflections need few modes under base motion, moments many more: the modes left out respond statically, and this
@@ -88,23 +110,18 @@ def inertia_remainder(model: FullModel, basis: ReducedBasis, x: Floats, moment: 
     return np.asarray(exact - moment[:, flexible] @ coordinates)
 
 
-def _fields(model: FullModel, places: list[float | None], u: Floats, a: Floats, p: Floats) -> _Fields:
+def _fields(model: BeamModel, places: list[float | None], u: Floats, a: Floats, p: Floats) -> _Fields:
     """Fields on all dofs; the inertia pattern (place None) becomes a uniform acceleration, supports included."""
-    assert model.mesh is not None
-    displacement = np.zeros((2 * model.mesh.nodes.size, u.shape[1]))
-    acceleration = np.zeros_like(displacement)
-    displacement[model.free] = u
-    acceleration[model.free] = a
+    displacement, acceleration = model.whole_field(u), model.whole_field(a)
     for place, row in zip(places, p, strict=True):
         if place is None:
             acceleration[0::2] += row
     return _Fields(displacement, acceleration, p)
 
 
-def _moments(model: FullModel, x: Floats, places: list[float | None], fields: _Fields) -> Floats:
+def _moments(model: BeamModel, x: Floats, places: list[float | None], fields: _Fields) -> Floats:
     """(nx, c) scaled moments of the fields."""
     mesh = model.mesh
-    assert mesh is not None
     h, dofs = mesh.lengths, mesh.dofs
     u, a = fields.displacement[dofs], fields.acceleration[dofs]
     force = np.einsum("esd,esn->edn", curvature_factor(h), np.einsum("esd,edn->esn", curvature_factor(h), u))
@@ -129,10 +146,9 @@ def _moments(model: FullModel, x: Floats, places: list[float | None], fields: _F
 
 
 def _static_correction(
-    model: FullModel, basis: ReducedBasis, x: Floats, places: list[float | None], moment: Floats
+    model: BeamModel, basis: ReducedBasis, x: Floats, places: list[float | None], moment: Floats
 ) -> Floats:
     """(nx, n) what unresolved modes have to add so that the patterns' static moments come out exactly."""
-    assert model.mesh is not None
     loads = np.array([pattern.vector for pattern in basis.patterns]).T
     u = static_deflections(model, loads)
     relief = -model.rigid @ (model.rigid.T @ loads)

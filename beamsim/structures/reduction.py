@@ -11,16 +11,16 @@ kept modes keep their frequencies and only the added vectors are diagonalised, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.modes import Modes, natural_modes, orient
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.structures.full import FullModel
+    from beamsim.structures.structure import Structure
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
@@ -28,43 +28,7 @@ FREQUENCY_MARGIN = 1.5
 _SPANNED = 1e-12
 
 
-@dataclass(frozen=True)
-class LoadPattern:
-    """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
-
-    vector: Floats  # (N,) scaled load on the free dofs
-    position: float | None  # of the unit force (m, or mass number); None for the inertia load (gravity)
-
-
-@dataclass(frozen=True)
-class ReducedBasis:
-    """n mass-normalised coordinates: modes first (rigid-body modes first of all), then static vectors.
-
-    Every column v satisfies K v = M a + sum_i p_i f_i, which is how bending moments are recovered from
-    equilibrium: ``acceleration_modes`` and ``pattern`` say what a and p are.
-    """
-
-    omega: Floats  # (n,) scaled angular frequencies; exact zeros for rigid-body modes
-    vectors: Floats  # (N, n) orthonormal in the scaled mass matrix
-    rigid: int
-    modes: int  # kept modes, rigid-body modes included; the rest of the n columns are static vectors
-    patterns: tuple[LoadPattern, ...]
-    pattern: Floats  # (patterns, n): p
-    acceleration_modes: Floats  # (modes, n): a = vectors[:, :modes] @ acceleration_modes
-    highest_frequency: float  # scaled angular frequency that the reduction was made for
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates n."""
-        return int(self.omega.size)
-
-    @property
-    def static_vectors(self) -> int:
-        """Number of static vectors among them."""
-        return self.size - self.modes
-
-
-def static_deflections(model: FullModel, loads: Floats) -> Floats:
+def static_deflections(model: Structure, loads: Floats) -> Floats:
     """(N, c) deflections under (N, c) loads; under the load minus its rigid-body inertia where nothing holds the model.
 
     The deflection is M-orthogonal to the rigid-body modes. One step of iterative refinement with the
@@ -121,13 +85,14 @@ def _independent(energy_vectors: Floats, reference: Floats) -> tuple[Floats, lis
 
 
 def reduce_model(
-    model: FullModel,
+    model: Structure,
     patterns: Sequence[LoadPattern] = (),
     *,
     count: int | None = None,
     highest_frequency: float | None = None,
-    least: int = 1,
-    most: int | None = None,
+    default: bool = False,
+    least: int = 0,
+    mode: int = 0,
 ) -> ReducedBasis:
     """Lowest modes plus the static vectors of the load patterns.
 
@@ -138,16 +103,20 @@ def reduce_model(
     count : number of modes (at least the rigid-body modes are kept).
     highest_frequency : scaled angular frequency of interest: modes up to `FREQUENCY_MARGIN` times it
         are kept. With neither, all modes are, and no static vector is needed.
-    least, most : bounds on the number of modes that `highest_frequency` selects, rigid-body modes included;
-        the frequency that the result reports is moved accordingly.
+    default : whether nobody asked for this reduction: then at least the ``least`` lowest flexible modes are kept and
+        mode number ``mode``, and no modes that the discretisation does not carry. The frequency that the result reports
+        is moved accordingly. A structure that carries all of its modes keeps them.
     """
     rigid = model.rigid.shape[1]
+    if default and model.most_modes is None:
+        return _with_static_vectors(model, natural_modes(model), (), None)
     if count is not None:
         kept = min(max(count, rigid), model.size)
         modes = natural_modes(model, count=kept).first(kept)
     elif highest_frequency is not None:
         limit = FREQUENCY_MARGIN * highest_frequency
-        least = min(max(least, rigid, 1), model.size)
+        least = min(max(rigid + least if default else 1, rigid, mode, 1), model.size)
+        most = None if not default or model.most_modes is None else max(rigid + model.most_modes, least)
         modes = natural_modes(model, count=least, below=limit)
         kept = max(int(np.searchsorted(modes.omega, limit, side="right")), least)
         if kept == least or (most is not None and kept > most):
@@ -160,7 +129,7 @@ def reduce_model(
 
 
 def _with_static_vectors(
-    model: FullModel, modes: Modes, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
+    model: Structure, modes: Modes, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
 ) -> ReducedBasis:
     phi, omega = modes.vectors, modes.omega
     kept = omega.size

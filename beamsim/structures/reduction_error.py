@@ -23,8 +23,8 @@ from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
-    from beamsim.structures.full import FullModel
-    from beamsim.structures.reduction import ReducedBasis
+    from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.structure import Structure
 
 Complex = Complexes
 
@@ -41,7 +41,7 @@ class LinearState:
     omega: tuple[float, ...]  # excitation frequencies, rad/s
 
 
-def reduction_error(model: FullModel, basis: ReducedBasis, damping: Floats, state: LinearState) -> float:
+def reduction_error(model: Structure, basis: ReducedBasis, damping: Floats, state: LinearState) -> float:
     """Largest relative difference between the reduced and the full linear models (0 where nothing was left out).
 
     Parameters
@@ -57,7 +57,7 @@ def reduction_error(model: FullModel, basis: ReducedBasis, damping: Floats, stat
     return float(max(errors))
 
 
-def _response_error(model: FullModel, basis: ReducedBasis, damping: Floats, state: LinearState, omega: float) -> float:
+def _response_error(model: Structure, basis: ReducedBasis, damping: Floats, state: LinearState, omega: float) -> float:
     m = state.stiffness.size
     outputs = np.vstack([state.contact_rows, state.output_rows])
     inputs = [state.contact_rows] if state.load is None else [state.contact_rows, state.load[None, :]]
@@ -83,7 +83,7 @@ def _response_error(model: FullModel, basis: ReducedBasis, damping: Floats, stat
     return error
 
 
-def _complement_response(model: FullModel, phi: Floats, loads: Floats, s: float) -> Floats:
+def _complement_response(model: Structure, phi: Floats, loads: Floats, s: float) -> Floats:
     """Undamped response at scaled frequency s of what the kept modes do not span."""
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
@@ -106,7 +106,7 @@ def _difference(full: Complex, reduced: Complex) -> float:
     return float(np.max(np.abs(full - reduced).max(axis=0) / np.where(size > 0, size, 1.0)))
 
 
-def _frequency_error(model: FullModel, basis: ReducedBasis, state: LinearState) -> float:
+def _frequency_error(model: Structure, basis: ReducedBasis, state: LinearState) -> float:
     """Natural frequencies with every contact closed, up to the highest frequency of interest."""
     if state.stiffness.size == 0:
         return 0.0
@@ -121,7 +121,7 @@ def _frequency_error(model: FullModel, basis: ReducedBasis, state: LinearState) 
     return float(np.max(np.abs(full[rigid:count] / reduced[rigid:count] - 1)))
 
 
-def _full_closed(model: FullModel, rows: Floats, stiffness: Floats, count: int) -> Floats:
+def _full_closed(model: Structure, rows: Floats, stiffness: Floats, count: int) -> Floats:
     """The lowest `count` scaled frequencies of the full model with springs added."""
     from scipy.linalg import solve_triangular, svdvals
     from scipy.sparse import csc_array, vstack

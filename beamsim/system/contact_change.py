@@ -28,46 +28,33 @@ def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Sce
     if damping is None:
         return None
     dynamics = system.dynamics
-    snubbers = after.all_snubbers
+    snubbers = after.located_snubbers
     omega = np.sqrt(dynamics.stiffness)
     rigid = int(np.sum(omega == 0))
-    path = "snubbers" if after.beam is not None else "chain.snubbers"
     count = len(snubbers)
-    contacts = build_contacts(snubbers, dynamics.contacts.shape[:count], omega, rigid, path)
+    contacts = build_contacts(snubbers, dynamics.contacts.shape[:count], omega, rigid)
     contacts = contacts.with_others(dynamics.contacts.take(slice(count, None)))
     contacts = resolve_preloads(
-        contacts,
-        [s.preload for s in snubbers],
-        dynamics.stiffness,
-        rigid,
-        dynamics.constant_load[None, :],
-        system.cubic,
-        path,
+        contacts, snubbers, dynamics.stiffness, rigid, dynamics.constant_load[None, :], system.cubic
     )
     return replace(system, dynamics=replace(dynamics, damping=damping, contacts=contacts))
 
 
 def _same_structure(before: Scenario, after: Scenario) -> bool:
-    for name in type(before).model_fields:
-        old, new = getattr(before, name), getattr(after, name)
-        if old is new:
-            continue
-        if name == "snubbers":
-            if not _same_places(old, new):
-                return False
-        elif name in ("beam", "chain") and old is not None and new is not None:
-            for field in type(old).model_fields:
-                a, b = getattr(old, field), getattr(new, field)
-                if field == "damping" or a is b:
-                    continue
-                if field == "snubbers":
-                    if not _same_places(a, b):
-                        return False
-                elif a != b:
-                    return False
-        elif old != new:
+    """Whether nothing differs but the bodies' damping and the snubbers' stiffness, damping, gap and preload."""
+    old_bodies, new_bodies = before.all_bodies, after.all_bodies
+    if old_bodies.keys() != new_bodies.keys():
+        return False
+    sections = set(type(before).model_fields) - {"snubbers", *before.body_sections}
+    pairs = [(getattr(before, name), getattr(after, name), name) for name in sections]
+    for name, old in old_bodies.items():
+        new = new_bodies[name]
+        if type(old) is not type(new):
             return False
-    return True
+        pairs += [(getattr(old, field), getattr(new, field), field) for field in type(old).model_fields]
+    return _same_places(before.snubbers, after.snubbers) and all(
+        a is b or name == "damping" or (_same_places(a, b) if name == "snubbers" else a == b) for a, b, name in pairs
+    )
 
 
 def _same_places(old: Any, new: Any) -> bool:
@@ -80,11 +67,18 @@ def _same_places(old: Any, new: Any) -> bool:
 
 
 def _damping(system: StructuralSystem, before: Scenario, after: Scenario) -> Floats | None:
-    old = (before.beam or before.chain).damping  # type: ignore[union-attr]
-    new = (after.beam or after.chain).damping  # type: ignore[union-attr]
-    if old == new:
+    """(n, n) damping of a single body, changed on the diagonal; None where it has to be built anew."""
+    changed = [
+        (old.damping, after.all_bodies[name].damping)
+        for name, old in before.all_bodies.items()
+        if old.damping != after.all_bodies[name].damping
+    ]
+    if not changed:
         return system.dynamics.damping
-    if old is None or new is None or old.kind != new.kind or old.kind == "viscous":
+    ((old, new), *more) = changed
+    if len(before.all_bodies) > 1 or more or old is None or new is None or old.kind != new.kind:
+        return None
+    if old.kind == "viscous":
         return None
     omega = np.sqrt(system.dynamics.stiffness)
     change = _diagonal(new, omega, system.modes.kept_modes) - _diagonal(old, omega, system.modes.kept_modes)

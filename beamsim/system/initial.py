@@ -1,108 +1,93 @@
-"""Initial states in reduced coordinates."""
+"""The initial state in reduced coordinates."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from beamsim.structures.hermite import shape_functions
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
+from beamsim.contacts.snubbers import springs_of
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.run import ModeStart, PolynomialStart, ReleasedForceStart
+from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
 
-if TYPE_CHECKING:
-    from beamsim.structures.full import FullModel
-    from beamsim.structures.mesh import Mesh
-    from beamsim.structures.reduction import ReducedBasis
+# A projected initial shape further off than this is worth a warning.
+_PROJECTION_TOLERANCE = 1e-6
 
 
-def project_field(model: FullModel, basis: ReducedBasis, field: Floats) -> tuple[Floats, float]:
-    """Kinetic (M-orthogonal) projection of a displacement per dof (a chain's masses).
+def initial_state(
+    parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings, equilibrium: Equilibrium
+) -> tuple[Floats, list[str]]:
+    """(2 n,) q then q' at t = 0, relative to the base; and warnings.
 
-    Returns
-    -------
-    (n,) coordinates, and the relative error in the kinetic norm.
+    Raises
+    ------
+    ScenarioError
+        Where the start needs a static shape that does not exist, or a mode that the reduction does not keep.
     """
-    q = basis.vectors.T @ (model.mass @ field)
-    error = field - basis.vectors @ q
-    norm = float(field @ (model.mass @ field))
-    relative = np.sqrt(float(error @ (model.mass @ error)) / norm) if norm > 0 else 0.0
-    return q * np.sqrt(model.mass_scale), float(relative)
+    n = parts.basis.size
+    q, v = np.zeros(n), np.zeros(n)
+    warnings: list[str] = []
+    start = start_of(parts.scenario)
+    if start is None:
+        q = q if equilibrium.q is None else equilibrium.q
+    elif start == "static_equilibrium":
+        if equilibrium.q is None:
+            raise ScenarioError(
+                Problem(
+                    "run.start",
+                    f"= static_equilibrium does not exist: {equilibrium.reason}",
+                    "start from rest, or hold the structure with a support, a preload or a load towards a snubber",
+                )
+            )
+        q = equilibrium.q
+    elif isinstance(start, ReleasedForceStart):
+        extra = (start.released_force.force * parts.shape(start.released_force))[None, :]
+        held = find_equilibrium(
+            parts.stiffness, parts.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic
+        )
+        if held.q is None:
+            raise ScenarioError(
+                Problem(
+                    "run.start.released_force",
+                    f"holds no static shape: {held.reason}",
+                    "let it push towards a snubber, or support the structure",
+                )
+            )
+        q = held.q
+    elif isinstance(start, ModeStart):
+        q = _mode_shape(parts, start.mode, start.amplitude)
+    elif isinstance(start, PolynomialStart):
+        q = _given_field(parts, start.displacement, "displacement", warnings)
+        v = _given_field(parts, start.velocity, "velocity", warnings)
+    return np.concatenate([q, v]), warnings
 
 
-def project_polynomial(
-    model: FullModel,
-    basis: ReducedBasis,
-    coefficients: Sequence[float],
-    length: float,
-    point_masses: Sequence[tuple[float, float]],
-) -> tuple[Floats, float, float]:
-    """Kinetic (M-orthogonal) projection of a polynomial in x on the basis.
-
-    Parameters
-    ----------
-    coefficients : of x^0, x^1, ..., in SI units.
-    length : of the beam, m.
-    point_masses : (position in m, mass in kg) pairs.
-
-    Returns
-    -------
-    (n,) coordinates; relative errors in the kinetic norm and in the bending-energy norm (0 for a straight line).
-    """
-    mesh = model.mesh
-    assert mesh is not None
-    polynomial = np.polynomial.Polynomial(
-        np.asarray(coefficients, dtype=float) * length ** np.arange(len(coefficients))
-    )
-    points, weights = np.polynomial.legendre.leggauss(len(coefficients) // 2 + 4)
-    xi = (points + 1) / 2
-    h = mesh.lengths
-    x = mesh.nodes[:-1, None] + h[:, None] * xi
-    weight = h[:, None] * weights / 2
-    vectors = np.zeros((2 * mesh.nodes.size, basis.size))
-    vectors[model.free] = basis.vectors
-
-    def fields(derivative: int) -> Floats:
-        shape = shape_functions(xi, h[:, None], derivative)
-        return np.asarray(np.einsum("exd,edn->exn", shape, vectors[mesh.dofs]))
-
-    at_masses = np.array([position / length for position, _ in point_masses])
-    share = np.array([mass / model.mass_scale for _, mass in point_masses])
-    rows = model.rows([position for position, _ in point_masses]) @ basis.vectors
-
-    shape, target = fields(0), polynomial(x)
-    q = np.einsum("exn,ex->n", shape, weight * target) + rows.T @ (share * polynomial(at_masses))
-    left = target - shape @ q
-    left_masses = polynomial(at_masses) - rows @ q
-    kinetic = _relative(
-        float(np.sum(weight * left**2) + share @ left_masses**2),
-        float(np.sum(weight * target**2) + share @ polynomial(at_masses) ** 2),
-    )
-    curvature = polynomial.deriv(2)(x)
-    bending = _relative(float(np.sum(weight * (curvature - fields(2) @ q) ** 2)), float(np.sum(weight * curvature**2)))
-    return q * np.sqrt(model.mass_scale), kinetic, bending
+def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:
+    """Open mode `mode` (numbered from 1, rigid-body modes included) with its largest deflection equal to amplitude."""
+    if mode > parts.basis.modes:
+        raise ScenarioError(
+            Problem(
+                "run.start.mode",
+                f"= {mode} is not among the {parts.basis.modes} modes of the model",
+                "choose a lower mode, or raise reduction.modes or beam.elements",
+            )
+        )
+    largest = parts.structure.largest_deflection(parts.basis.vectors[:, mode - 1])
+    q = np.zeros(parts.basis.size)
+    q[mode - 1] = amplitude / largest * np.sqrt(parts.structure.mass_scale)
+    return q
 
 
-def _relative(error: float, whole: float) -> float:
-    return float(np.sqrt(error / whole)) if whole > 0 else 0.0
-
-
-def largest_deflection(mesh: Mesh, field: Floats) -> float:
-    """Largest |deflection| of a (all dofs,) field of cubic elements, extremes between the nodes included."""
-    u = field[mesh.dofs]
-    h = mesh.lengths
-    # w'(xi) is a quadratic a xi^2 + b xi + c on each element.
-    c, end, middle = (np.sum(shape_functions(xi, h, 1) * u, axis=1) for xi in (0.0, 1.0, 0.5))
-    a = 2 * (c + end - 2 * middle)
-    b = end - c - a
-    largest = float(np.abs(field[0::2]).max())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(b * b - 4 * a * c)
-        half = -(b + np.copysign(root, b)) / 2
-        candidates = (half / a, c / half)
-    for xi in candidates:
-        inside = np.isfinite(xi) & (xi > 0) & (xi < 1)
-        if inside.any():
-            w = np.sum(shape_functions(xi[inside], h[inside]) * u[inside], axis=1)
-            largest = max(largest, float(np.abs(w).max()))
-    return largest
+def _given_field(parts: Parts, numbers: tuple[float, ...], quantity: str, warnings: list[str]) -> Floats:
+    """Coordinates of a field given by numbers: a polynomial in x along a beam, one number a mass of a chain."""
+    if not any(numbers):
+        return np.zeros(parts.basis.size)
+    q, error = parts.structure.project(parts.basis, numbers, quantity)
+    if error > _PROJECTION_TOLERANCE:
+        warnings.append(
+            f"run.start.{quantity} is met by the reduced model to a relative error of {error:.2g} only: "
+            "it breaks the supports' conditions or needs more modes (reduction: {modes: all})"
+        )
+    return q

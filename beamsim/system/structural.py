@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
-from beamsim.fields import Counter, attribute, axis, dataset, declared, key
+from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.signal import Signal
+from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats
 
@@ -45,20 +47,6 @@ class SnubberInfo(SnubberNumbers):
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
 
 
-@dataclass(frozen=True)
-class BeamRecovery:
-    """Deflection and bending moment along a beam for a unit of each coordinate.
-
-    Stations are the nodes, the element midpoints and the points where forces act.
-    """
-
-    position: Floats  # (nx,) m
-    deflection: Floats  # (nx, n) 1/sqrt(kg)
-    bending_moment: Floats  # (nx, n) N m per coordinate; E I w'', positive where the beam's top is in compression
-    stress_per_moment: float  # extreme_fibre / I, Pa per N m
-    base_moment: Floats  # (nx,) N m per m/s^2 of base acceleration, to be added: static share of the modes left out
-
-
 _MODE = (Counter("mode", "mode number"),)
 
 
@@ -66,13 +54,13 @@ _MODE = (Counter("mode", "mode number"),)
 class ModeTable:
     """Natural frequencies and mode shapes of the reduced model."""
 
+    stations: Stations = group("")  # nx of them
     # (r,), every snubber closed: piecewise-linear springs as at rest
     open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open", along=_MODE)
     closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed", along=_MODE)
     shapes: Floats = dataset(  # (r, nx)
         "kg^-0.5", "mode shapes of the open structure, unit modal mass", along=(*_MODE, "position")
     )
-    position: Floats = axis("{position_unit}", "{position_meaning}")  # (nx,)
     damping_ratios: Floats = dataset(  # (r,) nan for rigid-body modes
         "1", "modal damping ratios of the open structure", along=_MODE
     )
@@ -80,12 +68,6 @@ class ModeTable:
     static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
     highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
     reduction_error: float = attribute("1", "estimated relative error of the reduction")  # see docs/theory.md
-    position_unit: str = attribute("", "m along a beam, 1 where masses are numbered", name="units", at="position")
-
-    @property
-    def position_meaning(self) -> str:
-        """What `position` is."""
-        return "position along the beam" if self.position_unit == "m" else "mass number"
 
 
 @dataclass(frozen=True)
@@ -104,7 +86,7 @@ class StructuralSystem:
     base_velocity: Signal | None  # m/s
     base_displacement: Signal | None  # m
     snubbers: tuple[SnubberInfo, ...]
-    beam: BeamRecovery | None  # None for a chain
+    bodies: tuple[Recovery, ...]  # what is known along each body
     modes: ModeTable
     static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
     static_reason: str  # why there is no static equilibrium; empty where there is one
@@ -112,6 +94,21 @@ class StructuralSystem:
     cubic: CubicSprings
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; one-sided parts follow the snubbers in ``dynamics.contacts``
     warnings: tuple[str, ...] = ()
+
+    @property
+    def stations(self) -> Stations:
+        """Where shapes are known."""
+        return self.modes.stations
+
+    @property
+    def deflection(self) -> Floats:
+        """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
+        return self.modes.shapes.T
+
+    @cached_property
+    def stress(self) -> StressRows | None:
+        """Bending stress along the bodies; None where no body gives one."""
+        return stress_rows(self.bodies)
 
     @property
     def contact_names(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from beamsim.scenario import Beam
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
+from beamsim.structures.places import Place
 
 # f(beta) whose roots are the adimensional wave numbers, and the number of rigid-body modes.
 CHARACTERISTIC = {
@@ -118,12 +119,12 @@ def test_shape_of_the_first_cantilever_mode():
     sigma = (np.sinh(b) - np.sin(b)) / (np.cosh(b) + np.cos(b))
     for x in (0.2, 0.55, 1.0):
         phi = np.cosh(b * x) - np.cos(b * x) - sigma * (np.sinh(b * x) - np.sin(b * x))
-        assert model.deflection(2.0 * x) @ v == pytest.approx(phi, rel=1e-6)  # also normalised: int phi^2 = 1
+        assert model.row(Place("beam", 2.0 * x)) @ v == pytest.approx(phi, rel=1e-6)  # also normalised: int phi^2 = 1
 
 
 def test_sign_lifts_the_free_end():
     model = assemble_beam(make(elements=10))
-    tip = model.deflection(2.0) @ natural_modes(model).vectors
+    tip = model.row(Place("beam", 2.0)) @ natural_modes(model).vectors
     assert np.all(tip > 0)
 
 

@@ -126,8 +126,8 @@ def test_gravity_and_stop_on_a_mass():
     assert s.snubbers[0].shape @ s.static_equilibrium == pytest.approx(-0.1 - 20 / 50)
     assert s.snubbers[0].position == 1.0
     assert s.snubbers[0].stiffness_ratio == np.inf
-    assert s.beam is None
-    np.testing.assert_array_equal(s.modes.position, [1.0])
+    assert s.stress is None
+    np.testing.assert_array_equal(s.stations.position, [1.0])
 
 
 def test_reduction_of_a_chain_keeps_the_contact_compliance():

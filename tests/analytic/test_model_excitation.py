@@ -91,19 +91,19 @@ def test_root_moment_under_harmonic_base_motion(modes):
     s = system({**harmonic(), "frequency": frequency}, beam={"elements": 20}, reduction={"modes": modes})
     omega = 2 * np.pi * frequency
     q = 3.0 * s.forcing.load[0] / (s.dynamics.stiffness - omega**2)
-    moment = s.beam.bending_moment @ q + 3.0 * s.beam.base_moment
+    moment = s.bodies[0].bending_moment @ q + 3.0 * s.bodies[0].base_moment
 
     b, length = (LINE * omega**2 / EI) ** 0.25, 0.5
     # w = a / omega^2 + A cos + B sin + C cosh + D sinh, held at the clamp and free at the tip.
     c, si, ch, sh = np.cos(b * length), np.sin(b * length), np.cosh(b * length), np.sinh(b * length)
     matrix = np.array([[1, 0, 1, 0], [0, 1, 0, 1], [-c, -si, ch, sh], [si, -c, sh, ch]])
     a, bb, cc, d = np.linalg.solve(matrix, [-3.0 / omega**2, 0, 0, 0])
-    x = b * s.beam.position
+    x = b * s.bodies[0].position
     exact = EI * b**2 * (-a * np.cos(x) - bb * np.sin(x) + cc * np.cosh(x) + d * np.sinh(x))
     size = np.abs(exact).max()
     np.testing.assert_allclose(moment, exact, atol=(2e-3 if modes == 2 else 2e-5) * size)
     if modes != "all":
-        without = s.beam.bending_moment @ q
+        without = s.bodies[0].bending_moment @ q
         assert np.abs(without - exact).max() > 10 * np.abs(moment - exact).max()
 
 
@@ -131,7 +131,7 @@ def test_mass_coupling_to_the_clamp_is_kept():
 def test_a_free_body_stays_where_it_is_when_the_base_moves():
     free = {"left": "free", "right": "free"}
     s = system(harmonic(), beam={"supports": free, "point_masses": [{"position": 0.2, "mass": 0.05}]})
-    acceleration = s.beam.deflection @ s.forcing.load[0]
+    acceleration = s.bodies[0].deflection @ s.forcing.load[0]
     np.testing.assert_allclose(acceleration, -1.0, rtol=1e-9)  # relative to the base: minus the base's own
 
 

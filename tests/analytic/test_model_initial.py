@@ -25,7 +25,7 @@ def system(start, beam=None, **more):
 
 def shapes(s):
     q, v = np.split(s.initial_state, 2)
-    return s.beam.position, s.beam.deflection @ q, s.beam.deflection @ v
+    return s.bodies[0].position, s.bodies[0].deflection @ q, s.bodies[0].deflection @ v
 
 
 HINGED = {"supports": {"left": "pinned", "right": "free"}}

@@ -34,7 +34,7 @@ def scenario(left="clamped", right="free", modes=4, elements=10, beam=None, **mo
 
 def recovered(system):
     q = system.static_equilibrium
-    return system.beam.position, system.beam.deflection @ q, system.beam.bending_moment @ q
+    return system.bodies[0].position, system.bodies[0].deflection @ q, system.bodies[0].bending_moment @ q
 
 
 @pytest.mark.parametrize("modes", [1, 4, None, "all"])
@@ -44,7 +44,7 @@ def test_tip_force_on_a_cantilever(modes):
     x, w, moment = recovered(system)
     np.testing.assert_allclose(w, force * x**2 * (3 * L - x) / (6 * EI), rtol=1e-10, atol=1e-16)
     np.testing.assert_allclose(moment, force * (L - x), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(system.beam.stress_per_moment * moment[0], 6 * force * L / (B * H**2), rtol=1e-9)
+    np.testing.assert_allclose(system.bodies[0].stress_per_moment * moment[0], 6 * force * L / (B * H**2), rtol=1e-9)
 
 
 @pytest.mark.parametrize("modes", [1, 4, None, "all"])
@@ -162,10 +162,10 @@ def test_inertia_relief_of_a_free_beam():
     row, stiffness = system.snubbers[0].shape[2:], system.dynamics.stiffness[2:]
     assert row @ (row / stiffness) == pytest.approx(L**3 / (105 * EI), rel=1e-6)
     # Its bending moment under a unit end force: M = x (x / L)(1 - x / L) in magnitude, which vanishes at both ends.
-    moment = system.beam.bending_moment[:, 2:] @ (row / stiffness)
-    x = system.beam.position
+    moment = system.bodies[0].bending_moment[:, 2:] @ (row / stiffness)
+    x = system.bodies[0].position
     np.testing.assert_allclose(moment, -((x / L) ** 2) * (x - L), atol=2e-6)
-    np.testing.assert_array_equal(system.beam.bending_moment[:, :2], 0.0)
+    np.testing.assert_array_equal(system.bodies[0].bending_moment[:, :2], 0.0)
 
 
 def test_moment_rows_reproduce_the_strain_energy():
@@ -173,7 +173,7 @@ def test_moment_rows_reproduce_the_strain_energy():
     system = build_system(
         scenario(modes=3, elements=40, snubbers=[{"position": 0.61, "side": "below", "stiffness": 1e4, "gap": 0.0}])
     )
-    x, moment = system.beam.position, system.beam.bending_moment
+    x, moment = system.bodies[0].position, system.bodies[0].bending_moment
     from scipy.interpolate import CubicSpline
 
     for j in range(3):

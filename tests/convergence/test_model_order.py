@@ -6,6 +6,7 @@ import pytest
 from beamsim.scenario import Beam
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
+from beamsim.structures.places import Place
 from beamsim.structures.recovery import moment_rows
 from beamsim.structures.reduction import reduce_model
 
@@ -63,11 +64,11 @@ def test_bending_moments_from_equilibrium_gain_two_orders(mode, recovery):
 
 def test_static_vectors_speed_up_the_convergence_in_modes():
     """Closed frequencies: residual flexibility turns slow convergence in the number of modes into a fast one."""
+    from beamsim.structures.basis import LoadPattern
     from beamsim.structures.modes import closed_frequencies
-    from beamsim.structures.reduction import LoadPattern
 
     model = cantilever(40)
-    row = model.deflection(1.0)
+    row = model.row(Place("beam", 1.0))
     stiffness = np.array([80.0])
 
     def first(count, patterns):

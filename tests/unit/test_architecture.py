@@ -38,27 +38,7 @@ KNOWN_MODULE_CIRCLES: list[set[str]] = [
     },
 ]
 KNOWN_PACKAGE_CIRCLES: list[set[str]] = []
-KNOWN_STRUCTURE_TESTS: set[str] = {
-    "beamsim.analyses.identify.analysis",
-    "beamsim.analyses.identify.nonlinear_fit",
-    "beamsim.analyses.nnm.analysis",
-    "beamsim.analyses.nnm.multiple_scales",
-    "beamsim.analyses.nnm.orbits",
-    "beamsim.analyses.nnm.phase_resonance",
-    "beamsim.analyses.response.motion",
-    "beamsim.analyses.response.paths",
-    "beamsim.analyses.run.analysis",
-    "beamsim.analyses.sweep.swept_sine",
-    "beamsim.contacts.springs",
-    "beamsim.plots.multiple_scales",
-    "beamsim.plots.nnm",
-    "beamsim.plots.phase_resonance",
-    "beamsim.plots.run",
-    "beamsim.store.export_run",
-    "beamsim.store.nnm",
-    "beamsim.system.build",
-    "beamsim.system.contact_change",
-}
+KNOWN_STRUCTURE_TESTS: set[str] = set()
 KNOWN_STATUS_COMPARISONS: set[str] = {
     "beamsim.analyses.nnm.analysis",
     "beamsim.analyses.nnm.full_period",

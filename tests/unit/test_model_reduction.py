@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from beamsim.scenario import Beam, Scenario
+from beamsim.structures.basis import LoadPattern
 from beamsim.structures.beam import assemble_beam
-from beamsim.structures.reduction import LoadPattern, reduce_model
+from beamsim.structures.places import Place
+from beamsim.structures.reduction import reduce_model
 from beamsim.system.build import build_system
 
 BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 20}
@@ -76,7 +78,9 @@ def test_a_static_vector_for_every_kind_of_load():
 def test_basis_is_orthonormal_and_diagonal(supports, count):
     beam = Beam.model_validate({**BEAM, "supports": dict(zip(("left", "right"), supports, strict=True))})
     model = assemble_beam(beam)
-    patterns = [LoadPattern(model.deflection(x), x) for x in (0.31, 0.5, 1.0)] + [LoadPattern(model.inertia, None)]
+    patterns = [LoadPattern(model.row(Place("beam", x)), x) for x in (0.31, 0.5, 1.0)] + [
+        LoadPattern(model.inertia, None)
+    ]
     basis = reduce_model(model, patterns, count=count)
     v = basis.vectors
     assert basis.static_vectors >= 3
@@ -87,7 +91,7 @@ def test_basis_is_orthonormal_and_diagonal(supports, count):
 
 def test_columns_satisfy_the_equilibrium_they_claim():
     model = assemble_beam(Beam.model_validate({**BEAM, "supports": {"left": "pinned", "right": "free"}}))
-    patterns = [LoadPattern(model.deflection(0.6), 0.6), LoadPattern(model.inertia, None)]
+    patterns = [LoadPattern(model.row(Place("beam", 0.6)), 0.6), LoadPattern(model.inertia, None)]
     basis = reduce_model(model, patterns, count=4)
     acceleration = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
     loads = np.array([p.vector for p in patterns]).T @ basis.pattern
@@ -201,16 +205,16 @@ def test_the_estimate_for_large_models_agrees_with_the_dense_one(monkeypatch):
 def test_mode_table_shapes():
     s = system(snubbers=[{**STOP, "position": 0.333}])
     n = s.dynamics.size
-    assert 0.333 in s.beam.position
-    assert s.modes.shapes.shape == (n, s.beam.position.size)
-    np.testing.assert_array_equal(s.modes.shapes.T, s.beam.deflection)
-    assert s.beam.bending_moment.shape == s.beam.deflection.shape
-    assert s.beam.stress_per_moment == pytest.approx(6 / (0.05 * 0.01**2), rel=1e-12)
-    assert np.all(np.diff(s.beam.position) > 0)
+    assert 0.333 in s.bodies[0].position
+    assert s.modes.shapes.shape == (n, s.bodies[0].position.size)
+    np.testing.assert_array_equal(s.modes.shapes.T, s.bodies[0].deflection)
+    assert s.bodies[0].bending_moment.shape == s.bodies[0].deflection.shape
+    assert s.bodies[0].stress_per_moment == pytest.approx(6 / (0.05 * 0.01**2), rel=1e-12)
+    assert np.all(np.diff(s.bodies[0].position) > 0)
 
 
 def test_building_twice_gives_the_same_numbers():
     a, b = (system(snubbers=[STOP], excitation=SHAKE, gravity=9.81) for _ in range(2))
     np.testing.assert_array_equal(a.dynamics.stiffness, b.dynamics.stiffness)
-    np.testing.assert_array_equal(a.beam.bending_moment, b.beam.bending_moment)
+    np.testing.assert_array_equal(a.bodies[0].bending_moment, b.bodies[0].bending_moment)
     np.testing.assert_array_equal(a.initial_state, b.initial_state)

@@ -309,12 +309,9 @@ def _doubts_about_the_fit(table: FrequencyTable, section: IdentifyStiffness, est
 
 def _with_stiffness(scenario: Scenario, snubber: str, stiffness: float) -> Scenario:
     """The scenario with the identified stiffness as starting value."""
-    from beamsim.scenario.parameters import find_parameters, with_values
+    from beamsim.scenario.parameters import with_values
 
-    (place,) = find_parameters(
-        scenario, f"snubbers.{snubber}.stiffness" if scenario.beam else f"chain.snubbers.{snubber}.stiffness"
-    )
-    return with_values(scenario, {place: stiffness})
+    return with_values(scenario, {(*scenario.located_snubber(snubber).path, "stiffness"): stiffness})
 
 
 def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None) -> float:

@@ -252,7 +252,7 @@ class _Fit:
 
         highest = max(test.frequency_hz * test.harmonics.order[-1] for test in self.tests)
         reduction = self.scenario.reduction
-        if reduction is None and self.scenario.beam is not None:
+        if reduction is None and any(body.reduced_by_default for body in self.scenario.all_bodies.values()):
             reduction = Reduction(highest_frequency=_HARMONICS_KEPT * highest)
         for test in self.tests:
             excitation = self.scenario.excitation.model_copy(

@@ -24,7 +24,6 @@ from beamsim.analyses.nnm.orbits import (
     mode_shape,
     orbit_motion,
     special_points,
-    stations_of,
 )
 from beamsim.analyses.nnm.paths import Followed, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode, phase_resonance_summary
@@ -131,8 +130,8 @@ def nnm(
         outcome=COMPLETE if status == "complete" else Outcome.of(OutcomeCode.STOPPED, text=status),
         branches=branches,
         jumps=followed.jumps,
-        position=system.modes.position if system.beam is None else system.beam.position,
-        linear_shape=mode_shape(stations_of(system), followed.orbits.vectors[:, job.mode], motion.at_rest[0]),
+        stations=system.stations,
+        linear_shape=mode_shape(system.deflection, followed.orbits.vectors[:, job.mode], motion.at_rest[0]),
         motion=motion,
         motion_branch=shown,
         motion_point=point,
@@ -218,7 +217,7 @@ def _followed(
     work.processor_time_s = clock.process_time() - begin
     if relaxing is not None and work.goes_on("the thesis's method", stop):
         work.relaxed = compare_relaxed(
-            job, work.followed, counted, work.processor_time_s, relaxing, stations_of(system), progress, stop
+            job, work.followed, counted, work.processor_time_s, relaxing, system.deflection, progress, stop
         )  # fmt: skip
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
         path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)

@@ -125,11 +125,6 @@ def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case
     return _Case(structure, mode - 1, 1.0 if energy is None else energy, -1.0 if away < 0 else 1.0)
 
 
-def _field(structure: StructuralSystem) -> Floats:
-    """(nx, n) deflection at the stations for a unit of each coordinate."""
-    return structure.beam.deflection if structure.beam is not None else np.asarray(structure.modes.shapes.T)
-
-
 def default_factors(reach: float, most: float = 1.0, count: int = 7) -> Floats:
     """(count,) falling by halves from a third of the expansion's reach."""
     return np.asarray(min(most, reach / SAFELY) * 0.5 ** np.arange(count))
@@ -171,7 +166,6 @@ def expansion_path(
         chosen = default_factors(linear.reach) if largest is None else factors_from(largest, linear.reach)
     else:
         chosen = np.atleast_1d(np.asarray(factors, dtype=float))
-    position = structure.beam.position if structure.beam is not None else structure.modes.position
     n = case.dynamics.size
     frequency = np.empty((chosen.size, 3))
     shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
@@ -190,8 +184,8 @@ def expansion_path(
         factor=chosen,
         frequency_hz=frequency,
         coordinates=shape,
-        initial_displacement=shape @ _field(structure).T,
-        position=np.asarray(position),
+        initial_displacement=shape @ structure.deflection.T,
+        stations=structure.stations,
         partner=linear.partner + 1,
         harmonic=linear.harmonic,
         reach=linear.reach,
@@ -236,7 +230,7 @@ def modes_of(
         if point is not None:
             mode = orbits.mode(point)
             frequency[i], shape[i], residual[i] = mode.frequency, mode.shape, mode.residual
-    return ExactModes(path.factor, frequency, shape, shape @ _field(structure).T, residual)
+    return ExactModes(path.factor, frequency, shape, shape @ structure.deflection.T, residual)
 
 
 def nothing_near(path: ExpansionPath) -> str:

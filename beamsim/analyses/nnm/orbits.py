@@ -24,13 +24,6 @@ PERIODS = 50  # of the spectrum, as in the thesis
 RATE = 512  # samples a period of the spectrum
 
 
-def stations_of(system: StructuralSystem) -> Floats:
-    """(nx, n) deflection at the stations for a unit of each coordinate."""
-    if system.beam is not None:
-        return system.beam.deflection
-    return np.asarray(system.modes.shapes.T)
-
-
 def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     """(nx,) a linear mode at the stations, with the largest deflection of another shape, and its sign."""
     shape = field @ vector
@@ -55,7 +48,7 @@ def brake_branch(
         coordinates=shapes,
         coordinate_velocities=np.zeros_like(shapes),
         least_kinetic=np.zeros(len(modes)),
-        initial_displacement=shapes @ stations_of(system).T,
+        initial_displacement=shapes @ system.deflection.T,
         stable=np.array([m.stable for m in modes]),
         floquet_multipliers=np.array([m.multipliers for m in modes]),
         **kind,
@@ -94,7 +87,7 @@ def free_branch(
         coordinates=states[:, :n],
         coordinate_velocities=states[:, n:],
         least_kinetic=least,
-        initial_displacement=states[:, :n] @ stations_of(system).T,
+        initial_displacement=states[:, :n] @ system.deflection.T,
         stable=np.array([orbits.stable(m) for m in multipliers]),
         floquet_multipliers=np.array(multipliers),
         **kind,
@@ -152,7 +145,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         {name: q @ shape for name, shape in probes.items()},
         {name: v @ shape for name, shape in probes.items()},
         {s.name: delta[:, i] for i, s in enumerate(system.snubbers)},
-        q @ stations_of(system).T,
+        q @ system.deflection.T,
         harmonics,
         periods=PERIODS,
         spectrum_frequency_hz=frequency,

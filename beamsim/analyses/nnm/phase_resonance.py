@@ -452,7 +452,7 @@ def _carried(held: _Held, problem: ForcedOrbits, motion: _Motion, periods: int) 
     departure = np.linalg.norm((states - mode) * weight, axis=2).max(axis=1) / size
     # the mode is at rest where its own clock shows 0 and half a period
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
-    field = _field(held.damped)
+    field = held.damped.deflection
     last = problem.flow.states_at(passage, rest)
     count = periods * SAMPLES
     whole = states.reshape(count, 2 * n)[:, :n]
@@ -474,11 +474,6 @@ def _lines(x: Floats) -> Floats:
     c = np.abs(np.fft.rfft(x)) * (2.0 / x.size)
     c[0] *= 0.5
     return np.asarray(c)
-
-
-def _field(system: StructuralSystem) -> Floats:
-    """(nx, n) deflection at the stations for a unit of each coordinate."""
-    return system.beam.deflection if system.beam is not None else np.asarray(system.modes.shapes.T)
 
 
 def _peak(x: Floats) -> float:

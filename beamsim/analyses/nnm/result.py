@@ -8,6 +8,7 @@ import numpy as np
 
 from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.analyses.result import Result
+from beamsim.structures.stations import Stations
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -168,7 +169,7 @@ class ExpansionPath:
     frequency_hz: Floats  # (E, 3) to order 0, 1, 2
     coordinates: Floats  # (E, 3, n) initial vector: the shape at rest at t = 0
     initial_displacement: Floats  # (E, 3, nx) m, at the stations
-    position: Floats  # (nx,) m, or mass numbers
+    stations: Stations  # nx of them
     partner: int  # mode (from 1) with the largest first-order component
     harmonic: int  # and its harmonic
     reach: float  # factors should be well below this one
@@ -252,7 +253,7 @@ class NormalModeResult(Result):
     method: str  # shooting, full_period, multiple_scales or thesis
     branches: tuple[ModeBranch, ...]  # the backbone first
     jumps: tuple[BranchJump, ...]
-    position: Floats  # (nx,) m, or mass numbers
+    stations: Stations  # nx of them
     linear_shape: Floats  # (nx,) the linear mode at the same largest deflection as the motion
     motion: OrbitMotion  # of one point of one branch:
     motion_branch: int  # which branch: the backbone, or the first that is never at rest

@@ -11,6 +11,7 @@ from beamsim.analyses.response.result import FoldCurveResult
 from beamsim.orbits.continuation import Branch, BranchPoint, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.structures.assembly import snubber_site
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.branches import Budget, Traced
@@ -57,7 +58,7 @@ def _own(model: ResponseModel, level: float) -> float:
     assert second.moved is not None
     if second.kind == "position":
         index = second.moved.index
-        return float(model.scenario.snubbers[index].position)
+        return snubber_site(model.scenario.located_snubbers[index]).coordinate
     contacts = model.system.dynamics.contacts
     return float((contacts.gap if second.kind == "gap" else contacts.stiffness)[second.moved.index])
 

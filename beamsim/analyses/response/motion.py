@@ -147,10 +147,9 @@ def measure(
     if "gap" in limited:
         for j, snubber in enumerate(system.snubbers):
             extra[f"gap {snubber.name}"] = float(_top(-motion.penetration[:, j : j + 1])[0])
-    if "bending_stress" in limited and system.beam is not None:
-        beam = system.beam
-        moment = motion.q(beam.bending_moment) + np.multiply.outer(own, beam.base_moment)
-        extra["bending_stress"] = float(max(_top(moment).max(), _top(-moment).max())) * beam.stress_per_moment
+    if "bending_stress" in limited and system.stress is not None:
+        stress = motion.q(system.stress.row) + np.multiply.outer(own, system.stress.base)
+        extra["bending_stress"] = float(max(_top(stress).max(), _top(-stress).max()))
     spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[:ORDERS] / SAMPLES
     spectrum[0] *= 0.5
     return Measured(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario.continuation import PositionPath, SnubberPath, snubber_index
 from beamsim.scenario.excitation import Harmonic
+from beamsim.structures.assembly import snubber_site
+from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
 
 if TYPE_CHECKING:
@@ -156,8 +158,8 @@ def response_model(scenario: Scenario) -> ResponseModel:
     shape_at = None
     if moving:
         ends = [float(x) for p in moving for x in (p.from_, p.to)]
-        assert scenario.beam is not None
-        system, shape_at = build_with_moving_point(forced, min(ends), min(max(ends), scenario.beam.length))
+        places = [moving_place(scenario, moving[0], end) for end in (min(ends), max(ends))]
+        system, shape_at = build_with_moving_point(forced, *places)
     else:
         system = build_system(forced)
     loads = periodic_forcing(forced, system)
@@ -180,6 +182,15 @@ def level_unit(scenario: Scenario) -> str:
     return units.get(str(getattr(scenario.excitation, "quantity", None)), "1")
 
 
+def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
+    """Where a snubber that moves is at a position, on the end where round-off puts it beyond."""
+    index = snubber_index(scenario, path)
+    assert index is not None
+    site = snubber_site(scenario.located_snubbers[index])
+    assert isinstance(site, Place)
+    return replace(site, point=scenario.all_bodies[site.body].on_the_body(position))
+
+
 def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at: Any) -> Followed:
     first, last = float(path.from_), float(path.to)
     if not isinstance(path, SnubberPath):
@@ -191,8 +202,7 @@ def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at:
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
     if isinstance(path, PositionPath):
-        assert scenario.beam is not None
-        first, last = min(first, scenario.beam.length), min(last, scenario.beam.length)
+        first, last = (moving_place(scenario, path, end).point for end in (first, last))
     kind = path.kind  # type: ignore[attr-defined]
     if kind == "stiffness" and ratio and system.cubic.count:
         raise scenario.located(

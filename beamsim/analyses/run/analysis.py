@@ -20,7 +20,8 @@ from beamsim.analyses.run.outputs import (
     velocities,
 )
 from beamsim.analyses.run.result import (
-    BeamResult,
+    ONLY_BEAM,
+    BodyResult,
     EnergyHistory,
     EventLog,
     ProbeHistory,
@@ -87,7 +88,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
         base_displacement=_signal(system.base_displacement, motion.time),
         events=motion.events,
         spectra=spectra,
-        beam=_beam(system, motion),
+        **_bodies(scenario, system, motion),
         energy=motion.energy,
         modes=system.modes,
         work=motion.work,
@@ -190,8 +191,8 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
 
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
     seeds = {name: (times, values[name]) for name in searched}
-    if system.beam is not None:
-        searched["stress"] = _same_in_every_state(bending_stress(flow, system.beam))
+    if system.stress is not None:
+        searched["stress"] = _same_in_every_state(bending_stress(flow, system.stress))
         few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
         seeds["stress"] = (few, trajectory.sample(few, searched["stress"]))
     extremes = {}
@@ -265,8 +266,8 @@ def _reference(
         stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
     searched = {name: values[name] for name in SEARCHED if name in values}
-    if system.beam is not None:
-        searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.beam)))
+    if system.stress is not None:
+        searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.stress)))
     at = trajectory.time
     extremes = {
         name: (x.min(axis=0), at[x.argmin(axis=0)], x.max(axis=0), at[x.argmax(axis=0)]) for name, x in searched.items()
@@ -371,20 +372,26 @@ def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajecto
     return EventLog(trajectory.event_time[own], trajectory.event_contact[own], trajectory.event_closing[own])
 
 
-def _beam(system: StructuralSystem, motion: _Motion) -> BeamResult | None:
-    beam = system.beam
-    if beam is None:
-        return None
-    low, _, high, _ = motion.extremes["stress"]
-    unknown = np.full(beam.position.size, np.nan)
+def _bodies(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> dict[str, Any]:
+    """What is known along each body that has a continuous axis, as the result's fields."""
+    stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
+    low, _, high, _ = motion.extremes.get("stress", (np.zeros(0),) * 4)
+    peak = np.maximum(np.abs(low), np.abs(high))
     equilibrium = system.static_equilibrium
-    return BeamResult(
-        position=beam.position,
-        peak_bending_stress=np.maximum(np.abs(low), np.abs(high)),
-        extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ beam.deflection.T,
-        extreme_times=motion.extreme_times,
-        static_shape=unknown if equilibrium is None else beam.deflection @ equilibrium,
-    )
+    found = {
+        body.body: BodyResult(
+            position=body.position,
+            peak_bending_stress=peak[stress[body.body]] if body.body in stress else None,
+            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
+            extreme_times=motion.extreme_times,
+            static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
+        )
+        for body in system.bodies
+        if body.axis.continuous
+    }
+    if len(scenario.all_bodies) == 1 and set(found) <= {ONLY_BEAM}:
+        return {"only_body": found.get(ONLY_BEAM)}
+    return {"only_body": None, "named_bodies": found}
 
 
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> dict[tuple[str, str], Spectrum]:
@@ -454,12 +461,12 @@ def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str,
         summary["peak_stretch_m"] = _named(springs, np.abs(ends).max(axis=1))
         forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
         summary["peak_spring_force_n"] = _named(springs, np.array(forces))
-    if system.beam is not None:
+    if system.stress is not None:
         low_s, _, high_s, _ = motion.extremes["stress"]
         stress = np.maximum(np.abs(low_s), np.abs(high_s))
         where = int(stress.argmax())
         summary["largest_bending_stress_pa"] = float(stress[where])
-        summary["largest_bending_stress_position_m"] = float(system.beam.position[where])
+        summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
     return summary
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.system.structural import BeamRecovery
+from beamsim.structures.stations import StressRows
 from beamsim.typing import Bools, Floats
 
 OutputOf = Callable[[Bools], LinearOutput]
@@ -58,12 +58,12 @@ def accelerations(flow: ExactFlow, shape: Floats, closed: Bools, *, absolute: bo
     return output
 
 
-def bending_stress(flow: ExactFlow, beam: BeamRecovery) -> LinearOutput:
-    """Stress at the extreme fibre at every station of the beam, Pa, from the base's acceleration (observer 0) too."""
-    output = displacements(flow, beam.stress_per_moment * beam.bending_moment)
+def bending_stress(flow: ExactFlow, stress: StressRows) -> LinearOutput:
+    """Stress at the extreme fibre at every station that has one, Pa, from the base's acceleration (observer 0) too."""
+    output = displacements(flow, stress.row)
     if flow.observers:
         base = flow.sources.channel == flow.first_observer
-        output.direct[:, base] += (beam.stress_per_moment * beam.base_moment)[:, None]
+        output.direct[:, base] += stress.base[:, None]
     return output
 
 

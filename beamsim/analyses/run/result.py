@@ -23,6 +23,7 @@ from beamsim.fields import (
 from beamsim.system.structural import ModeTable, SnubberNumbers
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
 _TIME = ("time",)
 _FREQUENCY = ("frequency_hz",)
@@ -106,11 +107,14 @@ class Spectrum:
 
 
 @declared
-class BeamResult:
-    """What is known along the beam."""
+class BodyResult:
+    """What is known along a body."""
 
     position: Floats = axis("m", "position along the beam")
-    peak_bending_stress: Floats = dataset("Pa", "largest absolute bending stress at any time", along=("position",))
+    # None where no fibre of the section is known
+    peak_bending_stress: Floats | None = dataset(
+        "Pa", "largest absolute bending stress at any time", along=("position",)
+    )
     extreme_shapes: Floats = dataset(
         "m", "deflection when the first probe is lowest and highest", along=("extreme_times", "position")
     )
@@ -220,12 +224,18 @@ class RunResult(Result):
         folder="spectra", parts=_spectrum_group, having="window", key=lambda s: (s.probe, s.quantity),
         order=_spectrum_rank,
     )  # fmt: skip
-    beam: BeamResult | None = group("beam")  # None for a chain
+    only_body: BodyResult | None = group("beam")  # of a scenario with one beam
     energy: EnergyHistory = group("energy")
     modes: ModeTable = group("modes")
     work: Work = group("work")
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
+    named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
+
+    @property
+    def bodies(self) -> dict[str, BodyResult]:
+        """What is known along each body that has a continuous axis."""
+        return self.named_bodies if self.only_body is None else {ONLY_BEAM: self.only_body}
 
     @property
     @stored(attribute("", "names of the snubbers by index", name="names", at="events/snubber"))

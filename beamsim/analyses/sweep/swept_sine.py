@@ -104,8 +104,8 @@ def sweep_outputs(
     extra = []
     if "gap" in limited:
         extra.append(first_rows(template.penetrations()[0], count))
-    if "bending_stress" in limited and system.beam is not None:
-        extra.append(bending_stress(template, system.beam))
+    if "bending_stress" in limited and system.stress is not None:
+        extra.append(bending_stress(template, system.stress))
     return output_of
 
 
@@ -119,7 +119,7 @@ def limited_values(
     if "gap" in limited:
         found |= {f"gap {s.name}": -low[:, first + k] for k, s in enumerate(system.snubbers)}
         first += S
-    if "bending_stress" in limited and system.beam is not None:
+    if "bending_stress" in limited and system.stress is not None:
         found["bending_stress"] = np.maximum(np.abs(high[:, first:]), np.abs(low[:, first:])).max(axis=1)
     return found
 

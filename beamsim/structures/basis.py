@@ -1,0 +1,43 @@
+"""The coordinates of a reduced model: what a reduction gives and what recovers fields from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from beamsim.typing import Floats
+
+
+@dataclass(frozen=True)
+class LoadPattern:
+    """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
+
+    vector: Floats  # (N,) scaled load on the free dofs
+    position: float | None  # of the unit force (m, or mass number); None for the inertia load (gravity)
+
+
+@dataclass(frozen=True)
+class ReducedBasis:
+    """n mass-normalised coordinates: modes first (rigid-body modes first of all), then static vectors.
+
+    Every column v satisfies K v = M a + sum_i p_i f_i, which is how bending moments are recovered from
+    equilibrium: ``acceleration_modes`` and ``pattern`` say what a and p are.
+    """
+
+    omega: Floats  # (n,) scaled angular frequencies; exact zeros for rigid-body modes
+    vectors: Floats  # (N, n) orthonormal in the scaled mass matrix
+    rigid: int
+    modes: int  # kept modes, rigid-body modes included; the rest of the n columns are static vectors
+    patterns: tuple[LoadPattern, ...]
+    pattern: Floats  # (patterns, n): p
+    acceleration_modes: Floats  # (modes, n): a = vectors[:, :modes] @ acceleration_modes
+    highest_frequency: float  # scaled angular frequency that the reduction was made for
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return int(self.omega.size)
+
+    @property
+    def static_vectors(self) -> int:
+        """Number of static vectors among them."""
+        return self.size - self.modes

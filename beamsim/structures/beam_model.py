@@ -1,0 +1,69 @@
+"""The finite-element model of a beam: mesh, supports, and the rows and fields on it."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.structures.hermite import shape_functions
+from beamsim.structures.mesh import Mesh
+from beamsim.structures.places import Link, Place, Site
+from beamsim.structures.structure import Structure
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Beam
+
+
+def deflection_row(mesh: Mesh, x: float) -> Floats:
+    """(2 nodes,) row that gives the deflection at adimensional x."""
+    row = np.zeros(2 * mesh.nodes.size)
+    element, xi = mesh.locate(x)
+    row[mesh.dofs[element]] = shape_functions(xi, mesh.lengths[element])
+    return row
+
+
+@dataclass(frozen=True)
+class BeamModel(Structure, ABC):
+    """An Euler-Bernoulli beam in cubic Hermite elements; places are metres from its left end."""
+
+    beam: Beam
+    mesh: Mesh
+    free: Ints  # (N,) which of the unsupported beam's dofs are left
+
+    @property
+    def most_modes(self) -> int:
+        """One an element: modes with higher numbers are not carried by the mesh."""
+        return self.mesh.elements
+
+    def frequency_count(self, omega: float) -> int:
+        """A bound on the number of modes below the scaled angular frequency omega."""
+        # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
+        # both rigid-body modes counted. A mass added lowers at most one more frequency past the limit.
+        return int(np.ceil(np.sqrt(omega) / np.pi)) + 2 + len(self.beam.point_masses)
+
+    def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
+        """Single places: moments are recovered from one point force at a time."""
+        single = [place for s in sites for place in ((s.first, s.second) if isinstance(s, Link) else (s,))]
+        return list(dict.fromkeys(single))
+
+    def deflection_row(self, place: Place) -> Floats:
+        """(N,) deflection at a place for a unit of each degree of freedom."""
+        return deflection_row(self.mesh, place.point / self.beam.length)[self.free]
+
+    def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
+        """(k,) deflections of k fields (N, k) at a place, and their slopes (derivatives by x in m)."""
+        field = self.whole_field(vectors)
+        element, xi = self.mesh.locate(place.point / self.beam.length)
+        local, h = field[self.mesh.dofs[element]], self.mesh.lengths[element]
+        return shape_functions(xi, h) @ local, shape_functions(xi, h, 1) @ local / self.beam.length
+
+    def whole_field(self, vectors: Floats) -> Floats:
+        """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""
+        field = np.zeros((2 * self.mesh.nodes.size, *vectors.shape[1:]))
+        field[self.free] = vectors
+        return field

@@ -1,0 +1,125 @@
+"""What the steps of the build share: the structure, its reduced coordinates, and where things sit on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.scenario.run import ModeStart, ReleasedForceStart
+from beamsim.structures.assembly import assemble, site_in, snubber_site
+from beamsim.structures.basis import LoadPattern, ReducedBasis
+from beamsim.structures.places import Place, Site
+from beamsim.structures.reduction import reduce_model
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.scenario.run import Start
+    from beamsim.structures.structure import Structure
+
+# Modes that a default reduction keeps at least, whatever the sample rate.
+_LEAST_FLEXIBLE_MODES = 6
+# Superharmonics that a default reduction provides for.
+_LEAST_HARMONICS = 10
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The structure of a scenario in reduced, mass-normalised coordinates."""
+
+    scenario: Scenario
+    structure: Structure
+    basis: ReducedBasis
+    omega: Floats  # (n,) rad/s
+
+    @property
+    def stiffness(self) -> Floats:
+        """(n,) diagonal of K, rad^2/s^2."""
+        return np.asarray(self.omega**2)
+
+    def shape(self, item: Any) -> Floats:
+        """(n,) deflection at what sits on one place of a scenario, for a unit of each coordinate, 1/sqrt(kg)."""
+        return np.asarray(self.shapes([site_in(self.scenario, item)])[0])
+
+    def shapes(self, sites: Sequence[Site]) -> Floats:
+        """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
+        rows = [self.structure.row(site) @ self.basis.vectors for site in sites]
+        scale = np.sqrt(self.structure.mass_scale)
+        return np.asarray(np.array(rows).reshape(len(sites), self.basis.size) / scale)
+
+    @property
+    def inertia(self) -> Floats:
+        """(n,) modal load of a unit acceleration, sqrt(kg)."""
+        row = self.structure.inertia @ self.basis.vectors
+        return np.asarray(row * np.sqrt(self.structure.mass_scale))
+
+    @property
+    def snubber_sites(self) -> list[Site]:
+        """Where the snubbers sit."""
+        return [snubber_site(located) for located in self.scenario.located_snubbers]
+
+    @property
+    def probe_sites(self) -> list[Site]:
+        """Where the probes sit."""
+        return [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]
+
+
+def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = ()) -> Parts:
+    """Assemble and reduce the structure of a scenario, with static vectors at further places."""
+    structure = assemble(scenario)
+    basis = _reduce(scenario, structure, also_at)
+    return Parts(scenario, structure, basis, basis.omega * structure.frequency_scale)
+
+
+def start_of(scenario: Scenario) -> Start | None:
+    """The initial state that the scenario asks for; None where it has no run."""
+    return None if scenario.run is None else scenario.run.start
+
+
+def point_of_excitation(scenario: Scenario) -> Site | None:
+    """Where a point force acts; None for base motion and for no excitation."""
+    excitation = scenario.excitation
+    if excitation.kind == "none" or excitation.applied_to == "base":
+        return None
+    return site_in(scenario, excitation.applied_to)
+
+
+def force_sites(scenario: Scenario) -> list[Site]:
+    """Sites of every point force, released ones included."""
+    sites = [site_in(scenario, force) for force in scenario.constant_forces]
+    point = point_of_excitation(scenario)
+    if point is not None:
+        sites.append(point)
+    start = start_of(scenario)
+    if isinstance(start, ReleasedForceStart):
+        sites.append(site_in(scenario, start.released_force))
+    return sites
+
+
+def _reduce(scenario: Scenario, structure: Structure, also_at: Sequence[Place]) -> ReducedBasis:
+    """The reduced basis that the scenario asks for, or the default.
+
+    By default a structure keeps the modes up to half the sample rate, at least ten times the excitation frequency and
+    six flexible modes, and none that its discretisation does not carry; one that carries all of its modes keeps them.
+    """
+    felt = (*scenario.located_snubbers, *scenario.nonlinear_springs)
+    sites = [snubber_site(located) for located in felt] + force_sites(scenario) + list(also_at)
+    patterns = [LoadPattern(structure.row(site), site.coordinate) for site in structure.loaded_sites(sites)]
+    if scenario.gravity != 0:
+        patterns.append(LoadPattern(structure.inertia, None))
+    asked = scenario.reduction
+    hz = 2 * np.pi / structure.frequency_scale
+    if asked is not None and asked.modes is not None:
+        return reduce_model(structure, patterns, count=None if asked.modes == "all" else asked.modes)
+    if asked is not None and asked.highest_frequency is not None:
+        return reduce_model(structure, patterns, highest_frequency=asked.highest_frequency * hz)
+    half_rate = 0.0 if scenario.run is None else scenario.run.output_rate / 2
+    wanted = max(half_rate, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
+    start = start_of(scenario)
+    mode = start.mode if isinstance(start, ModeStart) else 0
+    return reduce_model(
+        structure, patterns, highest_frequency=wanted * hz, default=True, least=_LEAST_FLEXIBLE_MODES, mode=mode
+    )
