@@ -1,9 +1,9 @@
-"""A design grid on one worker and on two: wall time, processor time, and whether the tables are the same bits.
+"""A design grid on one worker and on two: wall time, processor time, and a check that both tables are identical.
 
     python benchmarks/designs_on_two_workers.py [points per axis]
 
-The grid takes 20 s or more on one worker. The load of the machine before each measurement is printed with it: on a
-busy machine the ratio of wall times says little, and the share of a processor that the workers got says why.
+The grid takes 20 s or more on one worker. The machine load before each measurement is printed as well. On a busy
+machine the ratio of wall times is not meaningful; the share of a processor that the workers got shows this.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ def main(points: int) -> None:
             assert result.complete, result.status
             print(
                 f"  {workers} worker{'s' * (workers > 1)}: wall {wall:6.2f} s, processor time of the cases "
-                f"{result.summary['processor_time_s']:6.2f} s, of the workers with their start {spent:6.2f} s "
+                f"{result.summary['processor_time_s']:6.2f} s, of the workers including start-up {spent:6.2f} s "
                 f"({spent / wall / workers:.0%} of a processor each), load before {load:.2f}"
             )
     one, two = (min(walls[workers]) for workers in WORKERS)
-    print(f"  two workers are {one / two:.2f} times as fast as one (best of {REPEATS})")
+    print(f"  speed-up with two workers: {one / two:.2f} (best of {REPEATS})")
     for name, response in tables[1].responses.items():
         np.testing.assert_array_equal(response.values, tables[2].responses[name].values, err_msg=name)
-    print("  the tables are the same bits")
+    print("  the tables are identical")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Identification of a snubber's stiffness: processor time, and eigenvalue solutions against the thesis's loop.
+"""Identification of a snubber stiffness: closed form against the iteration of the thesis (H. Hazim, 2010).
 
 python benchmarks/identify_stiffness.py
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import time
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads would count as processor time
 
 import beamsim
 
@@ -26,7 +26,7 @@ def best_of(scenario, repeats):
 
 
 def main():
-    """Print time, stiffness and counts of the secular function and of the thesis's algorithm 1."""
+    """Print time, stiffness and eigenvalue solutions of the secular function and of algorithm 1 of the thesis."""
     rows = []
     for method in ("secular", "thesis"):
         scenario = beamsim.load_scenario(CASE, {"identify_stiffness.method": method})

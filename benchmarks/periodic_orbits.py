@@ -1,9 +1,9 @@
-"""Periodic motions: processor time of the thesis's nonlinear modes and of the field's two-mass response curve.
+"""Periodic motions: processor time for the nonlinear modes of the thesis and a two-mass benchmark (NLvib example 03).
 
     python benchmarks/periodic_orbits.py
 
-One process, processor time after compilation, the best of three. The right-hand column is what it took in 2010
-(thesis, chapter 3), or the limit the project sets itself.
+One process, processor time after compilation, best of three. The last column is the time reported in 2010 (H. Hazim,
+thesis, chapter 3), or the target of this project.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import time
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads would count as processor time
 
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
@@ -31,8 +31,8 @@ JOBS = (
 
 
 def main() -> None:
-    print(f"{'case':<24}{'points':>8}{'processor time':>18}   against")
-    for name, analysis, against in JOBS:
+    print(f"{'case':<24}{'points':>8}{'processor time':>18}   reference")
+    for name, analysis, reference in JOBS:
         scenario = beamsim.load_scenario(CONFIGS / f"{name}.yaml")
         best = None
         for _ in range(4):
@@ -40,7 +40,7 @@ def main() -> None:
             result = analysis(scenario)
             spent = time.process_time() - begin
             best = spent if best is None else min(best, spent)
-        print(f"{name:<24}{result.summary['points']:>8}{best:>16.3f} s   {against}")
+        print(f"{name:<24}{result.summary['points']:>8}{best:>16.3f} s   {reference}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""The exact flow against time stepping on the thesis's 65 Hz case: processor time and error, side by side.
+"""Closed-form flow against time stepping for the 65 Hz case of the thesis: processor time and error.
 
     python benchmarks/run_against_time_stepping.py [--quick]
 
 One process, processor time, ratios to the exact flow. The error of a method is the largest difference of any
-coordinate to the exact flow, relative to the coordinate's peak, over 0.8 s; for each method the cheapest tolerance
-with an error of at most 1e-9 is reported (the largest error reached where none gets there).
+coordinate from the exact flow over 0.8 s, relative to the peak of the coordinate. For each method the table shows the
+cheapest tolerance with an error of at most 1e-9, or the tightest tolerance if none achieves this.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import argparse
 import os
 import time
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads would count as processor time
 
 import numpy as np
 from numba import njit
@@ -48,14 +48,14 @@ def exact(modes, repeats=20):
 
 
 def difference(y, exact_y):
-    """Largest difference relative to the peak of each coordinate's kind (displacements, velocities)."""
+    """Largest difference relative to the peak of the displacements or of the velocities."""
     n = y.shape[1] // 2
     d, e = np.abs(y - exact_y), np.abs(exact_y)
     return max(d[:, :n].max() / e[:, :n].max(), d[:, n:].max() / e[:, n:].max())
 
 
 def scipy_methods(system, exact_y, methods, tolerances):
-    """Cheapest run of each ``solve_ivp`` method that reaches the target; one dearer than the best so far is cut off."""
+    """Cheapest run of each ``solve_ivp`` method that reaches the target; slower runs are stopped."""
     best = np.inf
     for method in methods:
         for rtol in tolerances:
@@ -71,7 +71,7 @@ def scipy_methods(system, exact_y, methods, tolerances):
                     flow, system.initial_state, TIMES, integrator=method, rtol=rtol, atol=1e-3 * rtol, progress=watch
                 )
             except TimeoutError:
-                yield f"{method:20s} dearer than the best so far, at rtol {rtol:g}"
+                yield f"{method:20s} slower than the best so far, at rtol {rtol:g}"
                 break
             seconds = time.process_time() - begin
             error = difference(result.y, exact_y)
@@ -82,7 +82,7 @@ def scipy_methods(system, exact_y, methods, tolerances):
 
 
 def compiled_dop853(system, exact_y):
-    """``scipy.integrate.ode('dop853')`` with a compiled right-hand side, tightened until the target is met."""
+    """``scipy.integrate.ode('dop853')`` with a compiled right-hand side; the tolerance is tightened to the target."""
     dynamics = system.dynamics
     contacts = dynamics.contacts
     n = dynamics.size

@@ -1,4 +1,4 @@
-"""A whole swept sine: 20 to 400 Hz at 2 oct/min, six modes; processor time in all and per cycle.
+"""A complete swept sine, 20 to 400 Hz at 2 oct/min, six modes: total processor time and time per cycle.
 
 python benchmarks/swept_sine.py
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import time
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads that spin would count as processor time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads would count as processor time
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep
@@ -38,7 +38,7 @@ def main():
     }.items():
         seconds, result = timed(**changes)
         cycles = result.summary["cycles"]
-        print(f"{label:56s} {seconds:6.2f} s  {cycles:6d} cycles  {1e6 * seconds / cycles:6.1f} us a cycle")
+        print(f"{label:56s} {seconds:6.2f} s  {cycles:6d} cycles  {1e6 * seconds / cycles:6.1f} us per cycle")
 
 
 if __name__ == "__main__":
