@@ -1,25 +1,47 @@
-"""The exact flow against independent time stepping (DOP853, restarted at every event), and its own laws."""
+"""The exact flow against time stepping written apart from the package (DOP853), and its own laws."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from independent import Stop, integrate, modal
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.flow import reference
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.reference import integrate
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.outcomes import OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 
-def agreement(flow, start, duration, max_step=0.02):
+def agreement(flow, structure, contacts, load, start, duration, base=None, breaks=()):
+    """The exact motion, the independent one, and the largest difference between them against the largest value."""
+    names = ("dashpot", "gap", "sign", "on_ground", "no_tension")
+    count = len(contacts["stiffness"])
+    law = {name: np.broadcast_to(contacts[name], count) for name in names if name in contacts}
+    law["side"] = law.pop("sign", np.ones(count))
+    stops = [
+        Stop(row, k, **{name: values[i] for name, values in law.items()})
+        for i, (row, k) in enumerate(zip(contacts["shape"], contacts["stiffness"], strict=True))
+    ]
     trajectory = simulate(flow, start)
     times = np.linspace(0.0, duration, 501)
-    reference = integrate(flow, start, times, integrator="DOP853", rtol=1e-12, atol=1e-13, max_step=max_step)
-    peak = np.abs(reference.y).max()
-    return trajectory, reference, np.abs(trajectory.states_at(times) - reference.y).max() / peak
+    expected = integrate(structure, stops, load, start, times, base=base, breaks=breaks, most_step=0.02, atol=1e-13)
+    error = np.abs(trajectory.states_at(times) - expected.state).max() / np.abs(expected.state).max()
+    return trajectory, expected, error
+
+
+TONES = ((1.0, 1.3, 0.3), (0.5, 4.1, 0.2))  # amplitude, rad/s, phase of the fixture two_tones
+
+
+def acceleration_at(t):
+    return sum(a * np.sin(w * t + p) for a, w, p in TONES)
+
+
+def base_at(t):
+    """Displacement without drift and velocity."""
+    return -sum(a / w**2 * np.sin(w * t + p) for a, w, p in TONES), -sum(a / w * np.cos(w * t + p) for a, w, p in TONES)
 
 
 CASES = {
@@ -39,21 +61,30 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("rigid", [0, 1])
-@pytest.mark.parametrize("case", CASES)
-def test_random_structure(make_system, two_tones, case, rigid):
+def random_structure(make_system, two_tones, case, rigid):
+    """The flow and the start of a random structure, and the same for the independent integrator."""
     rng = np.random.default_rng(len(case) + rigid)
     n, duration = 4, 8.0
     omega = np.sort(rng.uniform(0.5, 6.0, n))
     omega[:rigid] = 0.0
     m = len(CASES[case]["stiffness"])
-    system = make_system(omega, 0.02 * omega, 0.2 * rng.normal(size=n), shape=rng.normal(size=(m, n)), **CASES[case])
+    constant, contacts = 0.2 * rng.normal(size=n), {"shape": rng.normal(size=(m, n)), **CASES[case]}
+    system = make_system(omega, 0.02 * omega, constant, **contacts)
     acceleration, displacement = two_tones
-    flow = ExactFlow(system, Forcing(rng.normal(size=(1, n)), (acceleration,), displacement), duration)
-    trajectory, reference, error = agreement(flow, 0.5 * rng.normal(size=2 * n), duration)
-    assert reference.event_time.size > 0
-    np.testing.assert_array_equal(trajectory.event_contact, reference.event_contact)
-    np.testing.assert_allclose(trajectory.event_time, reference.event_time, atol=1e-9)
+    load = rng.normal(size=n)
+    flow = ExactFlow(system, Forcing(load[None], (acceleration,), displacement), duration)
+    start = 0.5 * rng.normal(size=2 * n)
+    structure = modal(omega, 0.02 * omega)
+    return flow, structure, contacts, lambda t: constant + load * acceleration_at(t), start, duration, base_at
+
+
+@pytest.mark.parametrize("rigid", [0, 1])
+@pytest.mark.parametrize("case", CASES)
+def test_random_structure(make_system, two_tones, case, rigid):
+    trajectory, expected, error = agreement(*random_structure(make_system, two_tones, case, rigid))
+    assert expected.event_time.size > 0
+    np.testing.assert_array_equal(trajectory.event_contact, expected.event_stop)
+    np.testing.assert_allclose(trajectory.event_time, expected.event_time, atol=1e-9)
     assert error < 1e-9
 
 
@@ -69,23 +100,59 @@ def test_awkward_damping(make_system, two_tones, kind):
     }[kind]
     if kind == "coincident":
         omega[:] = 2.0
-    system = make_system(omega, damping, shape=rng.normal(size=(1, 4)), stiffness=[15.0], dashpot=[0.4], gap=[0.02])
-    flow = ExactFlow(system, Forcing(rng.normal(size=(1, 4)), (two_tones[0],)), 10.0)
-    assert agreement(flow, rng.normal(size=8), 10.0)[2] < 1e-9
+    contacts = {"shape": rng.normal(size=(1, 4)), "stiffness": [15.0], "dashpot": [0.4], "gap": [0.02]}
+    load = rng.normal(size=4)
+    flow = ExactFlow(make_system(omega, damping, **contacts), Forcing(load[None], (two_tones[0],)), 10.0)
+    structure, start = modal(omega, damping), rng.normal(size=8)
+    assert agreement(flow, structure, contacts, lambda t: load * acceleration_at(t), start, 10.0)[2] < 1e-9
 
 
 def test_pieces_of_polynomials(make_system):
     """A pulse made of straight and curved pieces, felt by a ground-mounted snubber too."""
-    pulse = Signal.polynomial_pieces([0.0, 0.5, 1.2], [[0.0, 1.0, 0.0], [2.0, -1.0, 0.3], [0.0, 0.0, 0.0]])
+    begin, pieces = [0.0, 0.5, 1.2], [[0.0, 1.0, 0.0], [2.0, -1.0, 0.3], [0.0, 0.0, 0.0]]
+    pulse = Signal.polynomial_pieces(begin, pieces)
     displacement = pulse.antiderivative().antiderivative()
-    system = make_system(
-        [0.7, 2.0, 5.0], [0.01, 0.02, 0.05], shape=[[1.0, -0.5, 0.3], [0.2, 1.0, 0.4]], stiffness=[30.0, 20.0],
-        dashpot=0.2, gap=[0.05, 0.1], sign=[1.0, -1.0], on_ground=[True, False],
+    omega, damping = [0.7, 2.0, 5.0], [0.01, 0.02, 0.05]
+    contacts = {
+        "shape": [[1.0, -0.5, 0.3], [0.2, 1.0, 0.4]], "stiffness": [30.0, 20.0], "dashpot": 0.2, "gap": [0.05, 0.1],
+        "sign": [1.0, -1.0], "on_ground": [True, False],
+    }  # fmt: skip
+    load = np.array([-1.0, 0.4, 0.2])
+    flow = ExactFlow(make_system(omega, damping, **contacts), Forcing(load[None], (pulse,), displacement), 6.0)
+
+    polynomials, moved = [np.polynomial.Polynomial(c) for c in pieces], []  # of the base's displacement
+    d, v = 0.0, 0.0
+    for k, acceleration in enumerate(polynomials):
+        moved.append(acceleration.integ(2, [v, d]))
+        if k + 1 < len(begin):
+            d, v = (x(begin[k + 1] - begin[k]) for x in (moved[k], moved[k].deriv()))
+
+    def piece(t):
+        return sum(t >= b for b in begin) - 1
+
+    def base(t):
+        k = piece(t)
+        return moved[k](t - begin[k]), moved[k].deriv()(t - begin[k])
+
+    trajectory, expected, error = agreement(
+        flow, modal(omega, damping), contacts, lambda t: load * polynomials[piece(t)](t - begin[piece(t)]),
+        np.zeros(6), 6.0, base, begin,
     )  # fmt: skip
-    flow = ExactFlow(system, Forcing(np.array([[-1.0, 0.4, 0.2]]), (pulse,), displacement), 6.0)
-    trajectory, reference, error = agreement(flow, np.zeros(6), 6.0)
-    assert trajectory.event_time.size == reference.event_time.size > 1
+    assert trajectory.event_time.size == expected.event_time.size > 1
     assert error < 1e-9
+
+
+@pytest.mark.parametrize("case", ["on the ground", "no tension, on the ground"])
+def test_the_stepping_of_the_package_agrees_too(make_system, two_tones, case):
+    """`run.method: reference` with DOP853, which shares sources and start with the exact flow."""
+    setting = random_structure(make_system, two_tones, case, 0)
+    _, expected, _ = agreement(*setting)
+    flow, start, duration = setting[0], setting[4], setting[5]
+    times = np.linspace(0.0, duration, 501)
+    stepped = reference.integrate(flow, start, times, integrator="DOP853", rtol=1e-12, atol=1e-13, max_step=0.02)
+    np.testing.assert_array_equal(stepped.event_contact, expected.event_stop)
+    np.testing.assert_array_equal(stepped.event_closing, expected.event_closing)
+    assert np.abs(stepped.y - expected.state).max() < 1e-9 * np.abs(expected.state).max()
 
 
 def test_the_comparison_can_fail(make_system, two_tones):
@@ -114,16 +181,25 @@ def test_grazing_contact_is_found(make_system, no_forcing):
             np.testing.assert_allclose(trajectory.event_time[0], np.pi - half, atol=1e-8)
 
 
-def test_fast_ripple_on_a_slow_motion_is_not_missed(make_system, no_forcing):
-    """A contact that lasts a hundredth of the fastest period, seen by no coarse sampling."""
+@pytest.mark.parametrize(("excess", "touches"), [(1e-9, True), (-1e-9, False)])
+def test_fast_ripple_on_a_slow_motion_is_not_missed(make_system, no_forcing, excess, touches):
+    """A contact that lasts a hundredth of the fastest period, seen by no coarse sampling; the twin just misses.
+
+    The gap is 1 + q1 + q2 with q1 = -a sin t and q2 = -b cos 400 t. Both are lowest where t = pi / 2 = 100 periods of
+    the ripple, and nowhere else in the three seconds: 1 - a - b = -excess decides.
+    """
     system = make_system([1.0, 400.0], [0.0, 0.0], shape=[[1.0, 1.0]], stiffness=[3.0], gap=[1.0])
-    start = np.array([0.0, 0.0, -0.9995, 0.0])
-    start[1] = 0.0005 + 1e-9
-    flow = ExactFlow(system, no_forcing(2), 3.0)
-    trajectory = simulate(flow, start)
-    t = np.linspace(0, 3.0, 3_000_001)
-    gap = 1.0 - 0.9995 * np.sin(t) + start[1] * np.cos(400 * t)
-    assert bool((gap < 0).any()) is bool(trajectory.event_time.size)
+    slow, ripple = 0.9995, 0.0005 + excess
+    trajectory = simulate(ExactFlow(system, no_forcing(2), 3.0), np.array([0.0, -ripple, -slow, 0.0]))
+    if not touches:
+        assert trajectory.event_time.size == 0
+        return
+    # near its lowest point the gap is -excess + (1 + 80) (t - pi / 2)^2 / 2, almost a parabola
+    curvature = slow + ripple * 400.0**2
+    half = np.sqrt(2 * excess / curvature)
+    assert half < 0.01 * 2 * np.pi / 400
+    assert trajectory.event_closing.tolist() == [True, False]
+    np.testing.assert_allclose(trajectory.event_time, np.pi / 2 + half * np.array([-1, 1]), rtol=0, atol=1e-3 * half)
 
 
 def test_at_rest_with_zero_gap_nothing_flutters(make_system):

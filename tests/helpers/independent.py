@@ -1,0 +1,217 @@
+"""A second opinion: structures, stops and time stepping written apart from the package, which is not imported here.
+
+Beams are assembled from the textbook's element matrices, reduced with a dense eigenvalue problem, and integrated by
+SciPy's DOP853, restarted at every contact. Nothing is shared with what it checks, neither formulas nor the start.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+
+# --- structures -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Structure:
+    """M x'' + C x' + K x = f; the base's acceleration a adds -inertia a."""
+
+    mass: np.ndarray  # (n, n)
+    damping: np.ndarray  # (n, n)
+    stiffness: np.ndarray  # (n, n)
+    inertia: np.ndarray  # (n,)
+
+
+class Beam:
+    """A uniform Euler-Bernoulli beam of equal cubic elements, dofs (w, w') at each node; held at its left end."""
+
+    def __init__(self, length, width, thickness, modulus, density, elements, held, point_masses=()):
+        self.h, self.elements = length / elements, elements
+        h, bending, line = self.h, modulus * width * thickness**3 / 12, density * width * thickness
+        k = bending / h**3 * np.array(
+            [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
+             [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
+        )  # fmt: skip
+        m = line * h / 420 * np.array(
+            [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
+             [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
+        )  # fmt: skip
+        K, M = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+        for e in range(elements):
+            K[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += k
+            M[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += m
+        self.free = {"clamped": slice(2, None), "pinned": slice(1, None)}[held]
+        for x, mass in point_masses:
+            M += mass * np.outer(self.whole_row(x), self.whole_row(x))
+        lift = np.tile([1.0, 0.0], elements + 1)
+        self.M, self.K, self.inertia = M[self.free, self.free], K[self.free, self.free], (M @ lift)[self.free]
+
+    def whole_row(self, x):
+        e = min(int(x / self.h * (1 + 1e-12)), self.elements - 1)
+        s = x / self.h - e
+        row = np.zeros(2 * self.elements + 2)
+        row[2 * e : 2 * e + 4] = [
+            1 - 3 * s**2 + 2 * s**3, self.h * (s - 2 * s**2 + s**3), 3 * s**2 - 2 * s**3, self.h * (s**3 - s**2)
+        ]  # fmt: skip
+        return row
+
+    def row(self, x):
+        """Deflection at x for a unit of each free dof."""
+        return self.whole_row(x)[self.free]
+
+    def reduced(self, modes, places, ratio, rigid=0):
+        """The lowest modes and what the others add to the static deflection under a force at each place.
+
+        Returns the structure in the coordinates that diagonalise it, with a damping ratio for each, and their shapes.
+        """
+        omega2, phi = eigh(self.K, self.M)
+        omega2[:rigid] = 0.0
+        rest = phi[:, modes:]
+        static = np.array([rest @ (rest.T @ self.row(x) / omega2[modes:]) for x in places]).T
+        static /= np.sqrt(np.sum(static * (self.M @ static), axis=0))
+        squares, turn = eigh(static.T @ self.K @ static, static.T @ self.M @ static)
+        shapes = np.hstack([phi[:, :modes], static @ turn])
+        omega2 = np.append(omega2[:modes], squares)
+        damping = np.diag(2 * ratio * np.sqrt(omega2))
+        return Structure(np.eye(omega2.size), damping, np.diag(omega2), shapes.T @ self.inertia), shapes
+
+
+# --- stops ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A one-sided spring and dashpot on the deflection ``row @ x``, below (+1) or above (-1) the structure."""
+
+    row: np.ndarray
+    stiffness: float
+    dashpot: float = 0.0
+    gap: float = 0.0
+    side: float = 1.0
+    on_ground: bool = False
+    no_tension: bool = False  # lets go when the force reaches zero, and relaxes by itself until it is met again
+
+    def with_damping_ratio(self, structure, ratio):
+        """Dashpot 2 ratio k / Omega, Omega the first frequency that is not zero with this stop closed."""
+        squares = eigh(structure.stiffness + self.stiffness * np.outer(self.row, self.row), structure.mass)[0]
+        first = np.sqrt(squares[squares > 1e-9 * squares[-1]][0])
+        return Stop(**{**vars(self), "dashpot": 2 * ratio * self.stiffness / first})
+
+
+def static_equilibrium(structure, stops):
+    """Rest position: the closed set for which every closed stop is compressed and no open one is."""
+    closed = np.zeros(len(stops), dtype=bool)
+    for _ in range(50):
+        K, f = structure.stiffness.copy(), np.zeros(len(structure.stiffness))
+        for stop in (s for s, c in zip(stops, closed, strict=True) if c):
+            K += stop.stiffness * np.outer(stop.row, stop.row)
+            f -= stop.stiffness * stop.gap * stop.side * stop.row
+        x = np.linalg.solve(K, f)
+        now = np.array([-s.gap - s.side * (s.row @ x) > 0 for s in stops])
+        if np.array_equal(now, closed):
+            return x
+        closed = now
+    raise AssertionError("no equilibrium")
+
+
+# --- time stepping ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Motion:
+    state: np.ndarray  # (nt, 2 n) x and x' at the times asked for
+    event_time: np.ndarray
+    event_stop: np.ndarray
+    event_closing: np.ndarray
+
+
+def integrate(
+    structure, stops, load, start, times, *, base=None, breaks=(), most_step, rtol=1e-12, atol=1e-14, cubic=None
+):
+    """Step from time 0 through ``times``, which end the motion, restarted at every contact and at the breaks.
+
+    Parameters
+    ----------
+    load : f(t), (n,); ``base(t)`` gives displacement and velocity of the base, which stops on the ground feel.
+    start : (2 n,) x and x'.
+    cubic : (rows, stiffness) of springs whose force is stiffness (row @ x)^3.
+    """
+    n, m = len(structure.stiffness), len(stops)
+    inverse = np.linalg.inv(structure.mass)
+    k, c, gap, side = (np.array([getattr(s, x) for s in stops]) for x in ("stiffness", "dashpot", "gap", "side"))
+    rows = np.array([s.row for s in stops]).reshape(m, n)
+    grounded = np.array([s.on_ground for s in stops], dtype=float)
+    # a face of its own, which keeps its place when it is left and relaxes at the rate k / c
+    own_face = np.array([s.no_tension and s.dashpot > 0 for s in stops], dtype=bool)
+    relaxing = np.where(own_face, k / np.where(own_face, c, 1.0), 0.0)
+    base = base or (lambda t: (0.0, 0.0))
+
+    def penetration(t, y):
+        d, v = base(t)
+        return -gap - side * (rows @ y[:n] + grounded * d), -side * (rows @ y[n : 2 * n] + grounded * v)
+
+    def slope(t, y, closed):
+        delta, rate = penetration(t, y)
+        push = side * np.where(closed, k * delta + c * rate, 0.0)
+        force = load(t) - structure.stiffness @ y[:n] - structure.damping @ y[n : 2 * n] + push @ rows
+        if cubic is not None:
+            force = force - (cubic[1] * (cubic[0] @ y[:n]) ** 3) @ cubic[0]
+        return np.concatenate([y[n : 2 * n], inverse @ force, np.where(closed, 0.0, -relaxing * y[2 * n :])])
+
+    def watch(j):
+        def left(t, y, closed):
+            delta, rate = penetration(t, y)
+            if not closed[j]:
+                return y[2 * n + j] - delta[j]
+            return k[j] * delta[j] + c[j] * rate[j] if own_face[j] else delta[j]
+
+        left.terminal, left.direction = True, -1.0
+        return left
+
+    events = [watch(j) for j in range(m)]
+    y = np.concatenate([start, np.zeros(m)])
+    # just touching counts as closed if the motion goes on into the stop, seen a short way ahead
+    ahead = 1e-4 * most_step
+    onward = solve_ivp(slope, (0, ahead), y, "DOP853", rtol=rtol, atol=1e-30, args=(np.zeros(m, dtype=bool),)).y[:, -1]
+    delta = penetration(0.0, y)[0]
+    closed = np.where(np.abs(delta) > 1e-15 * (1 + np.abs(gap)), delta, penetration(ahead, onward)[0]) > 0
+    state, found = np.empty((len(times), 2 * n)), []
+    stops_at = [*sorted(b for b in breaks if 0 < b < times[-1]), times[-1]]
+    t = 0.0
+    while t < times[-1]:
+        done = solve_ivp(
+            slope, (t, next(b for b in stops_at if b > t)), y, "DOP853", rtol=rtol, atol=atol, max_step=most_step,
+            events=events, args=(closed,), dense_output=True,
+        )  # fmt: skip
+        here = (times >= t) & (times <= done.t[-1])
+        if here.any():
+            state[here] = done.sol(times[here])[: 2 * n].T
+        t, y = done.t[-1], done.y[:, -1].copy()
+        if done.status == 1:
+            j = next(j for j in range(m) if done.t_events[j].size)
+            if own_face[j]:
+                y[2 * n + j] = penetration(t, y)[0][j]
+            closed = closed.copy()
+            closed[j] = ~closed[j]
+            found.append((t, j, closed[j]))
+    when, which, closing = zip(*found, strict=True) if found else ((), (), ())
+    return Motion(state, np.array(when), np.array(which, dtype=int), np.array(closing, dtype=bool))
+
+
+def chain(masses, springs, dashpots):
+    """Masses in a row between two walls; a spring and a dashpot before each mass and one after the last."""
+    stretch = np.eye(len(masses) + 1, len(masses)) - np.eye(len(masses) + 1, len(masses), -1)
+    return Structure(
+        np.diag(np.asarray(masses, dtype=float)),
+        stretch.T @ np.diag(dashpots) @ stretch,
+        stretch.T @ np.diag(springs) @ stretch,
+        np.asarray(masses, dtype=float),
+    )
+
+
+def modal(omega, damping):
+    """A structure given by its angular frequencies and damping matrix (or diagonal)."""
+    damping = np.asarray(damping, dtype=float)
+    damping = np.diag(damping) if damping.ndim == 1 else damping
+    return Structure(np.eye(len(omega)), damping, np.diag(np.square(omega)), np.zeros(len(omega)))
