@@ -1,12 +1,10 @@
 """Nonlinear modes of random chains, in physical coordinates, against an integration written apart from the program."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+import pytest
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
 
@@ -94,15 +92,24 @@ class Chain:
         return y
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 10_000))
+SEEDS = (0, 1, 3, 4, 6, 7, 8, 9, 10, 11)  # none of these chains is refused
+
+
+def test_the_chains_have_something_of_everything():
+    cases = [random_chain(np.random.default_rng(seed)) for seed in SEEDS]
+    snubbers = [snubber for case in cases for snubber in case["chain"]["snubbers"]]
+    assert {s.get("resists", s.get("side")) for s in snubbers} == {"approach", "separation", "below", "above"}
+    assert {np.sign(s["gap"]) for s in snubbers} == {-1.0, 0.0, 1.0}
+    assert any("springs_to_ground" in case["chain"] for case in cases)
+    assert any(case["chain"]["springs"][0] == 0 for case in cases)
+    assert 2 <= sum("continue_in" in case["nnm"] for case in cases) <= len(cases) - 2
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_motions_close_with_their_energy(seed):
     rng = np.random.default_rng(seed)
     case = random_chain(rng)
-    try:
-        result = nnm(load_scenario(case))
-    except ScenarioError:  # no mode of that number vibrates, nothing would change, it floats
-        return
+    result = nnm(load_scenario(case))
     assert result.backbone.share.min() > 0.5
     for branch in result.branches:
         k = int(rng.integers(branch.parameter.size))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from independent import Beam, Stop, integrate
 
 import beamsim
 
@@ -61,25 +62,46 @@ def test_the_stop_below_makes_the_mean_positive(name):
     assert high > 2 * abs(low)
 
 
+def independent_displacement(hz, stiffness=151.1e3):
+    """Largest tip displacement from 0.7 to 0.8 s of the rig at 2 g, three modes on four elements, by another code."""
+    beam = Beam(0.27, 0.05, 0.005, 69e9, 2700.0, 4, "clamped", [(x, 4.2e-3) for x in (0.135, 0.2025, 0.27)])
+    structure, shapes = beam.reduced(3, [0.27], 0.01)
+    stop = Stop(beam.row(0.27) @ shapes, stiffness).with_damping_ratio(structure, 0.02)
+    n, omega = len(stop.row), 2 * np.pi * hz
+    motion = integrate(
+        structure, [stop], lambda t: -structure.inertia * 2 * 9.80665 * np.sin(omega * t), np.zeros(2 * n),
+        np.linspace(0.7, 0.8, 2001), most_step=1e-3, rtol=1e-6, atol=1e-9,
+    )  # fmt: skip
+    return (motion.state[:, :n] @ stop.row).max()
+
+
 @pytest.mark.parametrize(
-    ("name", "axis_m", "obtained"),
+    ("hz", "axis_m", "fits"),
     [
-        ("one_sided_45hz", 1.5e-4, 1.88),
-        ("one_sided_65hz", 4.0e-4, 1.03),
-        ("one_sided_78hz", 1.4e-3, 1.18),
-        ("one_sided_160hz", 3.0e-4, 1.81),
+        pytest.param(45, 1.5e-4, False, marks=pytest.mark.slow),
+        (65, 4.0e-4, True),
+        pytest.param(78, 1.4e-3, False, marks=pytest.mark.slow),
+        pytest.param(160, 3.0e-4, False, marks=pytest.mark.slow),
     ],
 )
-def test_tip_displacement_against_the_printed_axes(name, axis_m, obtained):
+def test_tip_displacement_against_the_printed_axes(hz, axis_m, fits):
     """Largest tip displacement from 0.7 to 0.8 s over the end of the thesis's axis, which bounds its curve.
 
     A finding, not an agreement: 65 Hz fits, 78 Hz comes out 18 % and 45 and 160 Hz 1.8 times above the printed axes.
-    The thesis documents neither its damping model nor the frame of its displacements; the
-    figures are recorded so that a change in them is seen.
+    The thesis documents neither its damping model nor the frame of its displacements. That it is the printed axes
+    that do not come out, and not the program, is what the independent code says of the same case.
     """
-    r = result(name)
+    r = result(f"one_sided_{hz}hz")
     highest = r.probes["tip"].displacement[r.time >= 0.7].max()
-    assert highest / axis_m == pytest.approx(obtained, abs=0.01)
+    assert highest == pytest.approx(independent_displacement(hz), rel=0.015)
+    assert bool(highest < 1.05 * axis_m) is fits
+
+
+@pytest.mark.slow
+def test_the_independent_displacement_would_see_another_snubber():
+    """Twin: a snubber 15 % softer moves the largest displacement by more than is allowed above."""
+    changed = independent_displacement(65, 0.85 * 151.1e3)
+    assert result("one_sided_65hz").probes["tip"].displacement[-2001:].max() != pytest.approx(changed, rel=0.015)
 
 
 @pytest.mark.parametrize("factor", [3.0, np.pi])
