@@ -1,8 +1,6 @@
 """The exception family: what went wrong, where, and what to do about it.
 
-Every exception carries the exit code with which the command line ends, so that the
-mapping from failure to code exists once (0 success, 1 bug, 2 bad usage or scenario,
-3 not converged or not to be trusted, 4 an allowable exceeded under ``--check``, 128 and a signal's number interrupted).
+Every exception carries the exit code with which the command line ends.
 """
 
 from __future__ import annotations
@@ -10,6 +8,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """How the command line ends; a signal ends it with 128 and its number."""
+
+    SUCCESS = 0
+    BUG = 1
+    USAGE = 2  # usage, scenario or file
+    NOT_CONVERGED = 3  # stopped before the end, or not to be trusted; the partial result is saved
+    LIMIT_EXCEEDED = 4  # under --check
+    INTERRUPTED = 130  # from the keyboard
+    BROKEN_PIPE = 141
 
 
 @dataclass(frozen=True)
@@ -37,13 +48,13 @@ class Problem:
 class BeamsimError(Exception):
     """Root of the family; ends the command line with ``exit_code``."""
 
-    exit_code = 1
+    exit_code: int = ExitCode.BUG
 
 
 class ScenarioError(BeamsimError):
     """The scenario (or the command's usage) is wrong; holds every problem found, located."""
 
-    exit_code = 2
+    exit_code = ExitCode.USAGE
 
     def __init__(self, problems: Problem | str | Sequence[Problem]) -> None:
         if isinstance(problems, str):
@@ -59,7 +70,7 @@ class MethodError(BeamsimError):
     place in a scenario.
     """
 
-    exit_code = 2
+    exit_code = ExitCode.USAGE
 
     def __init__(self, about: str, message: str, remedy: str = "") -> None:
         self.about, self.message, self.remedy = about, message, remedy
@@ -89,13 +100,13 @@ class ResultFileError(BeamsimError):
 
 
 class NotTrustedError(BeamsimError):
-    """A computation ended without a result that can be trusted; the partial result was kept."""
+    """A computation ended without a result that can be trusted."""
 
-    exit_code = 3
+    exit_code = ExitCode.NOT_CONVERGED
 
 
 class StoppedEarlyError(BeamsimError):
-    """A signal asked for the end; what had been found by then was kept."""
+    """A computation ended before it was complete; the partial result was saved."""
 
     def __init__(self, text: str, exit_code: int) -> None:
         super().__init__(text)
@@ -105,4 +116,4 @@ class StoppedEarlyError(BeamsimError):
 class LimitExceededError(BeamsimError):
     """An allowable is exceeded, and ``--check`` asked for an answer in the exit code."""
 
-    exit_code = 4
+    exit_code = ExitCode.LIMIT_EXCEEDED

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import secrets
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from beamsim.errors import ResultFileError
+
+PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another program has open
 
 
 @contextmanager
@@ -31,13 +35,26 @@ def replacing(path: Path | str) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as written:
             os.fsync(written.fileno())
-        os.replace(temporary, target)
+        _replace(temporary, target)
     except OSError as error:
         raise ResultFileError(
             f"cannot write {path}: {error.strerror or error}; choose another place with -o"
         ) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _replace(temporary: Path, target: Path) -> None:
+    """Move a file to its place; Windows refuses that for a moment while another program reads what is there."""
+    for pause in PAUSES_S:
+        try:
+            os.replace(temporary, target)
+            return
+        except PermissionError:
+            if sys.platform != "win32":
+                raise
+            time.sleep(pause)
+    os.replace(temporary, target)
 
 
 def check_writable(path: Path | str) -> None:

@@ -6,11 +6,13 @@ Begin with `app`, the commands; `failures` has the exit codes.
 
 from __future__ import annotations
 
+from typing import Any
+
 __all__ = ["main"]
 
 
 def main() -> None:
-    """Entry point of ``beamsim``; ends the process with the exit code of `beamsim.cli.failures`."""
+    """Entry point of ``beamsim``; ends the process with one of `beamsim.errors.ExitCode`."""
     import os
     import signal
     import sys
@@ -23,9 +25,18 @@ def main() -> None:
         sys.exit(128 + number)  # an exception, so that temporary files are removed
 
     signal.signal(signal.SIGTERM, stop)
+    if sys.platform == "win32":
+        use_utf8(sys.stdout, sys.stderr)
     try:
         from beamsim.cli.app import app
 
         app(prog_name="beamsim")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def use_utf8(*streams: Any) -> None:
+    """Let streams hold every character: the encoding of a Windows console, or of a pipe there, does not."""
+    for stream in streams:
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8")

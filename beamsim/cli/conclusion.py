@@ -7,14 +7,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from beamsim.cli.failures import say
-from beamsim.errors import LimitExceededError, NotTrustedError, Problem, ScenarioError
+from beamsim.errors import ExitCode, LimitExceededError, Problem, ScenarioError, StoppedEarlyError
+from beamsim.outcomes import Outcome, OutcomeKind
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.cli.interruption import Interruption
     from beamsim.scenario import Scenario
 
+EXIT_CODES = {
+    OutcomeKind.COMPLETE: ExitCode.SUCCESS,
+    OutcomeKind.STOPPED: ExitCode.NOT_CONVERGED,
+    OutcomeKind.UNTRUSTED: ExitCode.NOT_CONVERGED,
+    OutcomeKind.FAILED: ExitCode.NOT_CONVERGED,
+    OutcomeKind.INTERRUPTED: ExitCode.INTERRUPTED,
+}
 ResultT = TypeVar("ResultT", bound="Result", contravariant=True)
+
+
+def exit_code(outcome: Outcome, signal: int = 0) -> int:
+    """With what the command ends that gave this outcome, after a signal if its number is given.
+
+    >>> from beamsim.outcomes import COMPLETE
+    >>> int(exit_code(COMPLETE)), exit_code(COMPLETE, 15)
+    (0, 143)
+    """
+    return 128 + signal if signal else EXIT_CODES[outcome.kind]
 
 
 class Printer(Protocol[ResultT]):
@@ -34,7 +52,7 @@ def conclude(
     check: bool = False,
     interrupted: Interruption | None = None,
 ) -> None:
-    """Tell the warnings, show the result and end the command as it deserves.
+    """Print the warnings and the result, and end the command with the exit code of its outcome.
 
     Parameters
     ----------
@@ -44,16 +62,20 @@ def conclude(
 
     Raises
     ------
-    StoppedEarlyError, NotTrustedError, LimitExceededError
+    StoppedEarlyError, LimitExceededError
     """
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if json or not quiet:
         show(result, files, as_json=json)
-    if interrupted is not None:
-        interrupted.end(files[0])
-    if not result.complete:
-        raise NotTrustedError(f"{result.status}; the partial result is in {files[0]}")
+    signal, file = 0 if interrupted is None else interrupted.signal, files[0]
+    code = exit_code(result.outcome, signal)
+    if signal:
+        raise StoppedEarlyError(
+            f"interrupted; the partial result is in {file}, and `beamsim plot {file}` draws it", code
+        )
+    if code != ExitCode.SUCCESS:
+        raise StoppedEarlyError(f"{result.status}; the partial result is in {file}", code)
     if check:
         from beamsim.analyses.limits import exceeded_limits
 

@@ -1,22 +1,10 @@
-"""The one place where exceptions become messages and exit codes.
-
-====  ==================================================================
-code  meaning
-====  ==================================================================
-0     success
-1     a bug: one line, the traceback only with ``--debug``
-2     bad usage, scenario or file (Typer's usage errors as well)
-3     stopped before the end or not to be trusted; what there is was saved
-4     an allowable is exceeded, under ``--check``
-130   interrupted from the keyboard
-141   whoever read the output went away (``| head``)
-====  ==================================================================
-"""
+"""The one place where exceptions become messages and exit codes (`beamsim.errors.ExitCode`)."""
 
 from __future__ import annotations
 
 import errno
 import functools
+import io
 import os
 import sys
 import traceback
@@ -25,19 +13,18 @@ from typing import ParamSpec
 
 import typer
 
-from beamsim.errors import BeamsimError, ScenarioError
+from beamsim.errors import BeamsimError, ExitCode, ScenarioError
 
 Parameters = ParamSpec("Parameters")
 
-INTERRUPTED = 130
-PIPE_CLOSED = 141
-OUTPUT_REFUSED = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)  # what print meets where the disk is full
+# what print meets where the disk is full; not every system has all of them
+OUTPUT_REFUSED = [getattr(errno, name) for name in ("ENOSPC", "EIO", "EFBIG", "EDQUOT") if hasattr(errno, name)]
 
 
 def verdict(error: BaseException) -> tuple[int, str]:
     """Exit code and message for an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return INTERRUPTED, "beamsim: interrupted; no file was left half-written"
+        return ExitCode.INTERRUPTED, "beamsim: interrupted; no file was left half-written"
     if isinstance(error, ScenarioError):
         return error.exit_code, "\n".join(
             str(problem) if problem.file else f"beamsim: {problem}" for problem in error.problems
@@ -45,18 +32,32 @@ def verdict(error: BaseException) -> tuple[int, str]:
     if isinstance(error, BeamsimError):
         return error.exit_code, f"beamsim: {error}"
     if isinstance(error, MemoryError):
-        return 2, "beamsim: not enough memory; shorten run.duration or lower run.sample_rate"
+        return ExitCode.USAGE, "beamsim: not enough memory; shorten run.duration or lower run.sample_rate"
     if isinstance(error, OSError) and error.filename is not None:
-        return 2, f"beamsim: {error.filename}: {error.strerror}"
+        return ExitCode.USAGE, f"beamsim: {error.filename}: {error.strerror}"
     if isinstance(error, OSError) and error.errno in OUTPUT_REFUSED:
-        return 2, f"beamsim: cannot write the output: {error.strerror}"
+        return ExitCode.USAGE, f"beamsim: cannot write the output: {error.strerror}"
     text = f"{type(error).__name__}: {error}".splitlines()[0]
-    return 1, f"beamsim: internal error ({text}); use --debug to see where"
+    return ExitCode.BUG, f"beamsim: internal error ({text}); use --debug to see where"
 
 
 def say(text: str) -> None:
     """A line for the person, on standard error."""
     print(text, file=sys.stderr, flush=True)
+
+
+def broken_pipe(error: BaseException) -> bool:
+    """Whether the reader of standard output has closed it (``| head``); Windows calls that an invalid argument."""
+    invalid = sys.platform == "win32" and getattr(error, "errno", None) == errno.EINVAL
+    return isinstance(error, BrokenPipeError) or (isinstance(error, OSError) and invalid and error.filename is None)
+
+
+def discard_output() -> None:
+    """Send what is left in standard output nowhere, so that nothing fails when Python flushes it at exit."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (AttributeError, OSError, ValueError):  # no such function, or no file behind standard output
+        sys.stdout = io.StringIO()
 
 
 def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
@@ -67,13 +68,13 @@ def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
         try:
             command(*args, **kwargs)
             if sys.stdout is not None:
-                sys.stdout.flush()  # here, where a full disk is told as such
+                sys.stdout.flush()  # here, where a full disk can be reported
         except typer.Exit:
             raise
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing fails when Python flushes at exit
-            raise typer.Exit(PIPE_CLOSED) from None
         except (Exception, KeyboardInterrupt) as error:
+            if broken_pipe(error):
+                discard_output()
+                raise typer.Exit(ExitCode.BROKEN_PIPE) from None
             if kwargs.get("debug"):
                 traceback.print_exception(error)
             code, message = verdict(error)

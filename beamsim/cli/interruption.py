@@ -6,11 +6,9 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from beamsim.cli.failures import say
-from beamsim.errors import StoppedEarlyError
 
 
 class Interruption:
@@ -22,17 +20,6 @@ class Interruption:
     def __call__(self) -> bool:
         """Whether a signal came."""
         return self.signal != 0
-
-    def end(self, target: Path) -> None:
-        """End the command with the exit code of the signal, if one came; what was found is in ``target``.
-
-        Raises
-        ------
-        StoppedEarlyError
-        """
-        if self():
-            text = f"interrupted; what was found is in {target}, and `beamsim plot {target}` draws it"
-            raise StoppedEarlyError(text, 128 + self.signal)
 
 
 @contextmanager
@@ -54,10 +41,10 @@ def interruptible() -> Iterator[Interruption]:
     def ask(number: int, _frame: object) -> None:
         interruption.signal = number
         restore()
-        say("beamsim: ending after the present point, keeping what was found; once more to end at once")
+        say("beamsim: stopping after the present point and saving what was found; press again to stop at once")
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:
+        if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: set by what is not Python
             before[number] = signal.signal(number, ask)
     try:
         yield interruption

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import time as clock
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -21,6 +21,7 @@ from beamsim.files import check_writable, replacing
 from beamsim.outcomes import Outcome
 
 VERSION = 2
+LOCKED_BYTE = 2**30
 SYNCED_EVERY_S = 5.0  # a crash of the whole machine costs at most the cases of this time
 
 
@@ -65,7 +66,7 @@ class Journal:
         self._synced = 0.0
 
     def __enter__(self) -> Journal:
-        with _exclusive(self.path):  # whoever is at it keeps it
+        with _exclusive(self.path):  # a process that computes this study keeps its journal
             with replacing(self.path) as temporary, open(temporary, "w", encoding="utf-8") as file:
                 header = {"beamsim_journal": VERSION, "fingerprint": self.fingerprint}
                 file.write(json.dumps(header) + "\n")
@@ -89,7 +90,8 @@ class Journal:
             self._synced = clock.monotonic()
 
     def remove(self) -> None:
-        """Take the journal away: everything is in the result file."""
+        """Remove the journal: everything is in the result file."""
+        self.__exit__()  # Windows removes no open file
         self.path.unlink(missing_ok=True)
 
 
@@ -127,21 +129,53 @@ def _exclusive(path: Path) -> Iterator[None]:
         yield
         return
     with open(path, "a", encoding="utf-8") as file:
-        _lock(file, path)
+        held = _lock(file, path)
+        if held:
+            yield
+    if not held:  # Windows replaces no open file
         yield
 
 
-def _lock(file: IO[str], path: Path) -> None:
+def _lock(file: IO[str], path: Path) -> bool:
+    """Lock an open file; returns whether it may be replaced while the lock is held.
+
+    Raises
+    ------
+    ResultFileError
+        When another process has locked it.
+    """
     try:
-        import fcntl
-    except ImportError:  # not on every system
-        return
+        take, replaceable = _locking()
+    except ImportError:  # a system without locks
+        return False
     try:
-        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        take(file.fileno())
+    except (BlockingIOError, PermissionError):
         file.close()
         raise ResultFileError(
             f"{path}: another process is computing this study; wait for it, or choose another place with -o"
         ) from None
     except OSError:  # a file system without locks
-        return
+        pass
+    return replaceable
+
+
+def _locking() -> tuple[Callable[[int], object], bool]:
+    """A function that locks a file descriptor, and whether a locked file may be replaced.
+
+    Raises
+    ------
+    ImportError
+        Where the system has no locks.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        import msvcrt  # Windows: locks a byte, far beyond what is written
+
+        def take(descriptor: int) -> None:
+            os.lseek(descriptor, LOCKED_BYTE, os.SEEK_SET)
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined, unused-ignore]
+
+        return take, False
+    return lambda descriptor: fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB), True

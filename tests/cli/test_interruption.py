@@ -13,9 +13,9 @@ import pytest
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.analyses.response.analysis import frequency_response
-from beamsim.cli.failures import verdict
+from beamsim.cli.conclusion import exit_code
 from beamsim.cli.interruption import interruptible
-from beamsim.errors import StoppedEarlyError
+from beamsim.outcomes import COMPLETE
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
@@ -147,8 +147,8 @@ def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_
     output, errors = process.communicate("go on\n", timeout=120)
     assert process.returncode == code, errors
     assert errors.splitlines() == [
-        "beamsim: ending after the present point, keeping what was found; once more to end at once",
-        "beamsim: interrupted; what was found is in case.h5, and `beamsim plot case.h5` draws it",
+        "beamsim: stopping after the present point and saving what was found; press again to stop at once",
+        "beamsim: interrupted; the partial result is in case.h5, and `beamsim plot case.h5` draws it",
     ]
     assert "interrupted" in output
     assert os.listdir(tmp_path) == ["case.h5"]
@@ -166,18 +166,15 @@ def heeded():
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_are_the_commands_only_while_it_can_keep_something(number, heeded, tmp_path, capsys):
+def test_signals_are_the_commands_only_while_it_can_keep_something(number, heeded, capsys):
     handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
     with interruptible() as interrupted:
         assert not interrupted()
-        interrupted.end(tmp_path)  # nothing came
         signal.raise_signal(number)
         assert interrupted()
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
-    assert "once more to end at once" in capsys.readouterr().err
-    with pytest.raises(StoppedEarlyError) as caught:
-        interrupted.end(tmp_path)
-    assert verdict(caught.value)[0] == 128 + number
+    assert "again to stop at once" in capsys.readouterr().err
+    assert exit_code(COMPLETE, interrupted.signal) == 128 + number
     with interruptible():
         assert signal.getsignal(number) not in handlers
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
@@ -193,7 +190,7 @@ def test_a_signal_that_is_ignored_stays_ignored(heeded):
 def test_a_second_signal_ends_at_once(under_way, tmp_path):
     process = under_way("nnm", MODE)
     process.send_signal(signal.SIGINT)
-    assert "once more" in process.stderr.readline()
+    assert "again" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 130

@@ -32,10 +32,6 @@ KNOWN_MODULE_CIRCLES: list[set[str]] = [
         "beamsim.flow.resonant_passage",
         "beamsim.flow.variational",
     },
-    {
-        "beamsim.analyses.designs.cases",
-        "beamsim.analyses.designs.response_cases",
-    },
 ]
 KNOWN_PACKAGE_CIRCLES: list[set[str]] = []
 KNOWN_STRUCTURE_TESTS: set[str] = set()

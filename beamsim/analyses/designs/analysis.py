@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.cases import CaseTask, analysis_of, case_scenario, describe, solve_case, warm_up
+from beamsim.analyses.designs.cases import CaseTask, analysis_of, case_scenario, solve_case, warm_up
+from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine

@@ -7,47 +7,23 @@ worker, on this machine or another, computes the same numbers from it.
 from __future__ import annotations
 
 import copy
-import math
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from beamsim.analyses.designs.responses import Responses, response_responses, run_responses, sweep_responses
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.outcomes import Outcome, OutcomeCode
 
 if TYPE_CHECKING:
-    from beamsim.analyses.run.result import RunResult
-    from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
 
-MODES_KEPT = 6
-STANDARD_GRAVITY = 9.80665  # m/s^2
+SHORT = 0.01  # share of the range that is followed in a rehearsal
 
 Place = tuple[str | int, ...]
 Value = float | str
-Responses = dict[str, float | list[float]]
-
-QUANTITIES: dict[str, tuple[str, str]] = {
-    "peak_displacement": ("m", "largest displacement, relative to the base"),
-    "min_displacement": ("m", "lowest displacement, relative to the base"),
-    "max_displacement": ("m", "highest displacement, relative to the base"),
-    "peak_acceleration": ("m/s^2", "largest absolute acceleration"),
-    "peak_force": ("N", "largest contact force"),
-    "contact_share": ("1", "share of the time in contact"),
-    "contacts": ("1", "number of closings"),
-    "largest_gap": ("m", "largest opening between structure and snubber"),
-    "static_force": ("N", "contact force at static equilibrium"),
-    "bending_stress": ("Pa", "largest bending stress"),
-    "bending_stress_position": ("m", "where the bending stress is largest"),
-    "open_frequencies_hz": ("Hz", "natural frequencies with every contact open"),
-    "closed_frequencies_hz": ("Hz", "natural frequencies with every contact closed"),
-    "bilinear_frequency_hz": ("Hz", "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
-    "energy_error": ("1", "energy balance error"),
-    "resonance_frequency": ("Hz", "frequency of the largest response"),
-}
-"""Unit and long name of a response, by the last part of its name."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +43,6 @@ class Analysis:
 
     solve: Callable[[Scenario], tuple[Responses, Outcome]]  # responses, and how the analysis ended
     rehearse: Callable[[Scenario], object]  # a short case that compiles what a long one needs
-
-
-def describe(name: str) -> tuple[str, str]:
-    """Unit and long name of a response."""
-    quantity = name.rpartition("/")[2]
-    return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
 
 
 def analysis_of(scenario: Scenario) -> str:
@@ -132,70 +102,6 @@ def warm_up(task: CaseTask | None) -> None:
             return  # the case itself will say so
 
 
-def run_responses(result: RunResult) -> Responses:
-    """Responses of a run, from its summary."""
-    s = result.summary
-    values: Responses = {}
-    for name in result.probes:
-        for quantity in ("peak_displacement", "min_displacement", "max_displacement"):
-            values[f"probes/{name}/{quantity}"] = s[f"{quantity}_m"][name]
-        values[f"probes/{name}/peak_acceleration"] = s["peak_acceleration_g"][name] * STANDARD_GRAVITY
-    for name in result.snubbers:
-        values[f"snubbers/{name}/peak_force"] = s["peak_force_n"][name]
-        values[f"snubbers/{name}/contact_share"] = s["contact_share"][name]
-        values[f"snubbers/{name}/contacts"] = float(s["contacts"][name])
-        values[f"snubbers/{name}/largest_gap"] = s["largest_gap_m"][name]
-        values[f"snubbers/{name}/static_force"] = s["static_force_n"][name]
-    if "largest_bending_stress_pa" in s:
-        values["bending_stress"] = s["largest_bending_stress_pa"]
-        values["bending_stress_position"] = s["largest_bending_stress_position_m"]
-    values |= frequency_responses(s["open_frequencies_hz"], s["closed_frequencies_hz"], bool(result.snubbers))
-    values["energy_error"] = s["energy_error"]
-    return values
-
-
-def sweep_responses(result: SweepResult) -> Responses:
-    """Responses of a sweep: of every curve (direction and level) the largest values, and where they are."""
-    import numpy as np
-
-    values: Responses = {}
-    for curve in result.curves.values():
-        for name, envelope in curve.displacement.items():
-            highest = int(np.argmax(envelope.peak))
-            values[f"{curve.name}/probes/{name}/peak_displacement"] = float(envelope.peak[highest])
-            values[f"{curve.name}/probes/{name}/resonance_frequency"] = float(curve.frequency_hz[highest])
-        for name, envelope in curve.acceleration.items():
-            values[f"{curve.name}/probes/{name}/peak_acceleration"] = float(envelope.peak.max())
-        for name, envelope in curve.force.items():
-            values[f"{curve.name}/snubbers/{name}/peak_force"] = float(envelope.peak.max())
-        for name, share in curve.contact_share.items():
-            values[f"{curve.name}/snubbers/{name}/contact_share"] = float(np.mean(share))
-        for name, reached in curve.limited.items():
-            quantity, _, snubber = name.partition(" ")
-            place = f"snubbers/{snubber}/largest_gap" if quantity == "gap" else quantity
-            values[f"{curve.name}/{place}"] = float(reached.max())
-        for name, count in curve.contacts.items():
-            values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
-    modes = result.modes
-    opened, closed = modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist()
-    return values | frequency_responses(opened, closed, bool(result.scenario.all_snubbers))
-
-
-def frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
-    """The first natural frequencies, and the bilinear one of the first pair."""
-    values: Responses = {"open_frequencies_hz": _first(opened)}
-    if snubbers:
-        values["closed_frequencies_hz"] = _first(closed)
-        both = opened[0] + closed[0]
-        values["bilinear_frequency_hz"] = 2.0 * opened[0] * closed[0] / both if both else math.nan
-    return values
-
-
-def _first(frequencies: list[float]) -> list[float]:
-    kept = [float(f) for f in frequencies[:MODES_KEPT]]
-    return kept + [math.nan] * (MODES_KEPT - len(kept))
-
-
 def _solve_run(scenario: Scenario) -> tuple[Responses, Outcome]:
     from beamsim.analyses.run.analysis import run
 
@@ -234,15 +140,24 @@ def _rehearse_sweep(scenario: Scenario) -> object:
 
 
 def _solve_response(scenario: Scenario) -> tuple[Responses, Outcome]:
-    from beamsim.analyses.designs.response_cases import solve_response
+    from beamsim.analyses.response.analysis import frequency_response
 
-    return solve_response(scenario)
+    result = frequency_response(scenario)
+    return response_responses(result), result.outcome
 
 
 def _rehearse_response(scenario: Scenario) -> object:
-    from beamsim.analyses.designs.response_cases import rehearse_response
+    from beamsim.analyses.response.analysis import frequency_response
 
-    return rehearse_response(scenario)
+    settings: Any = scenario.sweep
+    path = settings.parameter
+    short = path.from_ + SHORT * (path.to - path.from_)
+    change: dict[str, object] = {"levels": settings.levels[:1], "overlay": None, "follow_folds_in": None}
+    if settings.continue_in is None:
+        change["to"] = short
+    else:
+        change["continue_in"] = path.model_copy(update={"to": short})
+    return frequency_response(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
 ANALYSES: dict[str, Analysis] = {

@@ -1,0 +1,140 @@
+"""What a study keeps of the result of a case: numbers under names that say whose they are."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from beamsim.analyses.response.result import FrequencyResponse
+    from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.sweep.result import SweepResult
+
+MODES_KEPT = 6
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+Responses = dict[str, float | list[float]]
+
+QUANTITIES: dict[str, tuple[str, str]] = {
+    "peak_displacement": ("m", "largest displacement, relative to the base"),
+    "min_displacement": ("m", "lowest displacement, relative to the base"),
+    "max_displacement": ("m", "highest displacement, relative to the base"),
+    "peak_acceleration": ("m/s^2", "largest absolute acceleration"),
+    "peak_force": ("N", "largest contact force"),
+    "contact_share": ("1", "share of the time in contact"),
+    "contacts": ("1", "number of closings"),
+    "largest_gap": ("m", "largest opening between structure and snubber"),
+    "static_force": ("N", "contact force at static equilibrium"),
+    "bending_stress": ("Pa", "largest bending stress"),
+    "bending_stress_position": ("m", "where the bending stress is largest"),
+    "open_frequencies_hz": ("Hz", "natural frequencies with every contact open"),
+    "closed_frequencies_hz": ("Hz", "natural frequencies with every contact closed"),
+    "bilinear_frequency_hz": ("Hz", "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
+    "energy_error": ("1", "energy balance error"),
+    "resonance_frequency": ("Hz", "frequency of the largest response"),
+}
+"""Unit and long name of a response, by the last part of its name."""
+
+
+def describe(name: str) -> tuple[str, str]:
+    """Unit and long name of a response."""
+    quantity = name.rpartition("/")[2]
+    return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
+
+
+def run_responses(result: RunResult) -> Responses:
+    """Responses of a run, from its summary."""
+    s = result.summary
+    values: Responses = {}
+    for name in result.probes:
+        for quantity in ("peak_displacement", "min_displacement", "max_displacement"):
+            values[f"probes/{name}/{quantity}"] = s[f"{quantity}_m"][name]
+        values[f"probes/{name}/peak_acceleration"] = s["peak_acceleration_g"][name] * STANDARD_GRAVITY
+    for name in result.snubbers:
+        values[f"snubbers/{name}/peak_force"] = s["peak_force_n"][name]
+        values[f"snubbers/{name}/contact_share"] = s["contact_share"][name]
+        values[f"snubbers/{name}/contacts"] = float(s["contacts"][name])
+        values[f"snubbers/{name}/largest_gap"] = s["largest_gap_m"][name]
+        values[f"snubbers/{name}/static_force"] = s["static_force_n"][name]
+    if "largest_bending_stress_pa" in s:
+        values["bending_stress"] = s["largest_bending_stress_pa"]
+        values["bending_stress_position"] = s["largest_bending_stress_position_m"]
+    values |= frequency_responses(s["open_frequencies_hz"], s["closed_frequencies_hz"], bool(result.snubbers))
+    values["energy_error"] = s["energy_error"]
+    return values
+
+
+def sweep_responses(result: SweepResult) -> Responses:
+    """Responses of a sweep: of every curve (direction and level) the largest values, and where they are."""
+    values: Responses = {}
+    for curve in result.curves.values():
+        for name, envelope in curve.displacement.items():
+            highest = int(np.argmax(envelope.peak))
+            values[f"{curve.name}/probes/{name}/peak_displacement"] = float(envelope.peak[highest])
+            values[f"{curve.name}/probes/{name}/resonance_frequency"] = float(curve.frequency_hz[highest])
+        for name, envelope in curve.acceleration.items():
+            values[f"{curve.name}/probes/{name}/peak_acceleration"] = float(envelope.peak.max())
+        for name, envelope in curve.force.items():
+            values[f"{curve.name}/snubbers/{name}/peak_force"] = float(envelope.peak.max())
+        for name, share in curve.contact_share.items():
+            values[f"{curve.name}/snubbers/{name}/contact_share"] = float(np.mean(share))
+        for name, reached in curve.limited.items():
+            quantity, _, snubber = name.partition(" ")
+            place = f"snubbers/{snubber}/largest_gap" if quantity == "gap" else quantity
+            values[f"{curve.name}/{place}"] = float(reached.max())
+        for name, count in curve.contacts.items():
+            values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
+    modes = result.modes
+    opened, closed = modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist()
+    return values | frequency_responses(opened, closed, bool(result.scenario.all_snubbers))
+
+
+def response_responses(result: FrequencyResponse) -> Responses:
+    """Of the stable motions of every level, ``stable_<index>/…``, the largest values and where they are.
+
+    All periods count. Where no motion is stable the value is not a number.
+    """
+    values: Responses = {}
+    for index, level in enumerate(dict.fromkeys(repr(b.level) for b in result.branches)):
+        own = [b for b in result.branches if repr(b.level) == level]
+        stable = np.concatenate([b.stable for b in own])
+        parameter = np.concatenate([b.parameter for b in own])
+        sources: list[tuple[str, dict[str, Any]]] = [
+            (f"probes/{name}/{quantity}", {"of": quantity, "name": name})
+            for quantity in ("peak_displacement", "peak_acceleration")
+            for name in own[0].peak_displacement
+        ]
+        sources += [(f"snubbers/{name}/peak_force", {"of": "peak_force", "name": name}) for name in own[0].peak_force]
+        sources += [
+            (f"snubbers/{name.partition(' ')[2]}/largest_gap" if " " in name else name, {"of": "limited", "name": name})
+            for name in own[0].limited
+        ]
+        for place, source in sources:
+            of = np.concatenate([getattr(b, source["of"])[source["name"]] for b in own])
+            best = int(np.argmax(np.where(stable, of, -np.inf)))
+            known = bool(stable.any())
+            values[f"stable_{index}/{place}"] = float(of[best]) if known else float("nan")
+            if source["of"] == "peak_displacement" and result.parameter == "frequency":
+                at = f"stable_{index}/probes/{source['name']}/resonance_frequency"
+                values[at] = float(parameter[best]) if known else float("nan")
+    modes = result.modes
+    return values | frequency_responses(
+        modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), bool(result.scenario.all_snubbers)
+    )
+
+
+def frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
+    """The first natural frequencies, and the bilinear one of the first pair."""
+    values: Responses = {"open_frequencies_hz": _first(opened)}
+    if snubbers:
+        values["closed_frequencies_hz"] = _first(closed)
+        both = opened[0] + closed[0]
+        values["bilinear_frequency_hz"] = 2.0 * opened[0] * closed[0] / both if both else math.nan
+    return values
+
+
+def _first(frequencies: list[float]) -> list[float]:
+    kept = [float(f) for f in frequencies[:MODES_KEPT]]
+    return kept + [math.nan] * (MODES_KEPT - len(kept))

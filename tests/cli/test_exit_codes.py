@@ -1,0 +1,63 @@
+"""Every exit code has one meaning, and every outcome leads to one."""
+
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+from beamsim.cli.conclusion import EXIT_CODES, conclude, exit_code
+from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind
+
+STOPPED = Outcome.of(OutcomeCode.STOPPED)
+INTERRUPTED = Outcome.of(OutcomeCode.INTERRUPTED)
+UNTRUSTED = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz", error=2.0, allowed=1.0)
+
+
+def ended(result, **more):
+    """Exit code of a command that ends with a result."""
+    try:
+        conclude(result, ["case.h5"], lambda *_, **__: None, json=False, quiet=True, **more)
+    except (StoppedEarlyError, LimitExceededError) as error:
+        return error.exit_code
+    return 0
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code"), [(COMPLETE, 0), (STOPPED, 3), (UNTRUSTED, 3), (INTERRUPTED, 130)], ids=["0", "3", "3", "130"]
+)
+def test_an_outcome_has_its_code(outcome, code, fabricated_run):
+    assert exit_code(outcome) == code
+    assert ended(fabricated_run(outcome=outcome)) == code
+
+
+def test_every_kind_of_outcome_has_a_code():
+    assert set(EXIT_CODES) == set(OutcomeKind)
+    assert [kind for kind, code in EXIT_CODES.items() if code == ExitCode.SUCCESS] == [OutcomeKind.COMPLETE]
+
+
+def test_a_limit_counts_only_where_it_is_checked(fabricated_run):
+    result = fabricated_run()
+    result.summary["margins"] = {"peak_force": {"value": 60.0, "limit": 50.0, "exceeded": True}}
+    assert ended(result, check=True) == ExitCode.LIMIT_EXCEEDED == 4
+    assert ended(result) == 0
+    result.summary["margins"]["peak_force"]["exceeded"] = False
+    assert ended(result, check=True) == 0
+
+
+@pytest.mark.parametrize("arguments", [["walk"], ["run"], ["run", "case.yaml", "--nonsense"], ["run", "gone.yaml"]])
+def test_usage_ends_with_2(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(app, arguments).exit_code == ExitCode.USAGE == 2
+
+
+@pytest.mark.parametrize(
+    ("raised", "code"),
+    [(ZeroDivisionError(), 1), (KeyboardInterrupt(), 130), (BrokenPipeError(), 141)],
+)
+def test_an_exception_has_its_code(raised, code, tmp_path, monkeypatch):
+    def fail(*_):
+        raise raised
+
+    monkeypatch.setattr("beamsim.cli.validation.schema_text", fail)
+    monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
+    assert CliRunner().invoke(app, ["schema"]).exit_code == code
