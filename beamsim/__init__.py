@@ -54,9 +54,8 @@ if TYPE_CHECKING:
     from beamsim.store.identification import open_identification, write_identification
     from beamsim.store.measurement import read_tests
     from beamsim.store.nnm import open_nnm, write_nnm
-    from beamsim.store.results import open_run, write_run
+    from beamsim.store.results import open_run, open_sweep, write_run, write_sweep
     from beamsim.store.stored import open_result
-    from beamsim.store.sweep import open_sweep, write_sweep
 
 _NAMES = {
     "beamsim.analyses.compare.analysis": ("Comparison", "compare"),
@@ -81,9 +80,8 @@ _NAMES = {
     "beamsim.store.identification": ("open_identification", "write_identification"),
     "beamsim.store.measurement": ("read_tests",),
     "beamsim.store.nnm": ("open_nnm", "write_nnm"),
-    "beamsim.store.results": ("open_run", "write_run"),
+    "beamsim.store.results": ("open_run", "open_sweep", "write_run", "write_sweep"),
     "beamsim.store.stored": ("open_result",),
-    "beamsim.store.sweep": ("open_sweep", "write_sweep"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -49,7 +49,7 @@ def continue_response(scenario: Scenario, target: Path, options: ContinuationOpt
     from beamsim.cli.progress import progress_bar
     from beamsim.errors import Problem, ScenarioError
     from beamsim.store.continuation import write_frequency_response
-    from beamsim.store.sweep import open_sweep
+    from beamsim.store.results import open_sweep
 
     if options.resume:
         raise ScenarioError(Problem("--resume", "goes on with a swept or stepped sine, not with a continuation",

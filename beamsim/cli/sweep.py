@@ -79,7 +79,8 @@ def sweep(
         refuse_overlay()
     with progress_bar(f"sweeping {case.name}", wanted=not (json or quiet)) as progress:
         from beamsim.analyses.sweep.analysis import sweep as compute
-        from beamsim.store.sweep import earlier_sweep, write_sweep
+        from beamsim.store.results import write_sweep
+        from beamsim.store.sweep import earlier_sweep
 
         earlier = earlier_sweep(target, scenario) if resume else None
         result = compute(scenario, progress, save=lambda part: write_sweep(part, target), resume=earlier)

@@ -14,7 +14,7 @@ PEAKS_SHOWN = 6
 
 def save_sweep(result: SweepResult, target: Path, *, plots: bool) -> list[Path]:
     """Write the result file and, beside it, the plots; returns the files."""
-    from beamsim.store.sweep import write_sweep
+    from beamsim.store.results import write_sweep
 
     files = [write_sweep(result, target)]
     if plots:

@@ -151,7 +151,7 @@ def _put(
     group: h5py.Group, name: str, declared: Dataset, value: Any, names: Sequence[Any], unit: str = "", meaning: str = ""
 ) -> h5py.Dataset:
     values = np.asarray(value)
-    if values.dtype.kind == "U":
+    if values.dtype.kind == "U" or (isinstance(value, tuple) and not value):
         values = np.array(value, dtype=_TEXT)
     if declared.flags is not None:
         values = values.astype(np.uint8)
@@ -221,7 +221,7 @@ def read(cls: type, group: h5py.Group, names: Sequence[Any] = (), *, key: Any = 
             found[member.name] = _converted(key, member.annotation)
             continue
         try:
-            found[member.name] = _read_member(group, member, (found, *names), on)
+            found[member.name] = _read_member(group, member, (found, *names), key, on)
         except _MissingError as missing:
             if member.optional:
                 found[member.name] = None
@@ -240,7 +240,7 @@ def _reading_rank(member: Member) -> int:
     return 0 if isinstance(member.declaration, Attribute) else 1
 
 
-def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], on: str) -> Any:
+def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], key: Any, on: str) -> Any:
     match member.declaration:
         case Dataset() as declared:
             return _read_array(group, member, declared, names)
@@ -258,7 +258,7 @@ def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], on: st
             if (declared.path and declared.path not in group) or (declared.on and declared.on not in group):
                 raise _MissingError(f"{group.name}: no {declared.path or declared.on}")
             own, around = group[declared.path] if declared.path else group, (declared.given, *names)
-            return member.annotation(**declared.given, **read(member.annotation, own, around, on=declared.on))
+            return member.annotation(**declared.given, **read(member.annotation, own, around, key=key, on=declared.on))
         case Members() as declared:
             return _read_members(group, member, declared, names)
         case Table() as declared:

@@ -12,6 +12,7 @@ from beamsim.store.stored import KINDS, LazyScenario, creating, reading, root_fi
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.sweep.result import SweepResult
 
 
 def write_result(result: Result, path: Path | str, command: str) -> Path:
@@ -55,3 +56,15 @@ def open_run(path: Path | str) -> RunResult:
     from beamsim.analyses.run.result import RunResult
 
     return read_result(RunResult, path, "run")  # type: ignore[no-any-return]
+
+
+def write_sweep(result: SweepResult, path: Path | str) -> Path:
+    """Write the result of `beamsim.sweep`; see `write_result`."""
+    return write_result(result, path, KINDS["sweep"].command)
+
+
+def open_sweep(path: Path | str) -> SweepResult:
+    """Read a file written by ``beamsim sweep`` of one design, swept or stepped; see `read_result`."""
+    from beamsim.analyses.sweep.result import SweepResult
+
+    return read_result(SweepResult, path, "sweep")  # type: ignore[no-any-return]

@@ -48,7 +48,7 @@ class Kind(NamedTuple):
 
 KINDS = {
     "run": Kind("run", "the result of `beamsim run`", "beamsim.store.results", "open_run"),
-    "sweep": Kind("sweep", "a sweep of one design by `beamsim sweep`", "beamsim.store.sweep", "open_sweep"),
+    "sweep": Kind("sweep", "a sweep of one design by `beamsim sweep`", "beamsim.store.results", "open_sweep"),
     "continuation": Kind("sweep", "a continuation by `beamsim sweep`", "beamsim.store.continuation", "open_response"),
     "designs": Kind("sweep", "a design study by `beamsim sweep`", "beamsim.store.designs", "open_designs"),
     "identify-stiffness": Kind(

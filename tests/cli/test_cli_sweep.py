@@ -19,7 +19,7 @@ from beamsim.cli.app import app
 from beamsim.errors import ResultFileError
 from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.sweep import open_sweep, write_sweep
+from beamsim.store.results import open_sweep, write_sweep
 
 CASE = """
 title: Two masses and a stop

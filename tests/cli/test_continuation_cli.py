@@ -18,8 +18,8 @@ from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.continuation import open_response, write_frequency_response
+from beamsim.store.results import open_sweep
 from beamsim.store.stored import holds
-from beamsim.store.sweep import open_sweep
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"

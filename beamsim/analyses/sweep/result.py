@@ -2,151 +2,226 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.result import Result
+from beamsim.fields import (
+    Counter,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    ending,
+    group,
+    key,
+    keyed,
+    named,
+    per_probe,
+    per_snubber,
+    stored,
+    table,
+)
 from beamsim.outcomes import Outcome
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+_FREQUENCY = ("frequency_hz",)
+_TIME = ("time",)
+_SECTION = ("poincare_frequency_hz", "probe")
 
-@dataclass(frozen=True)
+
+@declared
 class Envelope:
     """One quantity at one place, cycle by cycle (or frequency by frequency)."""
 
     quantity: str  # "displacement", "absolute_acceleration" or "force"
     unit: str
-    maximum: Floats  # (C,) largest value within the cycle
-    minimum: Floats  # (C,) smallest
-    rms: Floats  # (C,) root of the mean square over the cycle, mean included
-    mean: Floats  # (C,) over the phase
-    harmonics: Complexes  # (R, C) amplitude of cos(order phase) - i that of sin, zero to peak
+    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle", along=_FREQUENCY, name="max_{quantity}")
+    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle", along=_FREQUENCY, name="min_{quantity}")
+    rms: Floats = dataset(  # mean included
+        "{unit}", "root mean square of the {quantity:words} over a cycle", along=_FREQUENCY, name="rms_{quantity}"
+    )
+    mean: Floats = dataset("{unit}", "mean {quantity:words} of a cycle", along=_FREQUENCY, name="mean_{quantity}")
+    harmonics: Complexes = dataset(  # (R, C), zero to peak
+        "{unit}", "amplitude of cos(order x phase) in the {quantity:words}", along=("order", *_FREQUENCY),
+        name="harmonic_{quantity}", imaginary="minus the amplitude of sin(order x phase) in the {quantity:words}",
+    )  # fmt: skip
 
     @property
+    @stored(
+        dataset(
+            "{unit}", "largest magnitude of the {quantity:words} in a cycle", along=_FREQUENCY, name="peak_{quantity}"
+        )
+    )
     def peak(self) -> Floats:
         """(C,) largest absolute value."""
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
-@dataclass(frozen=True)
+@declared
 class SteadyStates:
     """What the stepped sweep found at every frequency."""
 
-    kind: tuple[str, ...]  # "periodic", "quasi-periodic", "chaotic" or "not settled"
-    period_cycles: Ints  # cycles of the excitation after which the motion repeats; 0 where it doesn't
-    cycles: Ints  # cycles computed
-    change: Floats  # of the state over one period, over its size, when the frequency was left
-    lyapunov_exponent: Floats  # 1/s, largest; nan where the motion is periodic
-    poincare_frequency_hz: Floats  # (Q,) frequency of each point of the Poincare sections
-    poincare_displacement: Floats  # (Q, probes) m, at phase 0
-    poincare_velocity: Floats  # (Q, probes) m/s
+    kind: tuple[str, ...] = dataset("1", "periodic, quasi-periodic, chaotic or not settled", along=_FREQUENCY)
+    period_cycles: Ints = dataset("1", "cycles after which the motion repeats, 0 where it does not", along=_FREQUENCY)
+    cycles: Ints = dataset("1", "cycles computed until the motion was steady", along=_FREQUENCY)
+    change: Floats = dataset("1", "change of the state over a period, over its size", along=_FREQUENCY)
+    lyapunov_exponent: Floats = dataset(  # nan where the motion is periodic
+        "1/s", "largest Lyapunov exponent, where the motion is not periodic", along=_FREQUENCY
+    )
+    poincare_frequency_hz: Floats = axis("Hz", "excitation frequency of each point of the Poincare sections")
+    probes: tuple[str, ...] = axis("1", "name of the probe", name="probe")
+    poincare_displacement: Floats = dataset("m", "probes' displacement at phase 0", along=_SECTION)
+    poincare_velocity: Floats = dataset("m/s", "probes' velocity at phase 0", along=_SECTION)
 
 
-@dataclass(frozen=True)
+@declared
 class SweepCurve:
     """One way through the frequencies at one level."""
 
-    name: str  # "<direction>_<level index>"
-    direction: str  # "up" or "down"
-    level_index: int
-    level: float  # amplitude in SI; with a profile the factor on it
-    quantity: str
-    frequency_hz: Floats  # (C,) in the middle of each cycle
-    time: Floats  # (C,) s, at its start
-    excitation_amplitude: Floats  # (C,) m/s^2 of the base or N, zero to peak
-    orders: Floats  # (R,)
-    displacement: dict[str, Envelope]  # by probe
-    acceleration: dict[str, Envelope]  # by probe; empty where not asked for
-    force: dict[str, Envelope]  # by snubber
-    contact_share: dict[str, Floats]  # by snubber, (C,)
-    contacts: dict[str, Ints]  # by snubber, (C,) closings
-    steady: SteadyStates | None = None  # of a stepped sweep
-    # largest value of each cycle, (C,), of what limits ask for beyond the above: "bending_stress" Pa, "gap <snubber>" m
-    limited: dict[str, Floats] = field(default_factory=dict)
+    name: str = key("direction and number of the level, up_0")
+    direction: str = attribute("", "up or down")
+    level_index: int = attribute("1", "number of the level, from 0")
+    level: float = attribute("{excitation_unit}", "level of the excitation; with a profile the factor on it")
+    quantity: str = attribute("", "what is prescribed: acceleration, velocity or displacement of the base, or force")
+    frequency_hz: Floats = axis("Hz", "excitation frequency")  # (C,) in the middle of each cycle
+    time: Floats = dataset("s", "time at the start of the cycle", along=_FREQUENCY)
+    excitation_amplitude: Floats = dataset(
+        "{excitation_unit}", "amplitude of the excitation, zero to peak", along=_FREQUENCY
+    )
+    orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
+    displacement: dict[str, Envelope] = named("probes", given={"quantity": "displacement", "unit": "m"})
+    acceleration: dict[str, Envelope] = named(  # empty where not asked for
+        "probes",
+        given={"quantity": "absolute_acceleration", "unit": "m/s^2"},
+        having="peak_absolute_acceleration",
+    )
+    force: dict[str, Envelope] = named("snubbers", given={"quantity": "force", "unit": "N"})
+    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact", along=_FREQUENCY)
+    contacts: dict[str, Ints] = per_snubber("1", "number of closings", along=_FREQUENCY)
+    steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
+    # what only limits ask for
+    peak_gap: dict[str, Floats] = per_snubber(
+        "m", "largest opening of the contact in the cycle", along=_FREQUENCY, default_factory=dict
+    )
+    peak_bending_stress: Floats | None = dataset(
+        "Pa", "largest bending stress along the beam in the cycle", along=_FREQUENCY, default=None
+    )
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring met a breakpoint; not stored
 
+    @property
+    def excitation_unit(self) -> str:
+        """Unit of the excitation."""
+        return "N" if self.quantity == "force" else "m/s^2"
 
-@dataclass(frozen=True)
-class LinearCurve:
-    """Steady response of the structure without its snubbers to a unit of the excitation's amplitude."""
-
-    frequency_hz: Floats  # (F,)
-    displacement: dict[str, Complexes]  # by probe, m per m/s^2 or per N
-    acceleration: dict[str, Complexes]  # by probe, absolute
-    contact: dict[str, ContactLevels] = field(default_factory=dict)  # by snubber
+    @property
+    def limited(self) -> dict[str, Floats]:
+        """Largest values of each cycle, (C,), of what only limits ask for: "bending_stress", "gap <snubber>"."""
+        gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
+        return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
 
 
-@dataclass(frozen=True)
+@declared
 class ContactLevels:
     """What keeps or breaks one contact under a steady sine while the motion is linear, at each frequency.
 
     A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
     """
 
-    onset: Floats  # (F,) level at which contact begins; nan where the snubber is closed at equilibrium
-    loss: Floats  # (F,) level at which contact is lost; nan where the snubber is open at equilibrium
-    preload_needed: Floats  # (F,) N per unit of level: the preload that just keeps contact, all snubbers closed
+    onset: Floats = dataset(  # nan where the snubber is closed at equilibrium
+        "1", "level of the excitation, SI, at which the linear motion first makes contact", along=_FREQUENCY
+    )
+    loss: Floats = dataset(  # nan where the snubber is open at equilibrium
+        "1", "level of the excitation, SI, at which the linear motion first loses contact", along=_FREQUENCY
+    )
+    preload_needed: Floats = dataset(  # all snubbers closed
+        "1", "N per unit of level: contact force at equilibrium that just keeps contact", along=_FREQUENCY
+    )
 
 
-@dataclass(frozen=True)
+@declared
+class LinearCurve:
+    """Steady response of the structure without its snubbers to a unit of the excitation's amplitude."""
+
+    frequency_hz: Floats = axis("Hz", "excitation frequency")
+    displacement: dict[str, Complexes] = per_probe(
+        "1", "displacement per unit of excitation, without snubbers", along=_FREQUENCY
+    )
+    acceleration: dict[str, Complexes] = per_probe(
+        "1", "absolute acceleration per unit of excitation", along=_FREQUENCY, name="absolute_acceleration"
+    )
+    contact: dict[str, ContactLevels] = named("snubbers", default_factory=dict)
+
+
+@declared
 class ResponsePeak:
     """A local maximum of a response curve, and what it is."""
 
-    curve: str
-    probe: str
-    direction: str
-    level: float
-    frequency_hz: float
-    value_m: float  # peak displacement
-    kind: str  # "linear resonance", "nonlinear resonance", "superharmonic", "subharmonic"
-    order: float  # of the harmonic that resonates there
-    share: float  # of that harmonic's amplitude in the peak displacement
+    curve: str = dataset("1", "curve of the peak")
+    probe: str = dataset("1", "probe of the peak")
+    direction: str = dataset("1", "direction of the peak")
+    level: float = dataset("", "level of the excitation")
+    frequency_hz: float = dataset("Hz", "excitation frequency of the peak")
+    value_m: float = dataset("m", "peak displacement")
+    kind: str = dataset("1", "kind of the peak")  # linear or nonlinear resonance, superharmonic, subharmonic
+    order: float = dataset("1", "order of the harmonic that resonates")
+    share: float = dataset("1", "share of that harmonic in the peak displacement")
 
 
-@dataclass(frozen=True)
+@declared
 class SweepHistory:
     """The time history of one sweep."""
 
-    time: Floats  # (nt,) s
-    displacement: dict[str, Floats]
-    acceleration: dict[str, Floats]
-    force: dict[str, Floats]
+    time: Floats = axis("s", "time")
+    displacement: dict[str, Floats] = per_probe("m", "displacement relative to the base", along=_TIME)
+    acceleration: dict[str, Floats] = per_probe(
+        "m/s^2", "absolute acceleration", along=_TIME, name="absolute_acceleration"
+    )
+    force: dict[str, Floats] = per_snubber("N", "contact force on the structure, positive when it pushes", along=_TIME)
 
 
-@dataclass(frozen=True)
+@declared
 class SweepWork:
     """What the solver did."""
 
-    cycles: int
-    events: int
-    segments: int
-    evaluations: int
-    states: int
-    processor_time_s: float
+    cycles: int = attribute("1", "cycles of the excitation computed")
+    events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
+    segments: int = attribute("1", "stretches of time between events")
+    evaluations: int = attribute("1", "evaluations of the functions watched for events")
+    states: int = attribute("1", "contact states that were diagonalised")
+    processor_time_s: float = attribute("s", "processor time of the solver alone")
 
 
-@dataclass(frozen=True)
+@declared
 class LevelWork:
     """One level that was computed."""
 
-    level: float
-    outcome: Outcome
-    truncation: float
-    work: SweepWork
+    level: float = attribute("", "level of the excitation; with a profile the factor on it")
+    outcome: Outcome = ending("how the computation of the level ended")
+    truncation: float = attribute("1", "bound on what the expansion of the sine leaves out, of its amplitude")
+    work: SweepWork = group("")
 
 
-@dataclass(frozen=True)
+def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
+    """Curves by level, up before down."""
+    return (curve.level_index, curve.direction == "down")
+
+
+@declared
 class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
-    kind: str  # "swept_sine" or "stepped"
-    curves: dict[str, SweepCurve]
-    linear: LinearCurve
-    peaks: tuple[ResponsePeak, ...]
-    modes: ModeTable
-    work: SweepWork
-    levels: dict[int, LevelWork] = field(default_factory=dict)  # the levels that were computed, by index
-    histories: dict[int, SweepHistory] = field(default_factory=dict)  # by level index
-    truncation: float = 0.0  # bound on what the expansion of the sine leaves out, of its amplitude
+    kind: str = attribute("", "swept_sine or stepped")
+    curves: dict[str, SweepCurve] = keyed(having="level_index", order=_curve_rank)
+    linear: LinearCurve = group("linear")
+    peaks: tuple[ResponsePeak, ...] = table("peaks", Counter("peak", "number of the peak"))
+    modes: ModeTable = group("modes")
+    work: SweepWork = group("work")
+    levels: dict[int, LevelWork] = keyed("level_{}", having="truncation", default_factory=dict)  # that were computed
+    histories: dict[int, SweepHistory] = keyed("level_{}", having="time", default_factory=dict)  # by level index
+    truncation: float = attribute(
+        "1", "bound on what the expansion of the sine leaves out, of its amplitude", default=0.0
+    )

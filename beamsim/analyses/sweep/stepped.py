@@ -191,7 +191,7 @@ def _curve(
         force={name: envelope(P + k, "force", "N") for k, name in enumerate(snubbers)},
         contact_share={name: share[:, k] for k, name in enumerate(snubbers)},
         contacts={name: closings[:, k] for k, name in enumerate(snubbers)},
-        limited=limited_values(system, settings.accelerations, limited, high, low),
+        **limited_values(system, settings.accelerations, limited, high, low),
         bent=bent(share[:, S:]),
         steady=SteadyStates(
             kind=tuple(p.kind for p in points),
@@ -200,6 +200,7 @@ def _curve(
             change=np.array([p.settled.change for p in points]),
             lyapunov_exponent=np.array([p.exponent for p in points]),
             poincare_frequency_hz=np.repeat(frequency, [p.section.shape[0] for p in points]),
+            probes=tuple(probes),
             poincare_displacement=section[:, :n] @ shapes.T,
             poincare_velocity=section[:, n:] @ shapes.T,
         ),

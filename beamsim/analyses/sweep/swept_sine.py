@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -111,16 +112,16 @@ def sweep_outputs(
 
 def limited_values(
     system: StructuralSystem, with_accelerations: bool, limited: Collection[str], high: Floats, low: Floats
-) -> dict[str, Floats]:
-    """Largest values (C,) of what limits ask for, from the extremes (C, K) of `sweep_outputs`."""
+) -> dict[str, Any]:
+    """Fields of a curve that limits ask for, from the extremes (C, K) of `sweep_outputs`."""
     P, S = len(system.probes), len(system.snubbers)
     first = P + S + (P if with_accelerations else 0)
-    found: dict[str, Floats] = {}
+    found: dict[str, Any] = {}
     if "gap" in limited:
-        found |= {f"gap {s.name}": -low[:, first + k] for k, s in enumerate(system.snubbers)}
+        found["peak_gap"] = {s.name: -low[:, first + k] for k, s in enumerate(system.snubbers)}
         first += S
     if "bending_stress" in limited and system.stress is not None:
-        found["bending_stress"] = np.maximum(np.abs(high[:, first:]), np.abs(low[:, first:])).max(axis=1)
+        found["peak_bending_stress"] = np.maximum(np.abs(high[:, first:]), np.abs(low[:, first:])).max(axis=1)
     return found
 
 
@@ -202,7 +203,7 @@ def _curves(
                 force={name: envelope(P + k, "force", "N") for k, name in enumerate(snubbers)},
                 contact_share={name: record.contact_share[here, k] for k, name in enumerate(snubbers)},
                 contacts={name: record.closings[here, k] for k, name in enumerate(snubbers)},
-                limited=limited_values(system, settings.accelerations, limited, record.high[here], record.low[here]),
+                **limited_values(system, settings.accelerations, limited, record.high[here], record.low[here]),
                 bent=bent(record.contact_share[here, S:]),
             )
         )
