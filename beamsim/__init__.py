@@ -32,7 +32,8 @@ from typing import TYPE_CHECKING, Any
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
-    from beamsim.analyses.compare.analysis import Comparison, compare
+    from beamsim.analyses.compare.analysis import compare
+    from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.designs.analysis import design_study, plan_designs
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
@@ -47,18 +48,27 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
-    from beamsim.store.comparison import open_comparison, pair_channels, write_comparison
     from beamsim.store.continuation import open_response, write_frequency_response
     from beamsim.store.designs import open_designs, write_designs
     from beamsim.store.export import export_result
-    from beamsim.store.identification import open_identification, write_identification
     from beamsim.store.measurement import read_tests
     from beamsim.store.nnm import open_nnm, write_nnm
-    from beamsim.store.results import open_run, open_sweep, write_run, write_sweep
-    from beamsim.store.stored import open_result
+    from beamsim.store.pairing import pair_channels
+    from beamsim.store.results import (
+        open_comparison,
+        open_identification,
+        open_result,
+        open_run,
+        open_sweep,
+        write_comparison,
+        write_identification,
+        write_run,
+        write_sweep,
+    )
 
 _NAMES = {
-    "beamsim.analyses.compare.analysis": ("Comparison", "compare"),
+    "beamsim.analyses.compare.analysis": ("compare",),
+    "beamsim.analyses.compare.result": ("Comparison",),
     "beamsim.analyses.designs.analysis": ("design_study", "plan_designs"),
     "beamsim.analyses.designs.result": ("DesignsResult",),
     "beamsim.analyses.response.analysis": ("frequency_response",),
@@ -73,15 +83,23 @@ _NAMES = {
     "beamsim.analyses.sweep.result": ("SweepResult",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
-    "beamsim.store.comparison": ("open_comparison", "pair_channels", "write_comparison"),
     "beamsim.store.continuation": ("open_response", "write_frequency_response"),
     "beamsim.store.designs": ("open_designs", "write_designs"),
     "beamsim.store.export": ("export_result",),
-    "beamsim.store.identification": ("open_identification", "write_identification"),
     "beamsim.store.measurement": ("read_tests",),
     "beamsim.store.nnm": ("open_nnm", "write_nnm"),
-    "beamsim.store.results": ("open_run", "open_sweep", "write_run", "write_sweep"),
-    "beamsim.store.stored": ("open_result",),
+    "beamsim.store.pairing": ("pair_channels",),
+    "beamsim.store.results": (
+        "open_comparison",
+        "open_identification",
+        "open_result",
+        "open_run",
+        "open_sweep",
+        "write_comparison",
+        "write_identification",
+        "write_run",
+        "write_sweep",
+    ),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -65,7 +65,7 @@ def compare(
     from beamsim.cli.conclusion import conclude
     from beamsim.cli.identification_report import print_comparison, save_comparison
     from beamsim.cli.output import output_file
-    from beamsim.store.comparison import pair_channels
+    from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_run
 
     stored = open_run(result)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.analyses.compare.analysis import Comparison
+from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.identify.result import (
     FrequencyTable,
     IdentificationResult,
@@ -24,7 +24,7 @@ SENSITIVITIES_SHOWN = 6
 
 def save_identification(result: IdentificationResult, target: Path, *, plots: bool) -> list[Path]:
     """Write the result file and, beside it, the plots; returns the files."""
-    from beamsim.store.identification import write_identification
+    from beamsim.store.results import write_identification
 
     files = [write_identification(result, target)]
     if plots:
@@ -41,7 +41,7 @@ def print_identification(result: IdentificationResult, files: Sequence[Path], *,
 
 def save_comparison(comparison: Comparison, target: Path, *, plots: bool) -> list[Path]:
     """Write the comparison and, beside it, the plots; returns the files."""
-    from beamsim.store.comparison import write_comparison
+    from beamsim.store.results import write_comparison
 
     files = [write_comparison(comparison, target)]
     if plots:

@@ -46,7 +46,8 @@ def print_stored(path: Path, *, as_json: bool) -> None:
         When the file cannot be read.
     """
     from beamsim.cli.report import print_json, print_table
-    from beamsim.store.stored import KINDS, kind_of, open_result
+    from beamsim.store.results import open_result
+    from beamsim.store.stored import KINDS, kind_of
 
     kind = kind_of(path)
     result = open_result(path)
@@ -71,7 +72,8 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
     ResultFileError
         When the file cannot be read or a picture cannot be written.
     """
-    from beamsim.store.stored import kind_of, open_result
+    from beamsim.store.results import open_result
+    from beamsim.store.stored import kind_of
 
     draw = _named(TABLE[kind_of(path)].plots)
     return list(draw(open_result(path), folder, path.stem, form))

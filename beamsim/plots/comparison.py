@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.compare.analysis import ChannelComparison, Comparison
+from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import finish, scale_for, thinned
 

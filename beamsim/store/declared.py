@@ -48,11 +48,9 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
             _write_array(group, group, member.stored_name, declared, value, names)
         case Attribute() as declared:
             at = declared.at or on
-            owner = group[at] if at else group
-            if declared.codec == "outcome":
-                owner.attrs.update(outcome_attributes(value))
-            else:
-                owner.attrs[member.stored_name] = _encoded(value, declared)
+            owner = group.get(at) if at else group
+            if owner is not None:
+                owner.attrs.update(_attributes(member, declared, value))
         case PerName(folder=folder, values=declared):
             for index, (name, item) in enumerate(value.items()):
                 own = _labelled(group, folder, name, index)
@@ -131,7 +129,7 @@ def _write_array(
 ) -> None:
     """Write one dataset into ``home``, or the two of a complex number; axes that only count belong to ``group``."""
     unit, meaning = declared.unit, declared.meaning
-    if np.iscomplexobj(value) and declared.phase:
+    if declared.phase:
         parts = [(name, np.abs(value), unit, meaning)]
         parts.append((f"{name}_phase_deg", np.degrees(np.angle(value)), "degree", declared.phase))
     elif np.iscomplexobj(value):
@@ -194,12 +192,16 @@ def _axis(dataset: h5py.Dataset, name: str) -> h5py.Dataset:
     return group[name]
 
 
-def _encoded(value: Any, declared: Attribute) -> Any:
+def _attributes(member: Member, declared: Attribute, value: Any) -> dict[str, Any]:
+    if declared.codec == "outcome":
+        return outcome_attributes(value)
     if declared.codec == "json":
-        return json.dumps(plain(value), ensure_ascii=False)
-    if declared.codec == "scenario":
-        return value.to_yaml()
-    return np.array(value) if isinstance(value, tuple) and value and not isinstance(value[0], str) else value
+        value = json.dumps(plain(value), ensure_ascii=False)
+    elif declared.codec == "scenario":
+        value = value.to_yaml()
+    elif isinstance(value, tuple) and value and not isinstance(value[0], str):
+        value = np.array(value)
+    return {member.stored_name: value}
 
 
 # --- Reading ---------------------------------------------------------------------------------------------------------

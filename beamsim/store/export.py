@@ -20,7 +20,8 @@ from beamsim.store import schema
 from beamsim.store.csv_folder import CsvFolder, flat, header
 from beamsim.store.datasets import native
 from beamsim.store.matlab import write_mat
-from beamsim.store.stored import LazyScenario, kind_of, open_result, reading, root_fields
+from beamsim.store.results import open_result
+from beamsim.store.stored import LazyScenario, kind_of, reading, root_fields
 from beamsim.store.tables import Table, tables_of, values_of
 
 

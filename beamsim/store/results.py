@@ -1,21 +1,27 @@
-"""Results as files: written whole or not at all, read back as the result they were written from."""
+"""Results as files: written whole or not at all, read back as the result they were written from.
+
+What is stored is what the result's fields declare; see `beamsim.fields`.
+"""
 
 from __future__ import annotations
 
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamsim.store import declared
-from beamsim.store.stored import KINDS, LazyScenario, creating, reading, root_fields, write_root
+from beamsim.store.stored import KINDS, LazyScenario, creating, kind_of, reading, root_fields, write_root
 
 if TYPE_CHECKING:
+    from beamsim.analyses.compare.result import Comparison
+    from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.result import Result
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
 
 
-def write_result(result: Result, path: Path | str, command: str) -> Path:
+def write_result(result: Result, path: Path | str) -> Path:
     """Write a result to ``path``; an existing file is replaced only when the new one is complete.
 
     Raises
@@ -24,21 +30,33 @@ def write_result(result: Result, path: Path | str, command: str) -> Path:
         When the file cannot be written (no permission, disk full, a folder of that name).
     """
     with creating(path) as file:
-        write_root(file, result, command)
+        write_root(file, result, KINDS[_kind_of_class(type(result))].command)
         declared.write(file, result)
     return Path(path)
 
 
-def read_result(cls: type, path: Path | str, kind: str) -> Any:
-    """The result of class ``cls`` that a file of one of `KINDS` holds; its scenario is parsed when it is asked for.
+def _kind_of_class(cls: type) -> str:
+    """Kind of the files that hold a result."""
+    homes = {(base.__module__, base.__name__) for base in cls.__mro__}
+    return next(name for name, kind in KINDS.items() if (kind.module, kind.name) in homes)
+
+
+def open_result(path: Path | str, kind: str = "") -> Any:
+    """Read a result file of one of `KINDS` (of any, without `kind`) as the result it was written from.
+
+    ``result.scenario`` is parsed when it is asked for.
 
     Raises
     ------
     ResultFileError
-        When the file is missing, damaged, or holds something else; see `beamsim.store.stored.reading`.
+        When the file is missing, unreadable, damaged, not one of beamsim's, of another layout or of another kind.
     """
+    kind = kind or kind_of(path)
+    home = getattr(import_module(KINDS[kind].module), KINDS[kind].name)
+    if not isinstance(home, type):
+        return home(path)
     with reading(path, kind) as file:
-        return _stored(cls).of({**root_fields(file), **declared.read(cls, file)})
+        return _stored(home).of({**root_fields(file), **declared.read(home, file)})
 
 
 @cache
@@ -46,25 +64,24 @@ def _stored(cls: Any) -> Any:
     return type(f"Stored{cls.__name__}", (LazyScenario, cls), {"__doc__": f"A `{cls.__name__}` read from a file."})
 
 
-def write_run(result: RunResult, path: Path | str) -> Path:
-    """Write the result of `beamsim.run`; see `write_result`."""
-    return write_result(result, path, KINDS["run"].command)
+write_run = write_sweep = write_identification = write_comparison = write_result
 
 
 def open_run(path: Path | str) -> RunResult:
-    """Read a file written by ``beamsim run``; see `read_result`."""
-    from beamsim.analyses.run.result import RunResult
-
-    return read_result(RunResult, path, "run")  # type: ignore[no-any-return]
-
-
-def write_sweep(result: SweepResult, path: Path | str) -> Path:
-    """Write the result of `beamsim.sweep`; see `write_result`."""
-    return write_result(result, path, KINDS["sweep"].command)
+    """Read a file written by ``beamsim run``; see `open_result`."""
+    return open_result(path, "run")  # type: ignore[no-any-return]
 
 
 def open_sweep(path: Path | str) -> SweepResult:
-    """Read a file written by ``beamsim sweep`` of one design, swept or stepped; see `read_result`."""
-    from beamsim.analyses.sweep.result import SweepResult
+    """Read a file written by ``beamsim sweep`` of one design, swept or stepped; see `open_result`."""
+    return open_result(path, "sweep")  # type: ignore[no-any-return]
 
-    return read_result(SweepResult, path, "sweep")  # type: ignore[no-any-return]
+
+def open_identification(path: Path | str) -> IdentificationResult:
+    """Read a file written by ``beamsim identify-stiffness``; see `open_result`."""
+    return open_result(path, "identify-stiffness")  # type: ignore[no-any-return]
+
+
+def open_comparison(path: Path | str) -> Comparison:
+    """Read a file written by ``beamsim compare``; see `open_result`."""
+    return open_result(path, "compare")  # type: ignore[no-any-return]

@@ -1,19 +1,4 @@
-"""What all result files share: the root's attributes, opening, and a scenario that is parsed late.
-
-A reader is a few lines::
-
-    class StoredMode(LazyScenario, NormalModeResult):
-        "A nonlinear mode read from a file."
-
-    def open_nnm(path):
-        with reading(path, "nnm") as file:
-            return StoredMode.of({**root_fields(file), "branches": ..., ...})
-
-and a writer::
-
-    with creating(path) as file:
-        write_root(file, result, "nnm", mode=result.mode)
-"""
+"""What all result files share: the attributes of the root, opening and creating, a scenario that is parsed late."""
 
 from __future__ import annotations
 
@@ -21,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Self
 
@@ -42,34 +26,22 @@ class Kind(NamedTuple):
 
     command: str  # that writes it
     called: str
-    module: str  # that reads it
-    reader: str  # function of a path
+    module: str
+    name: str  # in the module: the class of the result
 
 
 KINDS = {
-    "run": Kind("run", "the result of `beamsim run`", "beamsim.store.results", "open_run"),
-    "sweep": Kind("sweep", "a sweep of one design by `beamsim sweep`", "beamsim.store.results", "open_sweep"),
+    "run": Kind("run", "the result of `beamsim run`", "beamsim.analyses.run.result", "RunResult"),
+    "sweep": Kind("sweep", "a sweep of one design by `beamsim sweep`", "beamsim.analyses.sweep.result", "SweepResult"),
     "continuation": Kind("sweep", "a continuation by `beamsim sweep`", "beamsim.store.continuation", "open_response"),
     "designs": Kind("sweep", "a design study by `beamsim sweep`", "beamsim.store.designs", "open_designs"),
     "identify-stiffness": Kind(
-        "identify-stiffness", "the result of `beamsim identify-stiffness`", "beamsim.store.identification",
-        "open_identification",
+        "identify-stiffness", "the result of `beamsim identify-stiffness`", "beamsim.analyses.identify.result",
+        "IdentificationResult",
     ),
     "nnm": Kind("nnm", "the result of `beamsim nnm`", "beamsim.store.nnm", "open_nnm"),
-    "compare": Kind("compare", "the result of `beamsim compare`", "beamsim.store.comparison", "open_comparison"),
+    "compare": Kind("compare", "the result of `beamsim compare`", "beamsim.analyses.compare.result", "Comparison"),
 }  # fmt: skip
-
-
-def open_result(path: Path | str) -> Any:
-    """Read a result file of any kind as the result it was written from; ``result.scenario`` is parsed when asked for.
-
-    Raises
-    ------
-    ResultFileError
-        When the file is missing, unreadable, damaged, not one of beamsim's, or of another layout.
-    """
-    kind = KINDS[kind_of(path)]
-    return getattr(import_module(kind.module), kind.reader)(path)
 
 
 class LazyScenario:

@@ -21,7 +21,9 @@ def test_every_name_resolves_and_is_documented(name):
 
 def test_every_verb_and_every_reader_is_there():
     assert set(VERBS) <= set(beamsim.__all__)
-    assert {kind.reader for kind in KINDS.values()} <= set(beamsim.__all__)
+    readers = ("run", "sweep", "response", "designs", "identification", "nnm", "comparison")
+    assert len(readers) == len(KINDS)
+    assert {f"open_{name}" for name in readers} <= set(beamsim.__all__)
 
 
 def test_other_names_are_refused():

@@ -26,13 +26,18 @@ UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
 ADDED = {"outcome", "outcome_numbers"}
 # Long names that were reworded: those of earlier files, and what stands there today.
 _PARTS = (", real part", ", imaginary part")
+_HARMONICS = (
+    "measured harmonic",
+    "harmonic predicted with the scenario's values",
+    "harmonic predicted with the estimated values",
+)
 REWORDED = {
     text: [f"{text}{part}" for part in _PARTS]
     for text in (
         "displacement per unit of excitation, without snubbers",
         "absolute acceleration per unit of excitation",
     )
-}
+} | {f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS}
 
 
 def described(path):

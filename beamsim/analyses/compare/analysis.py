@@ -3,70 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
-from beamsim.analyses.result import Result
+from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.run import SpectrumSettings
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Floats
 
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
 _UNITS = {"absolute_acceleration": "m/s^2", "velocity": "m/s", "force": "N"}
 _SHOWN_PERIODS = 4
 _UNEVEN = 1e-3  # relative scatter of the sampling interval
-
-
-@dataclass(frozen=True)
-class ChannelComparison:
-    """One quantity at one place, predicted and measured."""
-
-    place: str  # probe's name; the snubber's for a force
-    quantity: str
-    unit: str
-    channel: str  # of the measurement
-    source: str  # file of the measurement
-    excitation_hz: float  # nan where there is none
-    delay_s: float  # measured(t) = predicted(t + delay)
-    order: Ints  # (h,)
-    predicted: Complexes  # (h,) A e^{i phase} of A sin(2 pi f n t + phase)
-    measured: Complexes  # (h,) on the predicted clock (amplitudes alone where phases are unknown)
-    measured_noise: Floats  # (h,)
-    has_phase: bool
-    rms_difference: float  # of the aligned histories over the rms of the measured one (nan without histories)
-    predicted_time: Floats  # (np,) s, a few periods
-    predicted_history: Floats  # (np,)
-    measured_time: Floats  # (nm,) s, moved to the predicted clock; empty for a measured spectrum
-    measured_history: Floats  # (nm,)
-    predicted_spectrum: Spectrum
-    measured_spectrum: Spectrum
-
-    @property
-    def difference_db(self) -> Floats:
-        """(h,) 20 log10(predicted / measured amplitude)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(20 * np.log10(np.abs(self.predicted) / np.abs(self.measured)))
-
-    @property
-    def phase_difference_deg(self) -> Floats:
-        """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where phases are unknown."""
-        if not self.has_phase:
-            return np.full(self.order.size, np.nan)
-        return np.asarray(np.degrees(np.angle(self.predicted * np.conj(self.measured))))
-
-
-@dataclass(frozen=True)
-class Comparison(Result):
-    """Everything that ``beamsim compare`` found."""
-
-    channels: tuple[ChannelComparison, ...]
 
 
 def compare(

@@ -2,173 +2,207 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 from beamsim.analyses.result import Result
+from beamsim.fields import (
+    Counter,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    ending,
+    group,
+    key,
+    keyed,
+    numbered,
+    stored,
+    table,
+)
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.scenario import Scenario
 from beamsim.typing import Complexes, Floats, Ints
 
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
+_MODE = ("mode",)
+_ENDS = (Counter("end", "which end of a range", labels=("lower", "upper")),)
 
 
-@dataclass(frozen=True)
+@declared
 class FrequencyTable:
     """Measured and predicted natural frequencies, as in tables 1.2 and 1.3 of the thesis."""
 
-    mode: Ints  # (m,) numbers, from 1
-    measured_hz: Floats  # (m,) nan where only the prediction is known
-    predicted_hz: Floats  # (m,)
+    mode: Ints = axis("1", "number of the mode")  # (m,) from 1
+    measured_hz: Floats = dataset("Hz", "measured natural frequency", along=_MODE)  # nan: only the prediction is known
+    predicted_hz: Floats = dataset("Hz", "predicted natural frequency", along=_MODE)
 
     @property
+    @stored(dataset("percent", "100 (predicted - measured) / measured", along=_MODE))
     def difference_percent(self) -> Floats:
         """(m,) 100 (predicted - measured) / measured."""
         return 100 * (self.predicted_hz - self.measured_hz) / self.measured_hz
 
 
-@dataclass(frozen=True)
+@declared
 class StiffnessEstimate:
     """A snubber's stiffness with its uncertainty."""
 
-    snubber: str
-    method: str  # "secular" or "thesis"
-    stiffness: float  # N/m
-    fit_to: tuple[int, ...]  # numbers of the modes used
-    individual: Floats  # (len(fit_to),) N/m, from each of these modes alone (nan where it is out of reach)
-    reach_hz: Floats  # (len(fit_to), 2) Hz, what any stiffness can reach
-    condition: Floats  # (len(fit_to),) k df/dk / f of each of these modes: relative change in f for one in k
-    residual: float  # root mean square of (predicted - measured) / measured over the modes used
-    standard_deviation: float  # N/m, first order; nan where no uncertainty is known
-    interval_first_order: tuple[float, float]  # N/m, symmetric
-    interval: tuple[float, float]  # N/m, one mode: the frequency's interval carried over; several: profile likelihood
-    monte_carlo_standard_deviation: float  # N/m
-    monte_carlo_interval: tuple[float, float]  # N/m
-    monte_carlo_samples: int
-    monte_carlo_unreachable: float  # share of samples that no stiffness explains
-    coverage: float  # probability of the intervals
-    total_standard_deviation: float  # N/m, with the uncertainty of the structure's parameters
-    uncertainty_from: str  # "given", "scatter" of the modes, or "" (unknown)
-    eigenvalue_solutions: int
-    outcome: Outcome = COMPLETE  # or why it did not converge
+    snubber: str = attribute("", "name of the snubber")
+    method: str = attribute("", "secular or thesis")
+    stiffness: float = dataset("N/m", "stiffness of the snubber")
+    fit_to: tuple[int, ...] = attribute("", "numbers of the modes used")
+    individual: Floats = attribute("N/m", "stiffness from each of these modes alone; NaN where it is out of reach")
+    reach_hz: Floats = attribute("Hz", "for each of these modes the frequencies that some stiffness can reach")
+    condition: Floats = attribute("1", "k df/dk / f of each of these modes: relative change in f for one in k")
+    residual: float = attribute("1", "root mean square of (predicted - measured) / measured over the modes used")
+    standard_deviation: float = attribute("N/m", "standard deviation, first order; NaN where no uncertainty is known")
+    interval_first_order: tuple[float, float] = attribute("N/m", "confidence interval, first order, symmetric")
+    interval: tuple[float, float] = attribute(
+        "N/m",
+        "confidence interval: for one mode that of its frequency carried over, for several the profile likelihood",
+    )
+    monte_carlo_standard_deviation: float = attribute("N/m", "standard deviation of Monte Carlo samples")
+    monte_carlo_interval: tuple[float, float] = attribute("N/m", "confidence interval by Monte Carlo sampling")
+    monte_carlo_samples: int = attribute("1", "number of Monte Carlo samples")
+    monte_carlo_unreachable: float = attribute("1", "share of samples that no stiffness explains")
+    coverage: float = attribute("1", "probability of the intervals")
+    total_standard_deviation: float = attribute(
+        "N/m", "standard deviation with the uncertainty of the structure's parameters"
+    )
+    uncertainty_from: str = attribute("", "given, scatter (of the modes), or empty where it is unknown")
+    eigenvalue_solutions: int = attribute("1", "eigenvalue problems solved")
+    outcome: Outcome = ending("how the search ended", default=COMPLETE)
 
 
-@dataclass(frozen=True)
+@declared
 class Sensitivity:
     """How the identified stiffness depends on one number of the structure."""
 
-    parameter: str
-    value: float  # SI
-    relative: float  # d ln k / d ln p: percent of k for a percent of p
-    uncertainty: float  # relative standard deviation of p (nan where not given)
+    parameter: str = axis("1", "path of the parameter in the scenario")
+    value: float = dataset("1", "value of the parameter, SI units")
+    relative: float = dataset("1", "d ln k / d ln p: relative change of the stiffness for that of the parameter")
+    uncertainty: float = dataset("1", "relative standard deviation of the parameter")  # nan where not given
 
     @property
+    @stored(dataset("1", "relative standard deviation of the stiffness due to the parameter"))
     def contribution(self) -> float:
         """Relative standard deviation of k that comes from this parameter (nan where unknown)."""
         return abs(self.relative) * self.uncertainty
 
 
-@dataclass(frozen=True)
+@declared
 class ParameterEstimate:
     """A number found by a fit."""
 
-    parameter: str
-    before: float  # the scenario's value, SI (of the first item for [*])
-    value: float  # SI
-    standard_deviation: float  # SI; nan where it cannot be told
-    interval: tuple[float, float]  # SI
-    bounds: tuple[float, float]  # SI
-    prior: float  # relative standard deviation; nan without
-    at_bound: bool
+    parameter: str = axis("1", "path of the parameter in the scenario")
+    before: float = dataset("1", "value in the scenario, SI units")  # of the first item for [*]
+    value: float = dataset("1", "estimated value, SI units")
+    standard_deviation: float = dataset("1", "standard deviation, SI units")  # nan where it cannot be told
+    interval: tuple[float, float] = dataset(
+        "1", "lower and upper end of the confidence interval, SI units", along=_ENDS
+    )
+    bounds: tuple[float, float] = dataset("1", "lower and upper bound of the search, SI units", along=_ENDS)
+    prior: float = dataset("1", "relative standard deviation known beforehand")  # nan without
+    at_bound: bool = dataset("1", "whether the estimate lies on its bound", flags=("inside", "on_its_bound"))
 
 
-@dataclass(frozen=True)
+@declared
 class Profile:
     """Profile likelihood of one parameter: misfit with all other parameters fitted again."""
 
-    parameter: str
-    value: Floats  # (p,) SI
-    misfit: Floats  # (p,) chi^2 above its minimum
+    parameter: str = attribute("", "path of the parameter in the scenario")
+    value: Floats = axis("1", "{parameter}, SI units")
+    misfit: Floats = dataset("1", "chi squared above its minimum, all other parameters fitted again", along=("value",))
 
 
-@dataclass(frozen=True)
+@declared
 class ModelUpdate:
     """The beam's own parameters, from frequencies measured without the snubber."""
 
-    parameters: tuple[ParameterEstimate, ...]
-    choices: dict[str, str]  # supports that were chosen, by path
-    alternatives: tuple[tuple[str, float], ...]  # every combination of supports tried, with its misfit
-    correlation: Floats  # (p, p)
-    before: FrequencyTable
-    after: FrequencyTable
-    misfit_before: float  # chi^2, priors included
-    misfit_after: float
-    profiles: tuple[Profile, ...]
-    evaluations: int  # eigenvalue solutions
-    warnings: tuple[str, ...]
-    scenario: Scenario  # with the parameters found
+    parameters: tuple[ParameterEstimate, ...] = table("")
+    choices: dict[str, str] = attribute("", "supports that were chosen, by path", codec="json")
+    alternatives: tuple[tuple[str, float], ...] = attribute(
+        "", "every combination of supports tried, with its misfit", codec="json", null=float("inf")
+    )
+    correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
+    before: FrequencyTable = group("frequencies_before")
+    after: FrequencyTable = group("frequencies_after")
+    misfit_before: float = attribute("1", "chi squared with the scenario's values, priors included")
+    misfit_after: float = attribute("1", "chi squared with the values found, priors included")
+    profiles: tuple[Profile, ...] = numbered("profiles", start=1)
+    evaluations: int = attribute("1", "eigenvalue problems solved")
+    scenario: Scenario = attribute("", "the scenario with the parameters found, YAML", codec="scenario")
+    warnings: tuple[str, ...] = ()  # stored with those of the result
 
 
-@dataclass(frozen=True)
+@declared
 class FrequencyCurve:
     """A natural frequency against the stiffness of the spring, for the plot."""
 
-    mode: int
-    stiffness: Floats  # (p,) N/m, increasing
-    frequency_hz: Floats  # (p,)
+    mode: int = key("number of the mode")
+    stiffness: Floats = axis("N/m", "stiffness of the snubber")  # increasing
+    frequency_hz: Floats = dataset("Hz", "natural frequency with a spring of that stiffness", along=("stiffness",))
 
 
-@dataclass(frozen=True)
+@declared
 class TestFit:
     """One nonlinear test: measured and predicted harmonics."""
 
     __test__ = False  # not a test case, whatever its name
 
-    name: str
-    probe: str
-    quantity: str
-    unit: str
-    frequency_hz: float  # of the excitation
-    order: Floats  # (h,) harmonic numbers
-    measured: Complexes  # (h,) amplitude e^{i phase} of A sin(2 pi f n t + phase), clock of the measurement
-    noise: Floats  # (h,) standard deviation of real and imaginary part
-    before: Complexes  # (h,) predicted with the scenario's values
-    predicted: Complexes  # (h,) with the estimated values
-    delay_s: float  # measured(t) = predicted(t + delay)
+    # harmonics are amplitude e^{i phase} of A sin(2 pi f n t + phase), on the clock of the measurement
+    name: str = attribute("", "name of the test")
+    probe: str = attribute("", "name of the probe")
+    quantity: str = attribute("", "quantity that was measured")
+    unit: str = attribute("", "its unit")
+    frequency_hz: float = attribute("Hz", "frequency of the excitation")
+    order: Floats = axis("1", "frequency over excitation frequency")
+    measured: Complexes = dataset("{unit}", "measured harmonic", along=("order",))
+    noise: Floats = dataset("{unit}", "standard deviation of each part of a measured harmonic", along=("order",))
+    before: Complexes = dataset("{unit}", "harmonic predicted with the scenario's values", along=("order",))
+    predicted: Complexes = dataset("{unit}", "harmonic predicted with the estimated values", along=("order",))
+    delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
 
 
-@dataclass(frozen=True)
+@declared
 class NonlinearEstimate:
     """Parameters from nonlinear tests."""
 
-    parameters: tuple[ParameterEstimate, ...]
-    correlation: Floats  # (p, p)
-    tests: tuple[TestFit, ...]
-    misfit_before: float  # chi^2
-    misfit: float  # chi^2
-    degrees_of_freedom: int
-    starts: int
-    starts_agreeing: int  # that ended in the best minimum
-    profiles: tuple[Profile, ...]
-    responses: int  # periodic responses computed
-    processor_time_s: float
-    coverage: float
-    warnings: tuple[str, ...]
-    outcome: Outcome = COMPLETE
+    parameters: tuple[ParameterEstimate, ...] = table("")
+    correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
+    tests: tuple[TestFit, ...] = numbered("tests", start=1)
+    misfit_before: float = attribute("1", "chi squared with the scenario's values")
+    misfit: float = attribute("1", "chi squared with the estimated values")
+    degrees_of_freedom: int = attribute("1", "measured numbers less parameters")
+    starts: int = attribute("1", "starting points of the search")
+    starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
+    profiles: tuple[Profile, ...] = numbered("profiles", start=1)
+    responses: int = attribute("1", "periodic responses computed")
+    processor_time_s: float = attribute("s", "processor time")
+    coverage: float = attribute("1", "probability of the intervals")
+    warnings: tuple[str, ...] = attribute("", "warnings", codec="json")
+    outcome: Outcome = ending("how the search ended", default=COMPLETE)
 
 
-@dataclass(frozen=True)
+@declared
 class IdentificationResult(Result):
     """Everything `beamsim identify-stiffness` computes."""
 
-    estimate: StiffnessEstimate | None
-    with_snubber: FrequencyTable | None
-    without_snubber: FrequencyTable
-    sensitivities: tuple[Sensitivity, ...]
-    curves: tuple[FrequencyCurve, ...]
-    profile: Profile | None  # of the stiffness
-    update: ModelUpdate | None
-    mac: Floats | None  # (measured, predicted) modal assurance criterion
-    nonlinear: NonlinearEstimate | None
-    pad_modulus: float  # Pa; nan without pad
-    processor_time_s: float = 0.0
+    estimate: StiffnessEstimate | None = group("", on="stiffness")
+    with_snubber: FrequencyTable | None = group("modes")
+    without_snubber: FrequencyTable = group("modes_without")
+    sensitivities: tuple[Sensitivity, ...] = table("sensitivity", empty=False)
+    curves: tuple[FrequencyCurve, ...] = keyed("mode_{}", folder="curves")
+    profile: Profile | None = group("profile")  # of the stiffness
+    update: ModelUpdate | None = group("update")
+    mac: Floats | None = dataset(
+        "1",
+        "modal assurance criterion, measured by predicted shapes",
+        along=(
+            Counter("mac_measured", "number of the measured shape"),
+            Counter("mac_predicted", "number of the predicted shape"),
+        ),
+    )
+    nonlinear: NonlinearEstimate | None = group("nonlinear")
+    pad_modulus: float = attribute(
+        "Pa", "Young's modulus of the pad; NaN without one", name="pad_youngs_modulus_pa", at="stiffness",
+        default=float("nan"),
+    )  # fmt: skip
+    processor_time_s: float = attribute("s", "processor time", default=0.0)
