@@ -1,5 +1,5 @@
 """Signals in time: harmonic, swept, sampled, random, pulses, and where they act.
 
-Never here: how a structure responds.
-Begin with `signal`, the closed form that every input is brought into.
+Never here: the response of a structure.
+Begin with `signal`, the closed form to which every input is converted.
 """

@@ -1,4 +1,4 @@
-"""Swept, sampled and random inputs as signals of polynomial pieces, which any flow can carry."""
+"""Swept, sampled and random inputs as piecewise polynomial signals, which every flow accepts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_PIECES = 4_000_000
 
 
 def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
-    """A way of a sweep, from the scenario's rate."""
+    """One direction of a sweep, from the rate of the scenario."""
     if rate.unit == "oct/s":
         return Leg(first_hz, last_hz, float(rate.value * np.log(2.0)), True)
     return Leg(first_hz, last_hz, float(rate.value), False)
@@ -36,7 +36,7 @@ def make_profile(
     between: str = "held",
     notches: Sequence[Notch] = (),
 ) -> Profile:
-    """The level against frequency, from one level or a table, with its notches."""
+    """The level over frequency, from one level or a table, with its notches."""
     default = "force" if quantity == "force" else "acceleration"
     if points:
         table = [(p.frequency, p.level, p.quantity or default) for p in points]
@@ -50,7 +50,7 @@ def make_profile(
 
 
 def phase_of_acceleration(quantity: str, level: float | None) -> float:
-    """Phase by which the acceleration leads the quantity that is given as a sine, rad."""
+    """Phase by which the acceleration leads the prescribed quantity (a sine), rad."""
     lead = {"displacement": np.pi, "velocity": 0.5 * np.pi}.get(quantity, 0.0)
     return float(lead + (np.pi if level is not None and level < 0 else 0.0))
 
@@ -58,12 +58,12 @@ def phase_of_acceleration(quantity: str, level: float | None) -> float:
 def broadband_signals(
     excitation: SweptSineInput | SampledInput | RandomInput, duration: float | None, folder: Path | None = None
 ) -> tuple[Signal, Signal, Signal]:
-    """Acceleration, velocity and displacement of the base; of a force the force itself, three times.
+    """Acceleration, velocity and displacement of the base; for a force, the force three times.
 
     Raises
     ------
     ScenarioError
-        Where the input ends before the run, or its file cannot be read.
+        If the input ends before the run, or its file cannot be read.
     """
     if excitation.kind == "swept_sine":
         windows = _windows(excitation, duration)
@@ -97,8 +97,8 @@ def _windows(excitation: SweptSineInput, duration: float | None) -> SweepWindows
             raise ScenarioError(
                 Problem(
                     "run.duration",
-                    f"= {duration:g} s goes on after the end of the sweep at {leg.duration:g} s",
-                    f"run for {np.floor(leg.duration * 1e4) / 1e4:g} s, or sweep further or more slowly",
+                    f"= {duration:g} s is longer than the sweep, which ends at {leg.duration:g} s",
+                    f"use at most {np.floor(leg.duration * 1e4) / 1e4:g} s, or a wider or slower sweep",
                 )
             )
         turns = float(leg.turns_after(np.array(leg.first_hz), np.array(duration)))
@@ -107,7 +107,7 @@ def _windows(excitation: SweptSineInput, duration: float | None) -> SweepWindows
     if leg.cycles * 8 > MOST_PIECES:
         raise ScenarioError(
             Problem(
-                "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep`, or run shorter"
+                "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep` or a shorter run"
             )
         )
     quantity = excitation.quantity or "acceleration"

@@ -1,7 +1,7 @@
-"""Excitation: which signals act, and along which loads.
+"""The signals of an excitation: force or base motion.
 
-Harmonic base motions are integrated without drift (d = -A / omega^2 sin for an acceleration A sin);
-pulses and steps start from d = d' = 0.
+Harmonic base motions are integrated without drift: an acceleration A sin has d = -A / omega^2 sin. Pulses and steps
+start from d = d' = 0.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
 
 
 def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
-    """The quantity that the scenario prescribes, as a signal; of a broadband input the force at a point."""
+    """The prescribed quantity as a signal; for a broadband input, the force at a point."""
     if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
         return broadband_signals(excitation, duration, folder)[0]
     if excitation.kind == "harmonic":
@@ -71,10 +71,10 @@ def _without_drift(signal: Signal) -> Signal:
 
 
 def base_motion(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
-    """The base's motion from the one quantity prescribed.
+    """Motion of the base from the prescribed quantity.
 
-    A step or a half-sine of base displacement, and a step of base velocity, would need infinite
-    accelerations; the scenario refuses them.
+    A step or half-sine of base displacement and a step of base velocity would need infinite accelerations; the
+    scenario does not accept them.
     """
     if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
         return BaseMotion(*broadband_signals(excitation, duration, folder))
@@ -96,6 +96,6 @@ def base_motion(excitation: Driven, duration: float | None = None, folder: Path 
 
 
 def single_frequency_hz(excitation: Excitation) -> float:
-    """The excitation frequency where there is exactly one, else nan."""
+    """The excitation frequency if there is exactly one, otherwise nan."""
     frequencies = set(excitation.frequencies_hz)
     return float(frequencies.pop()) if len(frequencies) == 1 else float("nan")

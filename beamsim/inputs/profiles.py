@@ -1,8 +1,8 @@
-"""The level of a sweep against its frequency, as a test specification gives it.
+"""The level of a sweep over frequency, as in a test specification.
 
-Between two break frequencies the level is a power of the frequency, :math:`A(f) = A_p (f/f_p)^{s_p}`: for a base
-acceleration s = 0 holds the acceleration, s = 1 the velocity, s = 2 the displacement; a straight line on doubly
-logarithmic paper is any s.
+Between two break frequencies the level is a power of the frequency, :math:`A(f) = A_p (f/f_p)^{s_p}`. For a base
+acceleration, s = 0 is constant acceleration, s = 1 constant velocity and s = 2 constant displacement; log-log
+interpolation gives any s.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _POWER = {"acceleration": 0.0, "force": 0.0, "velocity": 1.0, "displacement": 2.
 
 
 def power_of(quantity: str) -> float:
-    """Power of the frequency with which the acceleration (or force) grows while ``quantity`` is held."""
+    """Power of the frequency with which the acceleration (or force) grows at constant ``quantity``."""
     return _POWER[quantity]
 
 
@@ -31,12 +31,12 @@ def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> 
 
 @dataclass(frozen=True)
 class Profile:
-    """Pieces of powers of the frequency; the first and last piece reach to 0 and to infinity.
+    """Piecewise powers of the frequency; the first piece extends to 0 and the last to infinity.
 
     Parameters
     ----------
     edge : (P,) Hz, increasing; piece p begins at ``edge[p]``.
-    amplitude : (P,) at ``edge[p]``, m/s^2 of a base, N of a force.
+    amplitude : (P,) at ``edge[p]``, m/s^2 for a base, N for a force.
     power : (P,).
     """
 
@@ -52,16 +52,16 @@ class Profile:
 
     @classmethod
     def held(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
-        """From points (frequency in Hz, level, quantity): each level is held until the next point."""
+        """From points (frequency in Hz, level, quantity): each level is constant up to the next point."""
         edge = np.array([f for f, _, _ in points])
         amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
         return cls(edge, amplitude, np.array([power_of(quantity) for _, _, quantity in points]))
 
     @classmethod
     def interpolated(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
-        """From the same points: straight lines between them on doubly logarithmic paper, constant outside.
+        """From the same points by log-log interpolation, constant outside.
 
-        Every level has to be positive.
+        Every level must be positive.
         """
         edge = np.array([f for f, _, _ in points])
         amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
@@ -82,15 +82,15 @@ class Profile:
         return np.asarray(self.amplitude[p] * (f / self.edge[p]) ** self.power[p])
 
     def piece(self, frequency_hz: Floats) -> Ints:
-        """Index of the piece that holds at each frequency."""
+        """Index of the piece that applies at each frequency."""
         return np.clip(np.searchsorted(self.edge, frequency_hz, side="right") - 1, 0, None)
 
     def scaled(self, factor: float) -> Profile:
-        """Every level times a factor."""
+        """All levels multiplied by a factor."""
         return Profile(self.edge, self.amplitude * factor, self.power)
 
     def notched(self, lower_hz: float, upper_hz: float, level: float, quantity: str) -> Profile:
-        """Never above ``level`` of ``quantity`` between two frequencies."""
+        """The profile limited to ``level`` of ``quantity`` between two frequencies."""
         power = power_of(quantity)
 
         def limit(f: float) -> float:
@@ -121,8 +121,8 @@ class Profile:
             if limit(middle) < float(self(middle)):
                 pieces.append((left, limit(left), power))
             else:
-                own = float(self.amplitude[p] * (left / self.edge[p]) ** self.power[p])
-                pieces.append((left, own, float(self.power[p])))
+                unlimited = float(self.amplitude[p] * (left / self.edge[p]) ** self.power[p])
+                pieces.append((left, unlimited, float(self.power[p])))
         p = int(self.piece(np.array(upper_hz)))
         pieces.append((upper_hz, float(self(upper_hz)), float(self.power[p])))
         pieces += [piece for piece in below if piece[0] > upper_hz]

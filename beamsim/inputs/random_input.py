@@ -2,7 +2,7 @@
 
 .. math:: s(t) = \\sum_k \\sqrt{2 S(f_k) \\Delta f}\\, \\cos(2\\pi f_k t + \\varphi_k), \\qquad f_k = k \\Delta f,
 
-with independent uniform phases: Gaussian by the central limit theorem, with exactly the density asked for
+with independent uniform phases. The sum is Gaussian by the central limit theorem and has exactly the given density
 (S. O. Rice, Bell System Technical Journal 23, 1944).
 """
 
@@ -20,11 +20,11 @@ from beamsim.typing import Complexes, Floats
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import RandomInput
 
-SAMPLES_A_CYCLE = 20  # of the highest frequency
+SAMPLES_PER_CYCLE = 20  # of the highest frequency
 
 
 def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
-    """One-sided density at frequencies: straight lines on doubly logarithmic paper, zero outside the table."""
+    """One-sided density at frequencies by log-log interpolation, zero outside the table."""
     inside = (frequency_hz >= at_hz[0] * (1 - 1e-12)) & (frequency_hz <= at_hz[-1] * (1 + 1e-12))
     out = np.zeros(frequency_hz.shape)
     f = np.clip(frequency_hz[inside], at_hz[0], at_hz[-1])
@@ -56,12 +56,12 @@ def noise(at_hz: Floats, value: Floats, period: float, rate: float, generator: n
 def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Signal, Signal, Signal]:
     """The noise as a smooth piecewise cubic over the run, and its integrals.
 
-    The integrals begin where those of the sines are, so that a base does not drift; with a ramp they begin at 0.
+    The integrals start at the values of the integrated sines, so that a base does not drift, or at 0 with a ramp.
     """
     at = np.array([p.frequency for p in excitation.psd])
     value = np.array([p.density for p in excitation.psd])
     period = excitation.period or duration or 1.0
-    rate = excitation.sample_rate or SAMPLES_A_CYCLE * float(at[-1])
+    rate = excitation.sample_rate or SAMPLES_PER_CYCLE * float(at[-1])
     total = duration if duration is not None else period
     if max(period, total) * rate > MOST_SAMPLES:
         raise ScenarioError(
@@ -73,10 +73,10 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
         )
     count = int(np.ceil(period * rate))
     frequency, amplitude = _spectrum(at, value, period, count, np.random.default_rng(excitation.seed))
-    one = np.fft.irfft(0.5 * count * amplitude, count)
+    one_period = np.fft.irfft(0.5 * count * amplitude, count)
     step = period / count
     index = np.arange(int(np.ceil(total / step)) + 2)
-    time, samples = np.asarray(index * step, dtype=float), np.asarray(one[index % count], dtype=float)
+    time, samples = np.asarray(index * step, dtype=float), np.asarray(one_period[index % count], dtype=float)
     velocity_0 = displacement_0 = 0.0
     if excitation.ramp > 0:
         x = np.clip(time / excitation.ramp, 0, 1)

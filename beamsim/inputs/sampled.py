@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from beamsim.scenario.broadband import SampledInput
 
 MOST_SAMPLES = 4_000_000
-LARGEST_GAP = 1.5  # a step of the time axis longer than so many median steps is a gap
+LARGEST_GAP = 1.5  # in median steps of the time axis; a longer step is a gap
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
-    """Straight lines, or the cubic with continuous curvature, through the samples; their last value after them."""
+    """Linear or cubic-spline interpolation of the samples; constant after the last one."""
     if kind == "linear" or time.size < 4:
         slope = np.diff(samples) / np.diff(time)
         pieces = np.stack([samples[:-1], slope], axis=1)
@@ -38,14 +38,14 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
     Raises
     ------
     ScenarioError
-        Where the file cannot be read, has gaps, or is shorter than the run.
+        If the file cannot be read, has gaps, or is shorter than the run.
     """
     time, samples = read_samples(excitation, folder)
     time = time - time[0]
     if duration is not None and time[-1] < duration * (1 - 1e-9) - (time[1] - time[0]):
-        _refuse(
+        _reject(
             f"= {excitation.file} ends after {time[-1]:g} s, before run.duration = {duration:g} s",
-            f"run for {time[-1]:g} s at most",
+            f"run for at most {time[-1]:g} s",
         )
     if excitation.resample is not None:
         from scipy.interpolate import CubicSpline
@@ -57,15 +57,15 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
         keep = int(np.searchsorted(time, duration, side="left")) + 3
         time, samples = time[:keep], samples[:keep]
     if time.size > MOST_SAMPLES:
-        _refuse(
+        _reject(
             f"has {time.size:.3g} samples for this run (at most {MOST_SAMPLES:.0e})",
-            "run shorter, or set excitation.resample to a lower rate",
+            "shorten the run, or set excitation.resample to a lower rate",
         )
     return interpolate(time, samples * excitation.factor_to_si, excitation.interpolation)
 
 
 def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """Times and values of the file, checked; it is looked for in ``folder``, then in the current one.
+    """Times and values from the file, checked. The path is relative to ``folder`` or else the current folder.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     if not path.is_file():
         path = Path(excitation.file)
     if not path.is_file():
-        _refuse(f"= {excitation.file} is no file", "give its path, from the folder of the scenario")
+        _reject(f"= {excitation.file} does not exist", "give its path, relative to the folder of the scenario")
     suffix = path.suffix.lower()
     try:
         if suffix in (".h5", ".hdf5"):
@@ -86,39 +86,39 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
         else:
             time, values = _from_csv(path, excitation)
     except (OSError, ValueError, UnicodeDecodeError) as error:
-        _refuse(f"= {excitation.file} cannot be read: {str(error).splitlines()[0]}", "check the file, or its columns")
+        _reject(f"= {excitation.file} cannot be read: {str(error).splitlines()[0]}", "check the file and its columns")
     if values.size < 4:
-        _refuse(f"= {excitation.file} has only {values.size} samples", "give a longer record")
+        _reject(f"= {excitation.file} has only {values.size} samples", "give a longer record")
     if excitation.sample_rate is not None or time is None:
         if excitation.sample_rate is None:
-            _refuse(f"= {excitation.file} has no times", "give excitation.sample_rate", "sample_rate")
+            _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
         time = np.arange(values.size) / excitation.sample_rate
     bad = np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))
     if bad.size:
-        _refuse(
-            f"= {excitation.file} has {bad.size} values that are no finite numbers, the first at sample {bad[0] + 1}",
-            "repair or cut out that part of the record",
+        _reject(
+            f"= {excitation.file} has {bad.size} values that are not finite, the first at sample {bad[0] + 1}",
+            "repair or remove that part of the record",
         )
     step = np.diff(time)
     if np.any(step <= 0):
         where = int(np.flatnonzero(step <= 0)[0])
-        _refuse(
+        _reject(
             f"= {excitation.file} has a time axis that does not increase at sample {where + 2} "
             f"({time[where]:g} s, then {time[where + 1]:g} s)",
-            "sort the record, or name the right time_column",
+            "sort the record, or give the correct time_column",
         )
     median = float(np.median(step))
     if np.any(step > LARGEST_GAP * median):
         where = int(np.flatnonzero(step > LARGEST_GAP * median)[0])
-        _refuse(
+        _reject(
             f"= {excitation.file} has a gap after sample {where + 1}: {time[where]:g} s to {time[where + 1]:g} s "
-            f"where samples are {median:g} s apart",
+            f"while the sampling interval is {median:g} s",
             "fill the gap, or use the part before or after it",
         )
     return time, values
 
 
-def _refuse(message: str, remedy: str, key: str = "file") -> NoReturn:
+def _reject(message: str, remedy: str, key: str = "file") -> NoReturn:
     raise ScenarioError(Problem(f"excitation.{key}", message, remedy))
 
 
@@ -126,17 +126,17 @@ def _from_csv(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floa
     lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     lines = [line for line in lines if not line.lstrip().startswith(("#", "%"))]
     if not lines:
-        raise ValueError("it is empty")
+        raise ValueError("the file is empty")
     separator = next((mark for mark in (";", ",", "\t") if mark in lines[-1]), None)
     rows = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines]
     first = next((i for i, row in enumerate(rows) if _is_number(row[0])), None)
     if first is None:
-        raise ValueError("no line begins with a number")
+        raise ValueError("no line starts with a number")
     headings = rows[first - 1] if first else []
     width = len(rows[first])
     ragged = next((i for i, row in enumerate(rows[first:]) if len(row) != width), None)
     if ragged is not None:
-        raise ValueError(f"line {first + ragged + 1} has {len(rows[first + ragged])} columns, those before it {width}")
+        raise ValueError(f"line {first + ragged + 1} has {len(rows[first + ragged])} columns instead of {width}")
     table = np.array([[float(cell) if cell else np.nan for cell in row] for row in rows[first:]])
     has_times = excitation.time_column is not None or (width > 1 and excitation.sample_rate is None)
     time_at = _column(excitation.time_column, headings, width, 0) if has_times else None
@@ -144,15 +144,15 @@ def _from_csv(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floa
     return (None if time_at is None else table[:, time_at]), table[:, column]
 
 
-def _column(wanted: str | None, headings: list[str], width: int, default: int) -> int:
-    if wanted is None:
+def _column(name: str | None, headings: list[str], width: int, default: int) -> int:
+    if name is None:
         return default
-    if wanted in headings:
-        return headings.index(wanted)
-    if wanted.isdigit() and 1 <= int(wanted) <= width:
-        return int(wanted) - 1
+    if name in headings:
+        return headings.index(name)
+    if name.isdigit() and 1 <= int(name) <= width:
+        return int(name) - 1
     known = f"; headings are {', '.join(headings)}" if headings else ""
-    raise ValueError(f"there is no column {wanted} among {width}{known}")
+    raise ValueError(f"there is no column {name} among {width}{known}")
 
 
 def _is_number(text: str) -> bool:
@@ -168,7 +168,7 @@ def _from_hdf5(path: Path, excitation: SampledInput) -> tuple[Floats | None, Flo
 
     with h5py.File(path, "r") as file:
         if excitation.column is None:
-            raise ValueError("name the dataset with excitation.column")
+            raise ValueError("give the name of the dataset in excitation.column")
 
         def dataset(name: str) -> Floats:
             if name not in file or not isinstance(file[name], h5py.Dataset):
@@ -194,12 +194,12 @@ def _from_uff(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floa
         sets = pyuff.UFF(str(path))
         kinds = [int(kind) for kind in sets.get_set_types()]
     except Exception as error:  # pyuff raises bare exceptions on damaged files
-        raise ValueError(f"no universal file ({error})") from None
+        raise ValueError(f"not a universal file ({error})") from None
     records = [i for i, kind in enumerate(kinds) if kind == 58]
     if not 1 <= number <= len(records):
-        raise ValueError(f"it has {len(records)} data sets 58")
+        raise ValueError(f"the file has {len(records)} data sets 58")
     record = sets.read_sets(records[number - 1])
     values = np.asarray(record["data"])
     if np.iscomplexobj(values) or int(record.get("func_type", 1)) not in (0, 1):
-        raise ValueError("that data set 58 is no time history")
+        raise ValueError("this data set 58 is not a time history")
     return np.asarray(record["x"], dtype=float), values.astype(float)

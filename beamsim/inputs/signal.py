@@ -1,12 +1,12 @@
-"""Signals in time whose pieces are polynomials times exponentials: all that the exact flow can carry.
+"""Signals whose pieces are polynomials times exponentials, the inputs that the closed-form flow accepts.
 
 Between two breakpoints a signal is
 
 .. math:: s(t) = \\mathrm{Re} \\sum_i e^{\\nu_i \\sigma} \\sum_p c_{i,p}\\, \\sigma^p, \\qquad \\sigma = t - t_k,
 
-which covers harmonics (:math:`\\nu = i\\omega`), multi-tone, steps and half-sine pulses, and sampled
+which covers harmonics (:math:`\\nu = i\\omega`), multi-tone signals, steps, half-sine pulses, and sampled
 signals interpolated by polynomials (:math:`\\nu = 0`). The class is closed under differentiation and
-integration, so a base displacement follows from a base acceleration without error.
+integration, so the base displacement follows exactly from a base acceleration.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Signal:
     ----------
     start : (P,) increasing times at which a piece begins, s; the last piece never ends.
     exponent : (E,) complex exponents shared by all pieces, 1/s.
-    coefficient : (P, E, D) complex coefficients about each piece's own start.
+    coefficient : (P, E, D) complex coefficients, in powers of the time since the start of the piece.
     """
 
     start: Floats
@@ -50,7 +50,7 @@ class Signal:
         return cls(np.asarray(start, dtype=float), np.zeros(1, dtype=complex), c[:, None, :])
 
     def __call__(self, t: ArrayLike) -> Floats:
-        """Value at times t (any shape); before the first piece the first piece is continued."""
+        """Values at times t (any shape); the first piece also applies before its start."""
         t = np.asarray(t, dtype=float)
         k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, None)
         return self.within(k, t - self.start[k])
@@ -89,12 +89,12 @@ class Signal:
         length = np.diff(self.start)
         grown = Signal(self.start, exponent, out).within(np.arange(length.size), length)  # without the constants
         first = out[:, :, 0].sum(axis=1).real
-        # each piece begins where the one before ended
+        # each piece starts at the value at which the previous one ends
         out[:, constant, 0] += initial + np.concatenate([[0.0], np.cumsum(grown - first[:-1])]) - first
         return Signal(self.start, exponent, out)
 
     def within(self, piece: Ints, sigma: Floats) -> Floats:
-        """Value of pieces at times ``sigma`` since their own starts (arrays of one shape)."""
+        """Value of each piece at time ``sigma`` since its start (arrays of the same shape)."""
         value = np.zeros(sigma.shape)
         for i, nu in enumerate(self.exponent):
             polynomial = np.zeros(sigma.shape, dtype=complex)

@@ -1,15 +1,15 @@
 """Swept sines, cut into windows on which they are a polynomial times an exponential.
 
 The sine is :math:`s(t) = A(f(t)) \\sin\\varphi(t)` with :math:`\\dot\\varphi = 2\\pi f`, where the frequency grows
-exponentially (so many octaves a minute) or linearly (so many Hz a second) and A is a `Profile`. On a window, with
+exponentially (octaves per minute) or linearly (Hz per second) and A is a `Profile`. On a window, with
 :math:`\\sigma` the time from its middle and :math:`\\omega` the frequency there,
 
 .. math:: s = \\mathrm{Re}\\Big[ e^{i\\omega\\sigma} \\sum_p \\alpha_p \\sigma^p \\Big], \\qquad
           \\varphi = \\varphi_m + \\omega\\sigma + \\delta(\\sigma),
 
 where the amplitude and :math:`e^{i\\delta}` are expanded in powers of :math:`\\sigma`. The remainder of the
-expansion is bounded by that of its majorant; windows are one cycle long or, where the bound would exceed the
-tolerance, as short as that takes. Everything is relative to the window, so nothing loses digits in a long sweep.
+expansion is bounded by that of its majorant. Windows are one cycle long, or shorter where the bound would exceed the
+tolerance. All quantities are relative to the window, so a long sweep does not lose accuracy.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from beamsim.inputs.signal import Signal
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST_DEGREE = 8
-TOLERANCE = 1e-12  # of the amplitude, for what the polynomials leave out
+TOLERANCE = 1e-12  # of the amplitude, for the truncation of the polynomials
 MOST_WINDOWS = 20_000_000
-PIECES_A_CYCLE = 8  # of polynomials that stand for a sine
+PIECES_PER_CYCLE = 8  # of a sine represented by polynomials
 PIECE_DEGREE = 12
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A way from one frequency to another: ``f' = rate * f`` (logarithmic) or ``f' = rate`` (linear)."""
+    """A sweep from one frequency to another: ``f' = rate * f`` (logarithmic) or ``f' = rate`` (linear)."""
 
     first_hz: float
     last_hz: float
@@ -43,12 +43,12 @@ class Leg:
 
     @property
     def signed_rate(self) -> float:
-        """Negative on the way down."""
+        """The rate, negative for a downward sweep."""
         return self.rate if self.last_hz > self.first_hz else -self.rate
 
     @property
     def duration(self) -> float:
-        """Time it takes, s."""
+        """Duration, s."""
         if self.logarithmic:
             return float(np.log(self.last_hz / self.first_hz) / self.signed_rate)
         return float((self.last_hz - self.first_hz) / self.signed_rate)
@@ -59,7 +59,7 @@ class Leg:
         return float(self.turns(np.array(self.last_hz)))
 
     def turns(self, frequency_hz: Floats) -> Floats:
-        """Cycles since the beginning of the leg at which a frequency is reached."""
+        """Cycles from the start of the leg to a frequency."""
         if self.logarithmic:
             return np.asarray((frequency_hz - self.first_hz) / self.signed_rate)
         return np.asarray((frequency_hz - self.first_hz) * (frequency_hz + self.first_hz) / (2 * self.signed_rate))
@@ -71,33 +71,33 @@ class Leg:
         return np.sqrt(np.maximum(self.first_hz**2 + 2 * self.signed_rate * turns, 0.0))
 
     def time_between(self, first_hz: Floats, turns: Floats) -> Floats:
-        """Time from a frequency on for so many cycles, s; without cancellation however few they are."""
+        """Time, s, for a number of cycles from a given frequency; without cancellation for small numbers."""
         if self.logarithmic:
             return np.asarray(np.log1p(self.signed_rate * turns / first_hz) / self.signed_rate)
         last = np.sqrt(np.maximum(first_hz**2 + 2 * self.signed_rate * turns, 0.0))
         return np.asarray(2 * turns / (first_hz + last))
 
     def turns_after(self, first_hz: Floats, time: Floats) -> Floats:
-        """Cycles within a time from a frequency on."""
+        """Cycles during a time from a given frequency."""
         if self.logarithmic:
             return np.asarray(first_hz * np.expm1(self.signed_rate * time) / self.signed_rate)
         return np.asarray(time * (first_hz + 0.5 * self.signed_rate * time))
 
     def time_at(self, turns: Floats) -> Floats:
-        """Time since the beginning of the leg, s."""
+        """Time since the start of the leg, s."""
         return self.time_between(np.full(np.shape(turns), self.first_hz), turns)
 
 
 @dataclass(frozen=True)
 class SweepWindows:
-    """W windows, D + 1 coefficients each, about the window's middle (``degree`` of them in use)."""
+    """W windows with D + 1 coefficients each, about the middle of the window (``degree`` of them in use)."""
 
     start: Floats  # (W,) s
     length: Floats  # (W,) s
     omega: Floats  # (W,) rad/s in the middle
     leg: Ints  # (W,)
     cycle: Ints  # (W,) number of the cycle the window belongs to, counted by the phase
-    fraction: Floats  # (W,) of that cycle that has passed in the middle
+    fraction: Floats  # (W,) of that cycle at the middle of the window
     degree: Ints  # (W,)
     coefficient: Complexes  # (W, D + 1) of the sine at unit phase zero
     deviation: Floats  # (W, D + 1) of delta, rad
@@ -105,7 +105,7 @@ class SweepWindows:
     cycle_start: Floats  # (C,) s
     cycle_leg: Ints  # (C,)
     cycle_complete: Bools  # (C,)
-    truncation: float  # largest bound on what the polynomials leave out, of the amplitude
+    truncation: float  # largest bound on the truncation of the polynomials, over the amplitude
 
     @property
     def count(self) -> int:
@@ -119,14 +119,14 @@ class SweepWindows:
 
     @property
     def duration(self) -> float:
-        """Time the sweep takes, s."""
+        """Duration of the sweep, s."""
         return float(self.start[-1] + self.length[-1])
 
     def integrated(self, times: int) -> Complexes:
         """(W, D + 1) coefficients of the sine's integral (1) or double integral (2), without drift.
 
-        The particular solution that is itself a polynomial times the exponential: what is slow against the cycle.
-        At a corner of the profile it jumps by some parts in ten thousand, where a true integral would start to drift.
+        This is the particular solution that is itself a polynomial times the exponential. At a corner of the profile it
+        jumps by about 1e-4 of its amplitude, where the true integral would start to drift.
         """
         alpha = self.coefficient
         D = alpha.shape[1] - 1
@@ -140,7 +140,7 @@ class SweepWindows:
         return alpha
 
     def evaluate(self, coefficient: Complexes, time: Floats) -> Floats:
-        """Values at times (any shape) of the signal with these coefficients; outside, the end windows go on."""
+        """Values of the signal with these coefficients at times (any shape); the end windows are extended outside."""
         time = np.asarray(time, dtype=float)
         k = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, self.count - 1)
         sigma = time - self.start[k] - 0.5 * self.length[k]
@@ -167,24 +167,24 @@ def cut_into_windows(
     tolerance: float = TOLERANCE,
     degree: int = LARGEST_DEGREE,
 ) -> SweepWindows:
-    """Windows of a swept sine whose phase runs on from leg to leg.
+    """Windows of a swept sine with continuous phase from leg to leg.
 
     Parameters
     ----------
     phase : of the sine at the start, rad.
-    tolerance : of the amplitude; what the polynomials leave out on a window is bounded by it.
+    tolerance : bound on the truncation of the polynomials on a window, over the amplitude.
     degree : highest degree of the polynomials.
 
     Raises
     ------
     ValueError
-        Where more than twenty million windows would be needed.
+        If more than twenty million windows would be needed.
     """
     parts = []
     turns_before, time_before = 0.0, 0.0
     for index, leg in enumerate(legs):
         if leg.cycles > MOST_WINDOWS:
-            raise ValueError(f"the sweep has {sum(way.cycles for way in legs):.3g} cycles")
+            raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
         cuts = _cuts(leg, profile, turns_before % 1.0)
         parts.append(_windows(leg, index, profile, cuts, turns_before, time_before, tolerance, degree))
         turns_before += leg.cycles
@@ -216,7 +216,7 @@ def cut_into_windows(
 
 
 def _cuts(leg: Leg, profile: Profile, fraction: float) -> Floats:
-    """Turns since the leg's beginning between which no window may extend."""
+    """Boundaries of windows in cycles since the start of the leg; no window crosses one."""
     total = leg.cycles
     whole = np.arange(1, int(np.floor(total + fraction)) + 1) - fraction
     low, high = sorted((leg.first_hz, leg.last_hz))
@@ -274,7 +274,7 @@ def _expand(leg: Leg, profile: Profile, first: Floats, last: Floats, degree: int
     radius = 0.5 * length
 
     deviation = np.zeros((f.size, D + 1))  # of the phase
-    growth = np.zeros((f.size, D + 1))  # of the amplitude, over that in the middle
+    growth = np.zeros((f.size, D + 1))  # of the amplitude, relative to that in the middle
     growth[:, 0] = 1.0
     for p in range(1, D + 1):
         if leg.logarithmic:
@@ -329,7 +329,7 @@ def _expand(leg: Leg, profile: Profile, first: Floats, last: Floats, degree: int
 
 
 def _exponential(series: Complexes) -> Complexes:
-    """Power series of exp of a power series without constant term, a row each."""
+    """Power series of the exponential of power series without constant term, one per row."""
     out = np.zeros_like(series)
     out[:, 0] = 1.0
     for p in range(1, series.shape[1]):
@@ -339,7 +339,7 @@ def _exponential(series: Complexes) -> Complexes:
 
 
 def _deviation_majorant(leg: Leg, omega: Floats, radius: Floats) -> Floats:
-    """Largest |delta| that the series of the phase could reach."""
+    """Bound on |delta| from the series of absolute values."""
     if not leg.logarithmic:
         return np.pi * leg.rate * radius**2
     x = leg.rate * radius
@@ -372,12 +372,12 @@ def _cycle_table(legs: Sequence[Leg], cycles: int) -> tuple[Floats, Floats, Ints
 
 
 def swept_signals(windows: SweepWindows, times_integrated: Sequence[int]) -> tuple[Signal, ...]:
-    """The sine and its integrals as polynomials on an eighth of a cycle each, for flows that take any signal.
+    """The sine and its integrals as polynomials on an eighth of a cycle each, for flows that accept any signal.
 
-    Taylor polynomials of degree twelve; they leave out less than 1e-11 of the amplitude.
+    The Taylor polynomials have degree twelve; their error is below 1e-11 of the amplitude.
     """
     turns = windows.omega * windows.length / (2 * np.pi)
-    pieces = np.maximum(np.ceil(turns * PIECES_A_CYCLE - 1e-9).astype(int), 1)
+    pieces = np.maximum(np.ceil(turns * PIECES_PER_CYCLE - 1e-9).astype(int), 1)
     window = np.repeat(np.arange(windows.count), pieces)
     within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     offset = within * (windows.length[window] / pieces[window])
@@ -393,7 +393,7 @@ def swept_signals(windows: SweepWindows, times_integrated: Sequence[int]) -> tup
     for times in times_integrated:
         moved = windows.integrated(times)[window]
         D = moved.shape[1] - 1
-        for i in range(D):  # the polynomial about the piece's start
+        for i in range(D):  # the polynomial about the start of the piece
             for p in range(D - 1, i - 1, -1):
                 moved[:, p] += sigma * moved[:, p + 1]
         piece = np.zeros((window.size, PIECE_DEGREE + 1))
@@ -405,12 +405,12 @@ def swept_signals(windows: SweepWindows, times_integrated: Sequence[int]) -> tup
 
 
 def constant_windows(frequency_hz: float, amplitude: float, cycles: int, phase: float = 0.0) -> SweepWindows:
-    """A sine of one frequency, a window a cycle; it begins at phase 0 (plus ``phase``)."""
+    """A sine of constant frequency, one window per cycle; it starts at phase 0 (plus ``phase``)."""
     period = 1.0 / frequency_hz
     omega = 2 * np.pi * frequency_hz
     ones = np.ones(cycles)
     index = np.arange(cycles)
-    # in the middle of a cycle, where the windows' polynomials are about, the phase is pi
+    # the polynomials are about the middle of a cycle, where the phase is pi
     value = amplitude * np.exp(1j * (phase + np.pi - 0.5 * np.pi))
     return SweepWindows(
         start=np.asarray(index * period, dtype=float),

@@ -131,7 +131,7 @@ def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
 
 
 def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
-    """A body (the first one by default) when the first probe is lowest and highest, its static shape, and the snubbers' faces."""
+    """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers."""
     if not result.bodies:
         raise ValueError("no body has a deflected shape: the masses of a chain are points")
     beam = result.bodies[body or next(iter(result.bodies))]

@@ -24,15 +24,15 @@ def damping_matrix(
 
     Parameters
     ----------
-    damping : the body's, as the scenario gives it.
+    damping : of the body, from the scenario.
     structure, basis : the full model (dashpots and viscous damping) and the reduced basis.
     omega : (n,) physical angular frequencies of the coordinates, rad/s.
 
     Notes
     -----
-    Modal: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, rigid-body modes
-    included (they take none); later modes and static vectors take the last. Rayleigh: alpha I + beta diag(omega^2).
-    Viscous and dashpots: the physical matrix projected.
+    Modal: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, counting rigid-body
+    modes (which are not damped); higher modes and static vectors have the last ratio. Rayleigh:
+    alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the physical matrix.
     """
     c = np.zeros((omega.size, omega.size))
     if damping is not None and damping.kind == "modal":

@@ -1,13 +1,13 @@
-r"""Cubic Hermite Euler–Bernoulli element in adimensional form.
+r"""Cubic Hermite Euler–Bernoulli element in nondimensional form.
 
-Lengths are over the beam's length, so an element of adimensional length *h* has the degrees of freedom
-(w1, L w1', w2, L w2'): all four are deflections in metres, which keeps the matrices well scaled
-(thesis, section 1.2.2). Forces are in E I / L^3, masses in rho S L.
+Lengths are divided by the beam length L. An element of nondimensional length *h* has the degrees of freedom
+(w1, L w1', w2, L w2'); all four are in metres, which keeps the matrices well scaled
+(H. Hazim, thesis, 2010, section 1.2.2). The unit of stiffness is E I / L^3, that of mass rho S L.
 
-The stiffness is kept as a factor B with K = B^T B. Along an element the curvature is linear,
-kappa = kappa_0 + kappa_1 (2 xi - 1), and its energy h (kappa_0^2 + kappa_1^2 / 3) / 2, which gives two
-rows an element. Frequencies taken from singular values of B keep their digits where the eigenvalues
-of K lose them as the fourth power of the number of elements.
+The stiffness is stored as a factor B with K = B^T B. The curvature is linear along an element,
+kappa = kappa_0 + kappa_1 (2 xi - 1), and its energy is h (kappa_0^2 + kappa_1^2 / 3) / 2, which gives two
+rows per element. Frequencies computed from the singular values of B keep their accuracy, while those from the
+eigenvalues of K lose accuracy with the fourth power of the number of elements.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from beamsim.typing import Floats
 
-# Coefficients of xi^0 .. xi^3; columns 2 and 4 still to be multiplied by h.
+# Coefficients of xi^0 .. xi^3; columns 2 and 4 are multiplied by h later.
 _CUBIC = np.array(
     [
         [1.0, 0.0, 0.0, 0.0],
@@ -40,9 +40,9 @@ def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
 
     Parameters
     ----------
-    xi : (...,) place within the element, 0 to 1.
-    h : (...,) adimensional element length, broadcast against xi.
-    derivative : 0 to 3; zero is returned beyond.
+    xi : (...,) position within the element, 0 to 1.
+    h : (...,) nondimensional element length, broadcast against xi.
+    derivative : order of the derivative; zero is returned above 3.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Where the nodes of a beam are."""
+"""Nodes and elements of a beam."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from beamsim.typing import Floats, Ints
 
-# Hard points closer together than this part of an element share a node.
+# Hard points closer together than this fraction of an element share a node.
 _SLIVER = 1e-3
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Nodes of a beam on the adimensional axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1."""
+    """Nodes of a beam on the nondimensional axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1."""
 
     nodes: Floats  # (elements + 1,) increasing
 
@@ -28,7 +28,7 @@ class Mesh:
 
     @property
     def lengths(self) -> Floats:
-        """(elements,) adimensional element lengths."""
+        """(elements,) nondimensional element lengths."""
         return np.diff(self.nodes)
 
     @property
@@ -37,20 +37,20 @@ class Mesh:
         return 2 * np.arange(self.elements)[:, None] + np.arange(4)
 
     def locate(self, x: ArrayLike) -> tuple[Ints, Floats]:
-        """Element that holds x / L and the place within it, 0 to 1 (a node belongs to its right-hand element)."""
+        """Element that contains x / L and the position within it, 0 to 1 (a node belongs to its right-hand element)."""
         x = np.asarray(x, dtype=float)
         element = np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, self.elements - 1)
         return element.astype(np.int64), (x - self.nodes[element]) / self.lengths[element]
 
 
 def build_mesh(elements: int, hard_points: Iterable[float] = ()) -> Mesh:
-    """Uniform pieces between hard points, no element longer than 1 / elements.
+    """A mesh with a node at every hard point, uniform in between, with no element longer than 1 / elements.
 
     Parameters
     ----------
     elements : number of elements of the beam without hard points.
-    hard_points : adimensional positions that want a node (point masses). One that lies within a
-        thousandth of an element of another node gets none, because a sliver would spoil the conditioning.
+    hard_points : nondimensional positions that need a node (point masses). A point within a thousandth of
+        an element from another node gets none, because a sliver element would make the matrices ill-conditioned.
     """
     size = 1.0 / elements
     ends = [0.0, 1.0]

@@ -1,4 +1,4 @@
-"""Natural modes of a full model, precise at the low end."""
+"""Natural modes of a full model, with high relative accuracy of the lowest frequencies."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class Modes:
     vectors: Floats  # (N, k) orthonormal in the mass matrix
 
     def first(self, count: int) -> Modes:
-        """The lowest `count` of them."""
+        """The lowest `count` modes."""
         return Modes(self.omega[:count], self.vectors[:, :count])
 
 
 def orient(vectors: Floats, deflection_dofs: Ints) -> Floats:
-    """Columns with the sign that lifts the last point deflected by more than a tenth of the largest deflection.
+    """Columns with the sign that makes the last significant deflection (more than a tenth of the largest) positive.
 
-    A cantilever's free end moves up in every mode. Choosing the point by a threshold, not by the
-    maximum, keeps the sign of symmetric shapes independent of round-off.
+    The free end of a cantilever then moves up in every mode. A threshold instead of the maximum keeps the sign of
+    symmetric shapes independent of round-off.
     """
     w = vectors[deflection_dofs]
     moved = np.abs(w) > 0.1 * np.abs(w).max(axis=0)
@@ -70,7 +70,7 @@ def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
 def _rayleigh_ritz(model: Structure, vectors: Floats, count: int) -> tuple[Floats, Floats]:
     """The lowest `count` flexible modes within span(vectors)."""
     v = vectors - model.rigid @ (model.rigid.T @ (model.mass @ vectors))
-    # Orthonormal basis in M, without the directions that were rigid.
+    # Orthonormal basis in M, without the rigid-body directions.
     mu, y = np.linalg.eigh(_gram(model, v))
     keep = np.argsort(mu)[-count:]
     q = v @ (y[:, keep] / np.sqrt(mu[keep]))
@@ -83,28 +83,28 @@ def _gram(model: Structure, v: Any) -> Floats:
 
 
 def natural_modes(model: Structure, count: int | None = None, below: float | None = None) -> Modes:
-    """The lowest modes, rigid-body modes included and first.
+    """The lowest modes, beginning with the rigid-body modes.
 
     Parameters
     ----------
     model : the full model.
-    count : at least this many modes (all of them where it exceeds the model's size).
-    below : at least all modes with scaled angular frequency up to this. Neither: all modes.
+    count : at least this many modes (all modes if it exceeds the size of the model).
+    below : at least all modes up to this scaled angular frequency. Without `count` and `below`: all modes.
 
     Notes
     -----
-    Frequencies are singular values of B L^{-T} (or of B on the Ritz vectors), not roots of
-    eigenvalues of K: their absolute error is machine precision times the *highest frequency*, not its square.
+    Frequencies are singular values of B L^{-T} (or of B on the Ritz vectors), not square roots of eigenvalues of K.
+    Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would be its square.
     """
     rigid = model.rigid.shape[1]
-    wanted = model.size
+    needed = model.size
     if count is not None or below is not None:
-        wanted = max(count or 0, 0 if below is None else model.frequency_count(below) + 1, rigid)
-    wanted = min(wanted, model.size)
-    if model.size <= DENSE_LIMIT or wanted > model.size // 4:
+        needed = max(count or 0, 0 if below is None else model.frequency_count(below) + 1, rigid)
+    needed = min(needed, model.size)
+    if model.size <= DENSE_LIMIT or needed > model.size // 4:
         omega, vectors = _dense(model)
-    elif wanted > rigid:
-        omega, vectors = _sparse(model, wanted - rigid)
+    elif needed > rigid:
+        omega, vectors = _sparse(model, needed - rigid)
     else:
         omega, vectors = np.zeros(0), np.zeros((model.size, 0))
     vectors = np.hstack([model.rigid, vectors])
@@ -112,20 +112,21 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
 
 
 def closed_frequencies(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) -> Floats:
-    """(n,) angular frequencies of the open structure (diagonal omega^2, M = I) with springs closed.
+    """(n,) angular frequencies of a structure (K = diag(omega^2), M = I) with springs added.
 
     Parameters
     ----------
     omega : (n,) natural angular frequencies, the first `rigid` of them zero.
     shape : (m, n) deflection at each spring for a unit of each coordinate.
     stiffness : (m,) spring stiffnesses.
-    rigid : number of rigid-body coordinates; those that no spring holds keep exactly zero frequency.
+    rigid : number of rigid-body coordinates; those that no spring restrains keep a frequency of exactly zero.
     """
     n = omega.size
     x = np.vstack([np.diag(omega), shape * np.sqrt(stiffness)[:, None]])
     closed = np.linalg.svd(x, compute_uv=False)[::-1].copy()
     if rigid:
         scale = np.linalg.norm(shape, axis=1, keepdims=True)
-        held = int(np.linalg.matrix_rank(shape[:, :rigid] / np.where(scale > 0, scale, 1.0), tol=1e-12 * np.sqrt(n)))
-        closed[: rigid - held] = 0.0
+        rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)
+        restrained = int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(n)))
+        closed[: rigid - restrained] = 0.0
     return np.asarray(closed, dtype=float)

@@ -1,8 +1,8 @@
-"""A point that moves along a body: a reduced basis that serves everywhere on its way.
+"""A reduced basis for a point that moves along a body.
 
-Residual vectors for the way's ends alone would leave the compliance in between wrong; a basis of its own at every
-position would change what the coordinates mean. So vectors are added where the compliance is worst until it is right
-everywhere: one set of coordinates for all positions.
+All positions must share one set of coordinates, so the basis cannot depend on the position. Residual vectors for the
+ends of the range alone would leave the compliance in between wrong. Vectors are therefore added where the compliance
+is least accurate, until it is accurate at all positions.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
 
-CHECKED = 41  # positions on the way at which the compliance is compared
-ACCURATE = 3e-5  # of the compliance: what the default reduction leaves out of a motion is of this size
+CHECKED = 41  # positions in the range at which the compliance is compared
+ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this size
 
 
 def compliance_defect(structure: Structure, basis: ReducedBasis, places: Sequence[Place]) -> Floats:
-    """(p,) share of the static compliance at each place that the reduced model lacks."""
+    """(p,) fraction of the static compliance at each place that the reduced model does not represent."""
     rows = structure.rows(places)
     full = np.sum(rows.T * static_deflections(structure, rows.T), axis=0)
     moving = basis.omega > 0
@@ -37,7 +37,7 @@ def compliance_defect(structure: Structure, basis: ReducedBasis, places: Sequenc
 def places_needed(
     structure: Structure, basis: ReducedBasis, first: Place, last: Place, known: Sequence[Place]
 ) -> list[Place]:
-    """Where to add a static vector next; none where the compliance is right from the first place to the last."""
+    """Where to add a static vector next; empty if the compliance is accurate from the first place to the last."""
     places = [replace(first, point=float(x)) for x in np.linspace(first.point, last.point, CHECKED)]
     defect = compliance_defect(structure, basis, places)
     worst = int(np.argmax(defect))

@@ -1,9 +1,9 @@
-"""Bending moments along a beam, from equilibrium instead of from curvature.
+"""Bending moments along a beam, from equilibrium instead of curvature.
 
-The nodal forces of an element, k u - f with f its distributed inertia and the point loads inside it,
-converge as fast as the nodal displacements (fourth order), while second derivatives of the shape
-functions lose two orders. Between the nodes the moment follows from the left-hand nodal force and moment by
-integrating the load, so that a station under a point load sees the peak there.
+The nodal forces of an element are k u - f, where f is its distributed inertia and the point loads inside it. They
+converge as fast as the nodal displacements (fourth order), while second derivatives of the shape functions lose
+two orders. Between the nodes the moment follows from the left-hand nodal force and moment by integrating the load,
+so that a station under a point load shows the peak.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 
 def stations(mesh: Mesh, extra: list[float]) -> Floats:
-    """(nx,) adimensional positions: nodes, element midpoints and the extra points (snubbers, forces)."""
+    """(nx,) nondimensional positions: nodes, element midpoints and the extra points (snubbers, forces)."""
     x = np.concatenate([mesh.nodes, mesh.nodes[:-1] + mesh.lengths / 2])
-    far = [p for p in extra if np.min(np.abs(x - p)) > 1e-9]
-    return np.unique(np.concatenate([x, far]))
+    distinct = [p for p in extra if np.min(np.abs(x - p)) > 1e-9]
+    return np.unique(np.concatenate([x, distinct]))
 
 
 def deflection_rows(mesh: Mesh, x: Floats, vectors: Floats) -> Floats:
@@ -61,7 +61,7 @@ def beam_recovery(structure: BeamModel, basis: ReducedBasis, sites: Sequence[Sit
 
 @dataclass(frozen=True)
 class _Fields:
-    """Columns of displacement with the loads that hold them in equilibrium, K u = M a + point forces."""
+    """Columns of displacement with the loads in equilibrium with them, K u = M a + point forces."""
 
     displacement: Floats  # (all dofs, c)
     acceleration: Floats  # (all dofs, c)
@@ -69,34 +69,34 @@ class _Fields:
 
 
 def moment_rows(model: BeamModel, basis: ReducedBasis, x: Floats, length: float) -> Floats:
-    """(nx, n) scaled moments w'' at adimensional x, for a unit of each column of the basis.
+    """(nx, n) scaled moments w'' at nondimensional x, for a unit of each column of the basis.
 
     Parameters
     ----------
     model, basis : the full beam model and its reduced basis.
-    x : (nx,) adimensional stations.
-    length : m, turns the positions of the load patterns into adimensional ones.
+    x : (nx,) nondimensional stations.
+    length : m, makes the positions of the load patterns nondimensional.
 
     Notes
     -----
-    With all modes kept there are no static vectors to carry the kinks under point loads. The modes
-    that the mesh does not resolve (numbers above that of the elements) then take what the moments of the static
-    deflections lack, so that these are exact in that case as well.
+    If all modes are kept, there are no static vectors to represent the kinks under point loads. The modes that the
+    mesh does not resolve (with numbers above the number of elements) are then corrected so that the moments of the
+    static deflections are exact in this case as well.
     """
     places = [None if pattern.position is None else pattern.position / length for pattern in basis.patterns]
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
     moment = _moments(model, x, places, _fields(model, places, basis.vectors, a, basis.pattern))
-    moment[:, : basis.rigid] = 0.0  # a rigid motion bends nothing; round-off does
+    moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
     if basis.modes == model.size and basis.patterns:
         moment = moment + _static_correction(model, basis, x, places, moment)
     return moment
 
 
 def inertia_remainder(model: BeamModel, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
-    """(nx,) scaled moment under the uniform inertia load, statically, that the reduced basis lacks.
+    """(nx,) static moment under the uniform inertia load that the reduced basis does not represent, scaled.
 
-    Deflections need few modes under base motion, moments many more: the modes left out respond statically, and this
-    is their share for a unit acceleration (the mode-acceleration method).
+    Under base motion, moments need many more modes than deflections. The omitted modes respond statically; this is
+    their contribution for a unit acceleration (mode-acceleration method).
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _moments(model: BeamModel, x: Floats, places: list[float | None], fields: _F
     moment += np.einsum("xd,xdn->xn", double_integral(xi, h[element]), a[element])
     for lever, p in levers:
         moment += lever[:, None] * p
-    # The right-hand end has its own nodal moment, free of the integration's round-off.
+    # At the right-hand end use the nodal moment itself, without the round-off of the integration.
     moment[np.isclose(x, 1.0, rtol=0, atol=1e-12)] = force[-1, 3]
     return np.asarray(moment)
 
@@ -148,17 +148,17 @@ def _moments(model: BeamModel, x: Floats, places: list[float | None], fields: _F
 def _static_correction(
     model: BeamModel, basis: ReducedBasis, x: Floats, places: list[float | None], moment: Floats
 ) -> Floats:
-    """(nx, n) what unresolved modes have to add so that the patterns' static moments come out exactly."""
+    """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
     loads = np.array([pattern.vector for pattern in basis.patterns]).T
     u = static_deflections(model, loads)
     relief = -model.rigid @ (model.rigid.T @ loads)
     exact = _moments(model, x, places, _fields(model, places, u, relief, np.eye(len(places))))
     coordinates = basis.vectors.T @ (model.mass @ u)
     coordinates[: basis.rigid] = 0.0
-    lacking = exact - moment @ coordinates
+    missing = exact - moment @ coordinates
     high = slice(min(model.mesh.elements, basis.size - 1), None)
-    # The share of a motion that follows the static deflections, by projection in the energy norm.
+    # The part of a motion along the static deflections, by projection in the energy norm.
     static = basis.omega[high, None] * coordinates[high]
     correction = np.zeros_like(moment)
-    correction[:, high] = (lacking @ np.linalg.pinv(static, rcond=1e-9)) * basis.omega[high]
+    correction[:, high] = (missing @ np.linalg.pinv(static, rcond=1e-9)) * basis.omega[high]
     return correction

@@ -1,11 +1,11 @@
 r"""Modal reduction with residual-flexibility vectors.
 
-The basis is the lowest modes plus, for each load pattern that the structure will feel at a point, the
-part of its static deflection that the kept modes lack. With rigid-body modes the deflection is that
-of the free-flying structure in steady acceleration (inertia relief). Vectors that add nothing are dropped.
+The basis has the lowest modes and, for each load pattern, the part of its static deflection that the kept modes
+do not represent. If the structure has rigid-body modes, this is the deflection of the free-flying structure in steady
+acceleration (inertia relief). Linearly dependent vectors are dropped.
 
-Orthogonality: a vector that is M-orthogonal to exact modes is K-orthogonal to them as well, so the
-kept modes keep their frequencies and only the added vectors are diagonalised, among themselves.
+A vector that is M-orthogonal to exact modes is also K-orthogonal to them. The kept modes therefore keep their
+frequencies, and only the added vectors are diagonalised among themselves.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
-# A static vector whose missing part is below this share of the compliance (energy norm squared) adds nothing.
+# A static vector is dropped if its new part is below this fraction of the compliance (energy norm squared).
 _SPANNED = 1e-12
 
 
 def static_deflections(model: Structure, loads: Floats) -> Floats:
-    """(N, c) deflections under (N, c) loads; under the load minus its rigid-body inertia where nothing holds the model.
+    """(N, c) deflections under (N, c) loads; with rigid-body modes, under the loads minus their rigid-body inertia.
 
-    The deflection is M-orthogonal to the rigid-body modes. One step of iterative refinement with the
-    residual taken through the factor, B^T (B u), restores the digits that K's conditioning costs.
+    The deflection is M-orthogonal to the rigid-body modes. Iterative refinement, with the residual computed as
+    B^T (B u), restores the digits lost to the conditioning of K.
     """
     from scipy.sparse import block_array, csc_array
     from scipy.sparse.linalg import splu
@@ -58,25 +58,25 @@ def static_deflections(model: Structure, loads: Floats) -> Floats:
 def _independent(energy_vectors: Floats, reference: Floats) -> tuple[Floats, list[int]]:
     """Pivoted Gram-Schmidt: coefficients T with energy_vectors @ T orthonormal, and the columns kept.
 
-    A column is dropped when what is left of its squared norm is below `_SPANNED` of its reference.
+    A column is dropped if its remaining squared norm is below `_SPANNED` times its reference.
     """
     work = energy_vectors.copy()
     count = work.shape[1]
     transform = np.eye(count)
     columns: list[Floats] = []
-    left = list(range(count))
+    remaining = list(range(count))
     kept: list[int] = []
-    while left:
-        share = [float(work[:, j] @ work[:, j]) / reference[j] if reference[j] > 0 else 0.0 for j in left]
+    while remaining:
+        share = [float(work[:, j] @ work[:, j]) / reference[j] if reference[j] > 0 else 0.0 for j in remaining]
         best = int(np.argmax(share))
         if share[best] <= _SPANNED:
             break
-        j = left.pop(best)
+        j = remaining.pop(best)
         norm = float(np.linalg.norm(work[:, j]))
         q, t = work[:, j] / norm, transform[:, j] / norm
         columns.append(t)
         kept.append(j)
-        for i in left:
+        for i in remaining:
             for _ in range(2):
                 along = float(q @ work[:, i])
                 work[:, i] -= q * along
@@ -101,11 +101,11 @@ def reduce_model(
     model : the full model.
     patterns : loads whose static deflection must be exact.
     count : number of modes (at least the rigid-body modes are kept).
-    highest_frequency : scaled angular frequency of interest: modes up to `FREQUENCY_MARGIN` times it
-        are kept. With neither, all modes are, and no static vector is needed.
-    default : whether nobody asked for this reduction: then at least the ``least`` lowest flexible modes are kept and
-        mode number ``mode``, and no modes that the discretisation does not carry. The frequency that the result reports
-        is moved accordingly. A structure that carries all of its modes keeps them.
+    highest_frequency : scaled angular frequency of interest; modes up to `FREQUENCY_MARGIN` times this value
+        are kept. Without `count` and `highest_frequency` all modes are kept, and no static vector is needed.
+    default : whether the scenario leaves the reduction to the program. Then at least the ``least`` lowest flexible
+        modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the reported
+        frequency of interest is changed accordingly. A structure that resolves all of its modes keeps them all.
     """
     rigid = model.rigid.shape[1]
     if default and model.most_modes is None:
@@ -136,16 +136,16 @@ def _with_static_vectors(
     rigid = model.rigid.shape[1]
     if highest_frequency is None:
         highest_frequency = float(omega[-1]) if kept == model.size else float(omega[-1]) / FREQUENCY_MARGIN
-    own_acceleration = np.diag(omega**2)
+    modal_acceleration = np.diag(omega**2)
     if kept == model.size or not patterns:
         return ReducedBasis(
-            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), own_acceleration, highest_frequency
+            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), modal_acceleration, highest_frequency
         )
 
     loads = np.array([pattern.vector for pattern in patterns]).T
     modal_loads = phi.T @ loads
     whole = static_deflections(model, loads)
-    # What the kept modes lack: solved for the load they do not feel, so that small remainders keep their digits.
+    # Solve for the load that the kept modes do not take, so that small residuals stay accurate.
     residual = static_deflections(model, loads - model.mass @ (phi @ modal_loads))
     for _ in range(2):
         residual = residual - phi @ (phi.T @ (model.mass @ residual))
@@ -154,7 +154,7 @@ def _with_static_vectors(
     )
     if transform.shape[1] == 0:
         return ReducedBasis(
-            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), own_acceleration, highest_frequency
+            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), modal_acceleration, highest_frequency
         )
     # Orthonormal in K; the eigenvalues of M in this basis are 1 / omega^2.
     basis = residual @ transform
@@ -171,7 +171,7 @@ def _with_static_vectors(
     pattern = np.zeros((len(patterns), size))
     pattern[:, kept:] = transform
     acceleration = np.zeros((kept, size))
-    acceleration[:, :kept] = own_acceleration
+    acceleration[:, :kept] = modal_acceleration
     acceleration[:, kept:] = -modal_loads @ transform
     return ReducedBasis(
         np.concatenate([omega, static_omega]),

@@ -1,15 +1,15 @@
-r"""How far the reduced model is from the full one: one number.
+r"""Error of the reduced model, as one number.
 
-Three things are compared, in the two linear states "every contact open" and "every contact closed": the dynamic
-receptance at the contacts, the response to the excitation (both at the excitation frequencies), and the closed
-structure's natural frequencies up to the highest frequency of interest. The kept modes are
-common to both models, so only what lies outside their span is computed anew, with one
-sparse solve a frequency: the full model's part of the receptance in the M-complement of the kept modes is
+The reduced and the full model are compared in the two linear states "every contact open" and "every contact closed".
+The error is the largest relative difference in the dynamic receptance at the contacts, in the response to the
+excitation (both at the excitation frequencies), and in the closed natural frequencies up to the highest frequency of
+interest. The kept modes are common to both models, so only the part outside their span is computed, with one sparse
+solve per frequency. The receptance of the full model in the M-complement of the kept modes is
 
 .. math:: (K - \omega^2 M)^{-1} (I - M \Phi \Phi^T) f,
 
-which stays regular at the kept modes' resonances. Damping of what lies outside is left out of the
-difference (there the response is far below its resonances).
+which stays regular at the resonances of the kept modes. The damping of this part is neglected, because its resonances
+are far above the excitation frequencies.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ Complex = Complexes
 
 @dataclass(frozen=True)
 class LinearState:
-    """What the comparison needs beside the two models; rows act on the full model's dofs."""
+    """Contacts, outputs and excitation of the comparison; rows act on the dofs of the full model."""
 
     contact_rows: Floats  # (m, N)
     stiffness: Floats  # (m,) N/m
     dashpot: Floats  # (m,) N s/m
-    output_rows: Floats  # (o, N) where responses are compared (contacts are added)
+    output_rows: Floats  # (o, N) where responses are compared, besides the contacts
     load: Floats | None  # (N,) scaled excitation pattern
     omega: tuple[float, ...]  # excitation frequencies, rad/s
 
 
 def reduction_error(model: Structure, basis: ReducedBasis, damping: Floats, state: LinearState) -> float:
-    """Largest relative difference between the reduced and the full linear models (0 where nothing was left out).
+    """Largest relative difference between the reduced and the full linear models (0 if all modes are kept).
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _response_error(model: Structure, basis: ReducedBasis, damping: Floats, stat
         return 0.0
     s = omega / model.frequency_scale
     if np.any(np.abs(s - basis.omega) <= 1e-9 * s):
-        s *= 1 + 1e-6  # on an undamped resonance both responses are infinite: compare beside it
+        s *= 1 + 1e-6  # at an undamped resonance both responses are infinite: compare next to it
     v = basis.vectors
     impedance = np.diag(basis.omega**2 - s**2) + 1j * s * damping / model.frequency_scale
     reduced = np.asarray((outputs @ v) @ np.linalg.solve(impedance, v.T @ loads), dtype=complex)
@@ -84,7 +84,7 @@ def _response_error(model: Structure, basis: ReducedBasis, damping: Floats, stat
 
 
 def _complement_response(model: Structure, phi: Floats, loads: Floats, s: float) -> Floats:
-    """Undamped response at scaled frequency s of what the kept modes do not span."""
+    """Undamped response at scaled frequency s in the complement of the kept modes."""
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
 
@@ -112,9 +112,9 @@ def _frequency_error(model: Structure, basis: ReducedBasis, state: LinearState) 
         return 0.0
     stiffness = state.stiffness / model.stiffness_scale
     reduced = closed_frequencies(basis.omega, state.contact_rows @ basis.vectors, stiffness, basis.rigid)
-    wanted = reduced <= basis.highest_frequency
+    of_interest = reduced <= basis.highest_frequency
     rigid = int(np.sum(reduced == 0))
-    count = int(wanted.sum())
+    count = int(of_interest.sum())
     if count <= rigid:
         return 0.0
     full = _full_closed(model, state.contact_rows, stiffness, count)

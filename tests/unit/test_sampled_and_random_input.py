@@ -89,7 +89,7 @@ def spoiled(t, a, how):
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ("nan", "no finite numbers, the first at sample 6"),
+        ("nan", "values that are not finite, the first at sample 6"),
         ("decreasing", "does not increase at sample 8"),
         ("gap", "gap"),
     ],
@@ -106,9 +106,9 @@ def test_bad_records_are_refused_with_their_place(tmp_path, record, how, words):
     ("text", "more", "words"),
     [
         ("", {}, "empty"),
-        ("a,b\nc,d\n", {}, "no line begins with a number"),
+        ("a,b\nc,d\n", {}, "no line starts with a number"),
         ("0,1\n1,2,3\n2,1\n3,1\n", {}, "columns"),
-        ("1\n2\n3\n4\n5\n", {}, "no times"),
+        ("1\n2\n3\n4\n5\n", {}, "has no time axis"),
         ("0,1\n1,2\n", {}, "only 2 samples"),
         ("t,x\n0,1\n1,2\n2,3\n3,4\n", {"column": "y"}, "no column y"),
     ],
@@ -121,7 +121,7 @@ def test_unreadable_files_are_refused(tmp_path, text, more, words):
 
 
 def test_missing_file_short_record_and_wrong_unit(tmp_path, record):
-    with pytest.raises(ScenarioError, match="is no file"):
+    with pytest.raises(ScenarioError, match="does not exist"):
         read_samples(sampled(tmp_path / "none.csv"))
     t, a = record
     file = tmp_path / "short.csv"
@@ -249,7 +249,7 @@ def test_swept_run_is_the_sweep(tmp_path):
     until = run.time < curve.time[last + 1]
     peak = np.abs(run.probes["first"].displacement[until]).max()
     assert curve.displacement["first"].peak[: last + 1].max() == pytest.approx(peak, rel=1e-4)
-    with pytest.raises(ScenarioError, match="after the end of the sweep"):
+    with pytest.raises(ScenarioError, match="longer than the sweep, which ends at 2 s"):
         beamsim.run(load_scenario({**scenario, "run": {"duration": 3.0}}))
 
 
@@ -264,5 +264,5 @@ def test_a_record_is_looked_for_beside_the_scenario(tmp_path, monkeypatch, recor
     monkeypatch.chdir(tmp_path)
     result = beamsim.run(load_scenario("cases/case.yaml"))
     np.testing.assert_allclose(result.base_acceleration, a[: result.time.size], atol=1e-9)
-    with pytest.raises(ScenarioError, match=r"case\.yaml.*is no file|is no file"):
+    with pytest.raises(ScenarioError, match=r"case\.yaml.*does not exist|does not exist"):
         beamsim.run(load_scenario("cases/case.yaml", ["excitation.file=other.csv"]))
