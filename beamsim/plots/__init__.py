@@ -1,5 +1,5 @@
-"""Pictures of a result: functions from a result to matplotlib Axes.
+"""Plots: functions from a result to matplotlib Axes.
 
-Never here: physics; a plot draws what a result holds.
+Never here: computation; a plot shows only what the result contains.
 Begin with `run`, the simplest result; `style` and `labels` are shared, `save` writes the files.
 """

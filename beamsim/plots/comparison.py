@@ -1,4 +1,4 @@
-"""Predicted (solid) and measured (dashed) motion and spectrum in one picture, as in the thesis's figures 1.5 to 1.8."""
+"""Predicted (solid) and measured (dashed) histories and spectra, as in H. Hazim's thesis (2010), figures 1.5 to 1.8."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
-    """Both histories, phase aligned, on the predicted clock."""
+    """Both time histories, aligned in phase, over the time of the prediction."""
     if c.quantity == "absolute_acceleration":
         factor, unit = 1 / _STANDARD_GRAVITY, "g"
     else:
@@ -36,7 +36,7 @@ def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
 
 
 def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
-    """Both spectra in dB re the own maximum against frequency over excitation frequency."""
+    """Both spectra in dB re their own maximum, over frequency divided by excitation frequency."""
     forced = bool(np.isfinite(c.excitation_hz))
     unit = c.excitation_hz if forced else 1.0
     top = 0.0
@@ -56,12 +56,12 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
 def save_comparison_plots(
     comparison: Comparison, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
 ) -> list[Path]:
-    """A picture a channel, ``<stem>_<place>_<quantity>.<form>``; returns the files.
+    """Save one figure per channel as ``<stem>_<place>_<quantity>.<form>``; returns the files.
 
     Raises
     ------
     ResultFileError
-        When a file cannot be written.
+        If a file cannot be written.
     """
     from matplotlib.figure import Figure
 

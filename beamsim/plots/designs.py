@@ -1,4 +1,4 @@
-"""Pictures of a design study: curves over one parameter, maps over two, a matrix of scatter plots over more."""
+"""Plots of a design study: curves over one parameter, maps over two, a matrix of scatter plots over more."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LIMIT = "#d1495b"
 
 
 def shown_quantities(result: DesignsResult, most: int = MOST_PANELS) -> list[str]:
-    """The quantities worth a picture, the most telling first: those that vary."""
+    """The quantities to plot, by importance: those that vary."""
     known = dict.fromkeys(r.quantity for r in result.responses.values())
     ranked = [q for q in SHOWN if q in known]
     ranked += [q for q in known if q not in SHOWN and len(ranked) < 3]
@@ -44,7 +44,7 @@ def shown_quantities(result: DesignsResult, most: int = MOST_PANELS) -> list[str
 
 
 def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:
-    """A quantity, at every place where it is known, against the first parameter, with its limit."""
+    """A quantity at every place where it is known, over the first parameter, with its limit."""
     coordinate = result.coordinates[0]
     x, ticks, label = _axis(coordinate)
     order = np.argsort(x, kind="stable")
@@ -72,7 +72,7 @@ def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes
 
 
 def plot_response_map(result: DesignsResult, ax: Axes, response: Response) -> Axes:
-    """One response over the first two parameters of a grid, with the line where it reaches its limit."""
+    """One response over the first two parameters of a grid, with the contour of its limit."""
     from matplotlib.ticker import MaxNLocator
 
     (x, xticks, xlabel), (y, yticks, ylabel) = (_axis(c) for c in result.coordinates[:2])
@@ -105,7 +105,7 @@ def plot_response_map(result: DesignsResult, ax: Axes, response: Response) -> Ax
 
 
 def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quantity: str) -> Axes:
-    """A quantity (its largest place) of every case against one parameter, cases beyond the limit marked."""
+    """A quantity (largest over all places) of every case over one parameter; cases beyond the limit are marked."""
     x, ticks, label = _axis(result.coordinates[coordinate])
     along = _cases(result, coordinate, x)
     values = _worst(result, quantity)
@@ -125,7 +125,7 @@ def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quan
 
 
 def design_figures(result: DesignsResult) -> dict[str, Figure]:
-    """All pictures that this study allows, by the name that ends their file's."""
+    """All plots available for this study; the key is the last part of the file name."""
     from matplotlib.figure import Figure
 
     if not np.any(result.solved):
@@ -171,12 +171,12 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
 def save_design_plots(
     result: DesignsResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
 ) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
+    """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
 
     Raises
     ------
     ResultFileError
-        When a file cannot be written.
+        If a file cannot be written.
     """
     return save_figures(design_figures(result), folder, stem, form, dots_per_inch)
 
@@ -200,7 +200,7 @@ def _curves(responses: Sequence[Response]) -> Iterator[tuple[str, Floats]]:
 
 
 def _worst(result: DesignsResult, quantity: str) -> Floats:
-    """The largest over all places, case by case."""
+    """Largest value over all places, for each case."""
     values = np.stack([r.values.ravel() for r in _of(result, quantity) if r.values.shape == result.shape])
     known = np.isfinite(values)
     worst = np.where(known, values, -np.inf).max(axis=0)
@@ -215,7 +215,7 @@ def _cases(result: DesignsResult, coordinate: int, x: Floats) -> Floats:
 
 
 def _axis(coordinate: Coordinate) -> tuple[Floats, list[str] | None, str]:
-    """Values to draw at, texts of the ticks where they are words, and the label."""
+    """Values along the axis, tick labels if the values are words, and the axis label."""
     if not coordinate.numeric:
         words = list(dict.fromkeys(str(v) for v in coordinate.values))
         return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), words, coordinate.path

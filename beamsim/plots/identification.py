@@ -1,4 +1,4 @@
-"""Pictures of an identification: frequency against stiffness, residuals, profile likelihoods, harmonics."""
+"""Plots of an identification: frequency over stiffness, residuals, profile likelihoods, harmonics."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MEASURED, _FOUND, _PALE = "0.45", "#d1495b", "0.8"
+_MEASURED, _FITTED, _PALE = "0.45", "#d1495b", "0.8"
 
 
 def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
-    """Natural frequencies against the snubber's stiffness, with the measured ones and the root."""
+    """Natural frequencies over the snubber stiffness, with measured frequencies and identified stiffness."""
     estimate = result.estimate
     if estimate is None or result.with_snubber is None:
         raise ValueError("no stiffness was identified from frequencies")
@@ -35,13 +35,13 @@ def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
                 measured, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.2 if used else 0.7,
                 label="measured" if k == 0 else "_nolegend_",
             )  # fmt: skip
-    ax.axvline(estimate.stiffness / 1e3, color=_FOUND, linewidth=0.9, label=f"k = {estimate.stiffness / 1e3:.5g} kN/m")
+    ax.axvline(estimate.stiffness / 1e3, color=_FITTED, linewidth=0.9, label=f"k = {estimate.stiffness / 1e3:.5g} kN/m")
     low, high = estimate.interval
     if np.isfinite(low) and np.isfinite(high):
-        ax.axvspan(low / 1e3, high / 1e3, color=_FOUND, alpha=0.12, linewidth=0)
+        ax.axvspan(low / 1e3, high / 1e3, color=_FITTED, alpha=0.12, linewidth=0)
     for mode in estimate.fit_to:
         ax.plot(
-            [estimate.stiffness / 1e3], [table.predicted_hz[mode - 1]], marker="o", markersize=5, color=_FOUND,
+            [estimate.stiffness / 1e3], [table.predicted_hz[mode - 1]], marker="o", markersize=5, color=_FITTED,
             markerfacecolor="white", linestyle="none",
         )  # fmt: skip
     ax.set_xscale("log")
@@ -52,7 +52,7 @@ def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
 
 
 def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axes, names: tuple[str, str]) -> Axes:
-    """Difference between predicted and measured frequencies, in percent of the measured one."""
+    """Difference between predicted and measured frequencies, in percent of the measured frequency."""
     known = np.isfinite(before.measured_hz)
     mode = before.mode[known].astype(float)
     width = 0.36 if after is not None else 0.5
@@ -64,7 +64,7 @@ def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axe
         ax.bar(mode + shift, values, width, color="#0b3c5d", edgecolor="#0b3c5d", label=names[1])
         ax.legend(loc="best", frameon=False, fontsize="small")
     ax.set_xticks(mode, [f"{m:.0f}" for m in mode])
-    finish(ax, "Mode", "Predicted - measured (%)")
+    finish(ax, "Mode", "Predicted − measured (%)")
     return ax
 
 
@@ -87,16 +87,16 @@ def plot_harmonics(test: TestFit, ax: Axes) -> Axes:
     for values, label, mark, colour in (
         (test.measured, "measured", "o", "0.2"),
         (test.before, "predicted before", "x", "0.6"),
-        (test.predicted, "predicted after", "+", _FOUND),
+        (test.predicted, "predicted after", "+", _FITTED),
     ):
         ax.plot(test.order, _level(test, np.abs(values)), mark, color=colour, label=label, markerfacecolor="none")
     return _finish_harmonics(test, ax, f"{Path(test.name).stem}\nAmplitude (dB re largest)")
 
 
 def plot_harmonic_residuals(test: TestFit, ax: Axes) -> Axes:
-    """Distance of predicted harmonics from measured ones, phases included, before and after the fit, over the noise."""
+    """Complex difference between predicted and measured harmonics before and after the fit, with the noise level."""
     ax.plot(test.order, _level(test, np.abs(test.before - test.measured)), "x", color="0.6", label="before")
-    ax.plot(test.order, _level(test, np.abs(test.predicted - test.measured)), "+", color=_FOUND, label="after")
+    ax.plot(test.order, _level(test, np.abs(test.predicted - test.measured)), "+", color=_FITTED, label="after")
     ax.plot(test.order, _level(test, test.noise * np.sqrt(2)), "_", color="0.3", label="noise")
     return _finish_harmonics(test, ax, "Residual (dB re largest)")
 
@@ -117,7 +117,7 @@ def _finish_harmonics(test: TestFit, ax: Axes, label: str) -> Axes:
 
 
 def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
-    """All pictures that this result allows, by the name that ends their file's."""
+    """All plots available for this result; the key is the last part of the file name."""
     figures: dict[str, Figure] = {}
     if result.estimate is not None and result.with_snubber is not None:
         figure, (ax,) = _panels(result.title, 1)
@@ -162,27 +162,27 @@ def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
 def save_identification_plots(
     result: IdentificationResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
 ) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
+    """Save every plot as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
 
     Raises
     ------
     ResultFileError
-        When a file cannot be written.
+        If a file cannot be written.
     """
     return save_figures(identification_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _profiles(result: IdentificationResult) -> list[tuple[Profile, float, str]]:
-    found: list[tuple[Profile, float, str]] = []
+    profiles: list[tuple[Profile, float, str]] = []
     if result.profile is not None and result.estimate is not None:
-        found.append((result.profile, result.estimate.coverage, "N/m"))
+        profiles.append((result.profile, result.estimate.coverage, "N/m"))
     section = result.scenario.identify_stiffness
     coverage = 0.95 if section is None else section.coverage
     if result.update is not None:
-        found += [(profile, coverage, "") for profile in result.update.profiles]
+        profiles += [(profile, coverage, "") for profile in result.update.profiles]
     if result.nonlinear is not None:
-        found += [(profile, result.nonlinear.coverage, "") for profile in result.nonlinear.profiles]
-    return found
+        profiles += [(profile, result.nonlinear.coverage, "") for profile in result.nonlinear.profiles]
+    return profiles
 
 
 def _panels(title: str, rows: int, columns: int = 1, height: float = 4.6) -> tuple[Figure, list[Axes]]:

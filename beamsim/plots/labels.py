@@ -1,4 +1,4 @@
-"""Names beside points of a picture, clear of its curves and of one another."""
+"""Labels next to points of a plot, placed clear of curves and of one another."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SIZE = 6.9  # points, of the letters
+SIZE = 6.9  # points, font size
 LETTER, LINE = 0.56, 1.25  # width of a letter and height of a line, over the size
-DISTANCES = (10.0, 17.0, 26.0, 37.0, 50.0, 65.0)  # points, from what is named to the name
+DISTANCES = (10.0, 17.0, 26.0, 37.0, 50.0, 65.0)  # points, from the labelled point to the label
 DIRECTIONS = tuple(np.deg2rad(a) for a in (-40, 40, -75, 75, -10, 10, -140, 140, -105, 105, 180))
-MARGIN = 1.5  # points, round a name
-SPACING = 2.0  # points, between the dots that stand for a curve
-ON_NAME, OUTSIDE, ON_LINE = 50.0, 100.0, 1.0  # what a place costs: other names, the frame, a dot of a curve
-FAR = 0.03  # a point of distance
+MARGIN = 1.5  # points, around a label
+SPACING = 2.0  # points, between the dots that represent a curve
+ON_NAME, OUTSIDE, ON_LINE = 50.0, 100.0, 1.0  # cost of overlapping another label, the frame, a dot of a curve
+FAR = 0.03  # per point of distance
 
 
 def put_names(ax: Axes, places: Mapping[str, tuple[float, float]], curves: Iterable[tuple[Floats, Floats]]) -> None:
-    """Write every name near its place (data coordinates), where it covers as little as possible, with a thin leader.
+    """Put every label near its point (data coordinates) where it overlaps least, with a thin leader line.
 
-    Whatever sets the limits of the axes must have been drawn before.
+    Everything that determines the limits of the axes must be drawn before.
     """
-    ax.autoscale_view()  # limits are settled late otherwise
+    ax.autoscale_view()  # otherwise the limits are determined only when drawing
     points = 72.0 / ax.figure.dpi
     frame = np.array(ax.bbox.extents) * points
     dots = _dots(ax, curves, points)
@@ -45,9 +45,9 @@ def put_names(ax: Axes, places: Mapping[str, tuple[float, float]], curves: Itera
                 box = (left - MARGIN, at[1] + dy - 0.5 * high, left + wide + MARGIN, at[1] + dy + 0.5 * high)
                 cost = FAR * distance + _cost(box, frame, dots, taken)
                 if best is None or cost < best[0]:
-                    best, found = (cost, dx, dy, side), box
+                    best, best_box = (cost, dx, dy, side), box
         assert best is not None
-        taken.append(found)
+        taken.append(best_box)
         leader: dict[str, Any] = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1}
         ax.annotate(
             text, place, xytext=best[1:3], textcoords="offset points", ha=best[3], va="center", fontsize=SIZE,
@@ -73,12 +73,12 @@ def _cost(
 
 
 def _dots(ax: Axes, curves: Iterable[tuple[Floats, Floats]], points: float) -> Floats:
-    """(k, 2) places along the curves, in points."""
-    found = [np.zeros((0, 2))]
+    """(k, 2) points along the curves, in typographic points."""
+    dots = [np.zeros((0, 2))]
     for x, y in curves:
         line = ax.transData.transform(np.stack([x, y], axis=1)) * points
         for a, b in pairwise(line):
             if np.all(np.isfinite(a)) and np.all(np.isfinite(b)):
                 steps = 1 + int(min(np.hypot(*(b - a)) / SPACING, 1000.0))
-                found.append(a + np.linspace(0.0, 1.0, steps, endpoint=False)[:, None] * (b - a))
-    return np.concatenate(found)
+                dots.append(a + np.linspace(0.0, 1.0, steps, endpoint=False)[:, None] * (b - a))
+    return np.concatenate(dots)

@@ -1,4 +1,4 @@
-"""Pictures of the response to a random or measured input."""
+"""Plots of the response to a random or measured input."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 def plot_density(response: RandomResponse, ax: Axes) -> Axes:
-    """Spectral densities of the input and of the probes' absolute accelerations (displacements under a force)."""
+    """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force)."""
     on_base = response.input.unit == "m/s^2"
-    wanted = "absolute_acceleration" if on_base else "displacement"
-    drawn = [response.input, *(s for s in response.signals if s.quantity == wanted)] if on_base else [
-        s for s in response.signals if s.quantity == wanted
+    quantity = "absolute_acceleration" if on_base else "displacement"
+    drawn = [response.input, *(s for s in response.signals if s.quantity == quantity)] if on_base else [
+        s for s in response.signals if s.quantity == quantity
     ]  # fmt: skip
     factor = STANDARD_GRAVITY**-2 if on_base else 1.0
     for k, signal in enumerate(drawn[:MOST_CURVES]):
@@ -30,13 +30,13 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
     if top > 0:
         ax.set_ylim(top * 1e-8, top * 3)
-    finish(ax, "Frequency (Hz)", f"Spectral density of {wanted.replace('_', ' ')} ({'g²' if on_base else 'm²'}/Hz)")
+    finish(ax, "Frequency (Hz)", f"Spectral density of {quantity.replace('_', ' ')} ({'g²' if on_base else 'm²'}/Hz)")
     legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "signals")
     return ax
 
 
 def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
-    """Modulus of response over input, drawn where the input has power."""
+    """Magnitude of response over input, shown where the input has power."""
     power = response.input.density
     shown = power > 1e-6 * power.max()
     for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):

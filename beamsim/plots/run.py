@@ -1,4 +1,4 @@
-"""Pictures of one run. Every function draws what the result holds on the Axes it is given and returns them."""
+"""Plots of a run. Every function draws on the given Axes and returns them."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _FREE, _CLOSED = "0.45", "#d1495b"
 
 
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Displacement of the probes, relative to the base, against time."""
+    """Time history of the probe displacements relative to the base."""
     return _histories(
         result, ax, result.probes.values(), lambda p: p.displacement, "Relative displacement", "m", last_part
     )
 
 
 def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Absolute acceleration of the probes, in g, against time."""
+    """Time history of the absolute accelerations of the probes, in g."""
     return _histories(
         result,
         ax,
@@ -49,7 +49,7 @@ def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool =
 
 
 def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Contact forces against time; of many snubbers those with the largest peaks."""
+    """Time history of the contact forces; if there are many snubbers, those with the largest peaks."""
     strongest = sorted(result.snubbers.values(), key=lambda s: -float(np.max(s.force, initial=0.0)))
     kept = {s.name for s in strongest[:MOST_CURVES]}
     snubbers = [s for s in result.snubbers.values() if s.name in kept]
@@ -61,7 +61,7 @@ def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) 
 
 
 def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:
-    """Level in dB against frequency over excitation frequency (Hz when there is none), with the lines marked."""
+    """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked."""
     spectra = [s for s in result.spectra.values() if s.quantity == quantity]
     forced = bool(spectra) and bool(np.isfinite(spectra[0].excitation_hz))
     for k, s in enumerate(spectra[:MOST_CURVES]):
@@ -93,9 +93,9 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
 
 
 def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:
-    """Velocity against displacement at a snubber (the first probe when there is none), contact emphasised.
+    """Velocity over displacement at a snubber (at the first probe if there is none), contact emphasised.
 
-    The part before the one whose spectrum was taken is drawn faintly.
+    The part before the window of the spectrum is drawn in light grey.
     """
     place = _place(result, at)
     closed = place.closed if isinstance(place, SnubberHistory) else np.zeros(result.time.size, dtype=bool)
@@ -106,7 +106,7 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
     if np.any(early):
         ax.plot(w[early], v[early], color="0.85", linewidth=0.5, zorder=1)
     free = np.where(early | closed, np.nan, v)
-    # One sample more on either side, so that the two curves meet.
+    # One more sample on either side, so that the two curves meet.
     touching = closed | np.roll(closed, 1) | np.roll(closed, -1)
     ax.plot(w, free, color=_FREE, linewidth=0.9, zorder=2, label="free")
     if np.any(closed & ~early):
@@ -118,7 +118,7 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
 
 
 def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
-    """Force of the nonlinear springs over their stretch, as far as the motion takes them."""
+    """Force of the nonlinear springs over their stretch, in the range covered by the motion."""
     springs = list(result.springs.values())[:MOST_CURVES]
     length, newton = scale_for("m", *(s.stretch for s in springs)), scale_for("N", *(s.force for s in springs))
     for k, spring in enumerate(springs):
@@ -166,7 +166,7 @@ def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
 
 
 def run_figures(result: RunResult) -> dict[str, Figure]:
-    """All pictures that this result allows, by the name that ends their file's."""
+    """All plots available for this result; the key is the last part of the file name."""
     from matplotlib.figure import Figure
 
     def panels(rows: int, columns: int = 1, height: float = 5.6) -> tuple[Figure, list[Axes]]:
@@ -226,12 +226,12 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
 def save_run_plots(
     result: RunResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
 ) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
+    """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
 
     Raises
     ------
     ResultFileError
-        When a file cannot be written.
+        If a file cannot be written.
     """
     return save_figures(run_figures(result), folder, stem, form, dots_per_inch)
 
@@ -263,7 +263,7 @@ def _histories(
 
 
 def _last_part(result: RunResult) -> float:
-    """Beginning of a close-up: a few excitation periods before the end."""
+    """Start of a close-up: a few excitation periods before the end."""
     begin, end = float(result.time[0]), float(result.time[-1])
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
     length = PERIODS_SHOWN / excitation if np.isfinite(excitation) else SHARE_SHOWN * (end - begin)
@@ -279,8 +279,8 @@ def _highest_shown(spectra: Sequence[Spectrum], forced: bool) -> float:
         for line in s.lines
         if line.amplitude_db > -60.0 and line.kind != "mean"
     ]
-    wanted = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=nyquist)
-    return min(wanted, nyquist) or 1.0
+    limit = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=nyquist)
+    return min(limit, nyquist) or 1.0
 
 
 def _place(result: RunResult, at: str | None) -> SnubberHistory | ProbeHistory:

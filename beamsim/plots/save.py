@@ -1,4 +1,4 @@
-"""Figures to files: the one place where pictures are written, each whole or not at all."""
+"""Figures to files. A file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 def save_figures(
     figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
 ) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
+    """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
 
     Raises
     ------
     ResultFileError
-        When a file cannot be written.
+        If a file cannot be written.
     """
     written = []
     for name, figure in figures.items():

@@ -1,4 +1,4 @@
-"""How every picture looks: lines that differ in grey print too, units with a fitting prefix."""
+"""Common style of all plots: lines that can be distinguished in grey print, units with a suitable prefix."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST_CURVES = 6  # in one picture; more cannot be told apart
+MOST_CURVES = 6  # in one plot; more cannot be distinguished
 
-# Colours of falling darkness, told apart by colour-blind readers, each with its own dashes for grey print.
+# Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
 _COLOURS = ("#0b3c5d", "#d1495b", "#3a7d44", "#e6a117", "#7b5ea7", "#6c757d")
 _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
     "-",
@@ -28,14 +28,14 @@ _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 
 
 
 class Scale(NamedTuple):
-    """Multiply SI values by ``factor`` to show them in ``unit``."""
+    """Factor by which SI values are multiplied to show them in ``unit``."""
 
     factor: float
     unit: str
 
 
 def scale_for(unit: str, *values: Floats) -> Scale:
-    """SI prefix that leaves 1 to 1000 for the largest of the values (for lengths 0.1 to 100, never above metres)."""
+    """SI prefix that brings the largest value to 1 to 1000 (for lengths 0.1 to 100, and never above metres)."""
     largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
     if not np.isfinite(largest) or largest == 0.0:
         return Scale(1.0, unit)
@@ -47,7 +47,7 @@ def scale_for(unit: str, *values: Floats) -> Scale:
 
 
 def curve_style(index: int) -> dict[str, Any]:
-    """Colour, dashes and width of the index-th curve of a picture."""
+    """Colour, dashes and width of curve number ``index`` of a plot."""
     k = index % len(_COLOURS)
     return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
 
@@ -62,7 +62,7 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
 
 
 def legend(ax: Axes, shown: int, known: int, what: str) -> None:
-    """A legend when there is more than one curve, saying so when not all are shown."""
+    """A legend if there is more than one curve; its title states how many are shown if some are omitted."""
     if shown > 1 or known > shown:
         title = f"{shown} of {known} {what}" if known > shown else None
         ax.legend(
@@ -72,13 +72,13 @@ def legend(ax: Axes, shown: int, known: int, what: str) -> None:
 
 
 def thinned(time: Floats, x: Floats, most: int = 40_000) -> tuple[Floats, Floats]:
-    """The same curve with at most about ``most`` points: the lowest and highest of every stretch."""
-    stretch = -(-2 * time.size // most)
-    if time.size <= most or stretch < 3:
+    """The same curve with at most about ``most`` points: the minimum and maximum of every block of samples."""
+    length = -(-2 * time.size // most)
+    if time.size <= most or length < 3:
         return time, x
-    whole = time.size // stretch * stretch
-    blocks = x[:whole].reshape(-1, stretch)
-    first = np.arange(blocks.shape[0]) * stretch
+    whole = time.size // length * length
+    blocks = x[:whole].reshape(-1, length)
+    first = np.arange(blocks.shape[0]) * length
     pick = np.sort(np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
     pick = np.append(pick, np.arange(whole, time.size))
     return time[pick], x[pick]

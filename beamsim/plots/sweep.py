@@ -1,4 +1,4 @@
-"""Pictures of a sweep: response against frequency, waterfall, level family, energy in the harmonics, contact."""
+"""Plots of a sweep: response over frequency, waterfall, levels, energy in the harmonics, contact."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STRETCHES = 700  # of frequency, over which a curve's cycles are drawn as one point
-MOST_MARKS = 8  # peaks named in one picture
+BINS = 700  # of frequency; the cycles in a bin are drawn as one point
+MOST_MARKS = 8  # labelled peaks in one plot
 _MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v"}
 
 
 def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 0) -> Axes:
-    """Peak displacement against frequency, up and down, over the linear structure without snubbers."""
+    """Peak displacement over frequency, up and down, with that of the linear structure without snubbers."""
     curves = [c for c in result.curves.values() if c.level_index == level_index]
     scale = scale_for("m", *(c.displacement[probe].peak for c in curves))
     if curves:
@@ -43,10 +43,10 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
     names = {c.name for c in curves}
     named = [p for p in result.peaks if p.curve in names and p.probe == probe][:MOST_MARKS]
     for kind in dict.fromkeys(p.kind for p in named):
-        own = [p for p in named if p.kind == kind]
+        peaks = [p for p in named if p.kind == kind]
         ax.plot(
-            [p.frequency_hz for p in own],
-            [p.value_m * scale.factor for p in own],
+            [p.frequency_hz for p in peaks],
+            [p.value_m * scale.factor for p in peaks],
             linestyle="none",
             marker=_MARKS[kind],
             markersize=5,
@@ -62,7 +62,7 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
 
 
 def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0) -> Axes:
-    """Peak contact forces against frequency."""
+    """Peak contact forces over frequency."""
     curves = [c for c in result.curves.values() if c.level_index == level_index]
     drawn = [(c, name) for c in curves for name in c.force]
     scale = scale_for("N", *(c.force[name].peak for c, name in drawn))
@@ -76,7 +76,7 @@ def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0
 
 
 def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -> Axes:
-    """Tracked harmonics: response frequency against excitation frequency, shaded by amplitude in dB."""
+    """Tracked harmonics: response frequency over excitation frequency, coloured by amplitude in dB."""
     curve = result.curves[curve_name]
     amplitude = np.abs(curve.displacement[probe].harmonics)
     top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
@@ -100,7 +100,7 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
 
 
 def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Peak displacement over the excitation's amplitude, a curve a level: one curve where the structure is linear."""
+    """Peak displacement divided by excitation amplitude for each level; the curves coincide for a linear structure."""
     curves = [c for c in result.curves.values() if c.direction == direction]
     for k, curve in enumerate(curves[:6]):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -116,7 +116,7 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
 
 
 def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Mean-square response in each harmonic over mean-square excitation, the levels side by side."""
+    """Mean-square response in each harmonic divided by mean-square excitation, for all levels."""
     curves = [c for c in result.curves.values() if c.direction == direction]
     orders = curves[0].orders if curves else np.zeros(0)
     for r, order in enumerate(orders[:6]):
@@ -134,14 +134,14 @@ def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, direction: s
 
 
 def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
-    """Share of the time in contact against frequency: 0 where contact is lost, 1 where it is never lost."""
+    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
     curves = [c for c in result.curves.values() if c.direction == direction]
     drawn = [(c, name) for c in curves for name in c.contact_share]
     for k, (curve, name) in enumerate(drawn[:6]):
-        stretch = max(1, curve.frequency_hz.size // 600)
-        whole = curve.frequency_hz.size // stretch * stretch
-        f = curve.frequency_hz[:whole].reshape(-1, stretch).mean(axis=1)
-        share = curve.contact_share[name][:whole].reshape(-1, stretch).mean(axis=1)
+        cycles = max(1, curve.frequency_hz.size // 600)  # averaged for one point
+        whole = curve.frequency_hz.size // cycles * cycles
+        f = curve.frequency_hz[:whole].reshape(-1, cycles).mean(axis=1)
+        share = curve.contact_share[name][:whole].reshape(-1, cycles).mean(axis=1)
         ax.plot(f, 100 * share, label=f"{name}, level {curve.level:.4g}", **curve_style(k))
     _frequency_axis(result, ax)
     ax.set_ylim(-2, 102)
@@ -151,7 +151,7 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
 
 
 def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
-    """Level at which contact begins or is lost against frequency, over the levels of the sweep."""
+    """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
     linear = result.linear
     for k, (name, levels) in enumerate(linear.contact.items()):
         opened = bool(np.all(np.isnan(levels.loss)))
@@ -168,7 +168,7 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
 
 
 def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
-    """Preload that just keeps contact at the sweep's highest excitation, against frequency."""
+    """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
     linear = result.linear
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
     amplitude = np.interp(linear.frequency_hz, *_by_frequency(curve, curve.excitation_amplitude))
@@ -178,13 +178,13 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
         ax.plot(linear.frequency_hz, values * scale.factor, label=name, **curve_style(k))
     _frequency_axis(result, ax)
     ax.set_yscale("log")
-    finish(ax, "Excitation frequency (Hz)", f"Preload that keeps contact ({scale.unit})")
+    finish(ax, "Excitation frequency (Hz)", f"Preload needed to keep contact ({scale.unit})")
     legend(ax, min(len(needed), 6), len(needed), "snubbers")
     return ax
 
 
 def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
-    """Period of the steady motion in cycles of the excitation; crosses where it is not periodic."""
+    """Period of the steady motion in cycles of the excitation; crosses where the motion is not periodic."""
     curve = result.curves[curve_name]
     assert curve.steady is not None
     kind = np.array(curve.steady.kind)
@@ -201,7 +201,7 @@ def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
 
 
 def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) -> Axes:
-    """Poincare sections of the motions that are not periodic: displacement at phase 0 against frequency."""
+    """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency."""
     curve = result.curves[curve_name]
     assert curve.steady is not None
     index = list(curve.displacement).index(probe)
@@ -212,7 +212,7 @@ def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) ->
 
 
 def sweep_figures(result: SweepResult) -> dict[str, Figure]:
-    """All pictures that this result allows, by the name that ends their file's."""
+    """All plots available for this result; the key is the last part of the file name."""
     from matplotlib.figure import Figure
 
     def page(height: float = 4.8, rows: int = 1) -> tuple[Figure, list[Axes]]:
@@ -262,12 +262,12 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
 def save_sweep_plots(
     result: SweepResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
 ) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
+    """Save every plot as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
 
     Raises
     ------
     ResultFileError
-        When a file cannot be written.
+        If a file cannot be written.
     """
     return save_figures(sweep_figures(result), folder, stem, form, dots_per_inch)
 
@@ -278,11 +278,11 @@ def _by_frequency(curve: SweepCurve, values: Floats) -> tuple[Floats, Floats]:
 
 
 def _envelope(curve: SweepCurve, values: Floats, *, mean: bool = False) -> tuple[Floats, Floats]:
-    """By increasing frequency; where there are many cycles the largest (or mean) value of each stretch."""
+    """Values by increasing frequency; with many cycles, the largest (or mean) value of each frequency bin."""
     f, v = _by_frequency(curve, values)
-    if f.size <= 2 * STRETCHES:
+    if f.size <= 2 * BINS:
         return f, v
-    edges = np.geomspace(f[0], f[-1], STRETCHES + 1)
+    edges = np.geomspace(f[0], f[-1], BINS + 1)
     first = np.unique(np.searchsorted(f, edges[:-1]))
     count = np.diff(np.append(first, f.size))
     middle = np.add.reduceat(f, first) / count
