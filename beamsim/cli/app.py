@@ -77,22 +77,16 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
-    from beamsim.cli.conclusion import conclude, need_limits
-    from beamsim.cli.output import output_file, save_run
+    from beamsim.cli.conclusion import Reporting, finish, prepared
     from beamsim.cli.progress import progress_bar
-    from beamsim.cli.report import print_run
-    from beamsim.scenario import load_scenario
 
-    scenario = load_scenario(case, set_ or ())
-    if check:
-        need_limits(scenario)
-    target = output_file(output, case.stem, ".h5", ".hdf5")
-    with progress_bar(f"simulating {case.name}", wanted=not (json or quiet)) as progress:
+    scenario, target = prepared(case, set_, output, check=check)
+    reporting = Reporting(not no_plots, json, quiet, check)
+    with progress_bar(f"simulating {case.name}", wanted=reporting.progress) as progress:
         from beamsim.analyses.run.analysis import run as simulate
 
         result = simulate(scenario, progress)
-    files = save_run(result, target, plots=not no_plots)
-    conclude(result, files, print_run, json=json, quiet=quiet, check=check)
+    finish("run", result, target, reporting)
 
 
 @app.command()

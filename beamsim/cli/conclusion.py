@@ -1,10 +1,12 @@
-"""How a command ends once its result is saved: warnings, the summary, and the exit code that the result deserves."""
+"""How a command begins and ends: what it loads, and how its result is saved, printed and turned into an exit code."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING
 
 from beamsim.cli.failures import say
 from beamsim.errors import ExitCode, LimitExceededError, Problem, ScenarioError, StoppedEarlyError
@@ -12,7 +14,6 @@ from beamsim.outcomes import Outcome, OutcomeKind
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
-    from beamsim.cli.interruption import Interruption
     from beamsim.scenario import Scenario
 
 EXIT_CODES = {
@@ -22,7 +23,108 @@ EXIT_CODES = {
     OutcomeKind.FAILED: ExitCode.NOT_CONVERGED,
     OutcomeKind.INTERRUPTED: ExitCode.INTERRUPTED,
 }
-ResultT = TypeVar("ResultT", bound="Result", contravariant=True)
+
+
+@dataclass(frozen=True)
+class Reporting:
+    """What a command shows of its result, as its options say."""
+
+    plots: bool = True
+    json: bool = False
+    quiet: bool = False
+    check: bool = False  # whether limits count
+
+    @property
+    def progress(self) -> bool:
+        """Whether a progress bar may be shown."""
+        return not (self.json or self.quiet)
+
+
+def prepared(
+    case: Path, overrides: Sequence[str] | None, output: Path | None, *, check: bool = False
+) -> tuple[Scenario, Path]:
+    """The scenario of a case, and where its result will be written.
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario is wrong, or has no limits to check.
+    ResultFileError
+        Where the result could not be written.
+    """
+    from beamsim.cli.output import output_file
+    from beamsim.scenario import load_scenario
+
+    scenario = load_scenario(case, overrides or ())
+    if check and scenario.limits is None:
+        raise ScenarioError(
+            Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
+        )
+    return scenario, output_file(output, case.stem, ".h5", ".hdf5")
+
+
+@contextmanager
+def located(scenario: Scenario) -> Iterator[None]:
+    """Give file and line to the problems that only an analysis of the scenario finds."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise scenario.located(error) from None
+
+
+def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
+    """Write the result file, and conclude.
+
+    Raises
+    ------
+    ResultFileError
+        Where a file cannot be written.
+    StoppedEarlyError, LimitExceededError
+        See `conclude`.
+    """
+    from beamsim.cli.stored import TABLE, named
+
+    named(TABLE[kind].write)(result, target)
+    conclude(kind, result, target, reporting, signal)
+
+
+def conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
+    """Draw and print a result that is written, and end the command with the exit code of its outcome.
+
+    Parameters
+    ----------
+    kind : of the result, one of `beamsim.store.stored.KINDS`.
+    target : the result file; the plots go beside it.
+    signal : number of the signal that asked for the end, after which there are no plots; 0 where none did.
+
+    Raises
+    ------
+    StoppedEarlyError
+        Where the result is not complete.
+    LimitExceededError
+        Where a limit is exceeded and limits count.
+    """
+    from beamsim.cli.stored import TABLE, named
+
+    files = [target]
+    if reporting.plots and not signal:
+        files += named(TABLE[kind].plots)(result, target.parent, target.stem)
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if reporting.json or not reporting.quiet:
+        print_outcome(kind, result, files, as_json=reporting.json)
+    code = exit_code(result.outcome, signal)
+    if signal:
+        text = f"interrupted; the partial result is in {target}, and `beamsim plot {target}` draws it"
+        raise StoppedEarlyError(text, code)
+    if code != ExitCode.SUCCESS:
+        raise StoppedEarlyError(f"{result.status}; the partial result is in {target}", code)
+    if reporting.check:
+        from beamsim.analyses.limits import exceeded_limits
+
+        exceeded = exceeded_limits(result.summary.get("margins", {}))
+        if exceeded:
+            raise LimitExceededError("; ".join(exceeded))
 
 
 def exit_code(outcome: Outcome, signal: int = 0) -> int:
@@ -35,58 +137,15 @@ def exit_code(outcome: Outcome, signal: int = 0) -> int:
     return 128 + signal if signal else EXIT_CODES[outcome.kind]
 
 
-class Printer(Protocol[ResultT]):
-    """Prints a result and the files it left, as JSON or as a table."""
+def print_outcome(kind: str, result: Result, files: Sequence[Path], *, as_json: bool) -> None:
+    """Print the result of a command: its summary as JSON, or its table, with the files written below."""
+    from beamsim.cli.report import print_json, print_table
+    from beamsim.cli.stored import table_rows
 
-    def __call__(self, result: ResultT, files: Sequence[Path], /, *, as_json: bool) -> None:
-        """Print it."""
-
-
-def conclude(
-    result: ResultT,
-    files: Sequence[Path],
-    show: Printer[ResultT],
-    *,
-    json: bool,
-    quiet: bool,
-    check: bool = False,
-    interrupted: Interruption | None = None,
-) -> None:
-    """Print the warnings and the result, and end the command with the exit code of its outcome.
-
-    Parameters
-    ----------
-    files : what was written, the result file first.
-    check : whether limits count.
-    interrupted : says whether a signal asked for the end.
-
-    Raises
-    ------
-    StoppedEarlyError, LimitExceededError
-    """
-    for warning in result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if json or not quiet:
-        show(result, files, as_json=json)
-    signal, file = 0 if interrupted is None else interrupted.signal, files[0]
-    code = exit_code(result.outcome, signal)
-    if signal:
-        raise StoppedEarlyError(
-            f"interrupted; the partial result is in {file}, and `beamsim plot {file}` draws it", code
-        )
-    if code != ExitCode.SUCCESS:
-        raise StoppedEarlyError(f"{result.status}; the partial result is in {file}", code)
-    if check:
-        from beamsim.analyses.limits import exceeded_limits
-
-        exceeded = exceeded_limits(result.summary.get("margins", {}))
-        if exceeded:
-            raise LimitExceededError("; ".join(exceeded))
-
-
-def need_limits(scenario: Scenario) -> None:
-    """Refuse ``--check`` without anything to check."""
-    if scenario.limits is None:
-        raise ScenarioError(
-            Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
-        )
+    if as_json:
+        about = {"status": result.status, "warnings": list(result.warnings)}
+        more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
+        print_json({**about, **result.summary, **more})
+        return
+    written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
+    print_table(result.title, [*table_rows(kind, result), *written])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,87 +10,53 @@ import numpy as np
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
+    from beamsim.cli.conclusion import Reporting
     from beamsim.scenario import Scenario
 
 SHOWN = 12  # special points of a branch in a table
 MOST_BRANCHES = 12  # in a table
 
 
-@dataclass(frozen=True)
-class ContinuationOptions:
-    """What the command line adds to a continuation."""
-
-    overlay: Sequence[Path] = ()
-    compare: bool = False
-    check: bool = False
-    resume: bool = False
-    plots: bool = True
-    json: bool = False
-    quiet: bool = False
-
-
-def continue_response(scenario: Scenario, target: Path, options: ContinuationOptions) -> None:
-    """Follow the response, lay over it what was asked for, save, print.
+def continue_response(
+    scenario: Scenario, target: Path, reporting: Reporting, overlay: Sequence[Path], *, expansion: bool
+) -> None:
+    """Follow the response, overlay what was asked for, save, print.
 
     Raises
     ------
     ScenarioError, ResultFileError
         Before anything is computed, where the scenario or a file cannot be used.
     StoppedEarlyError
-        When a signal asked for the end; what there is was saved.
-    NotTrustedError
-        When the range was not covered, or the result is not to be trusted; what there is was saved.
+        Where the range was not covered or the result is not to be trusted, or after a signal; what there is was saved.
     LimitExceededError
-        With ``check``.
+        With ``--check``.
     """
-    from beamsim.cli.conclusion import conclude
+    from beamsim.cli.conclusion import finish
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
-    from beamsim.errors import Problem, ScenarioError
-    from beamsim.store.continuation import write_frequency_response
     from beamsim.store.results import open_sweep
 
-    if options.resume:
-        raise ScenarioError(Problem("--resume", "goes on with a swept or stepped sine, not with a continuation",
-                                    "leave it out"))  # fmt: skip
-    laid = [(path, open_sweep(path)) for path in options.overlay]
-    showing = progress_bar("following the response", wanted=not (options.json or options.quiet))
+    stored = [(path, open_sweep(path)) for path in overlay]
+    showing = progress_bar("following the response", wanted=reporting.progress)
     with interruptible() as interrupted, showing as progress:
         from beamsim.analyses.response.analysis import frequency_response
 
         result = frequency_response(scenario, progress, interrupted)
-    for path, stored in laid:
+    for path, sweep in stored:
         from beamsim.analyses.response.overlay import with_overlay
 
-        result = with_overlay(result, stored, path.name)
-    if options.compare and not interrupted():
+        result = with_overlay(result, sweep, path.name)
+    if expansion and not interrupted():
         from beamsim.cli.multiple_scales import compare_response
 
         result = compare_response(result)
-    files = [write_frequency_response(result, target)]
-    if options.plots and not interrupted():
-        from beamsim.plots.continuation import save_response_plots
-
-        files += save_response_plots(result, target.parent, target.stem)
-    conclude(
-        result, files, print_response, json=options.json, quiet=options.quiet, check=options.check,
-        interrupted=interrupted,
-    )  # fmt: skip
-
-
-def print_response(result: FrequencyResponse, files: Sequence[Path], *, as_json: bool) -> None:
-    """Summary of a response and the files it left."""
-    from beamsim.cli.report import print_outcome
-
-    print_outcome(result, response_rows(result), files, as_json=as_json)
+    finish("continuation", result, target, reporting, interrupted.signal)
 
 
 def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
     """Label and text of every row of the table of a response curve."""
     from beamsim.cli.report import margin_rows
 
-    if not result.complete:
-        yield "status", result.status
     for branch in result.branches[:MOST_BRANCHES]:
         stable = int(branch.stable.sum())
         yield _label(branch), f"{branch.parameter.size} points, {stable} of them stable; {branch.status}"

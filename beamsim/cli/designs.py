@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from beamsim.cli.conclusion import conclude, need_limits
+from beamsim.cli.conclusion import Reporting, conclude
 from beamsim.cli.failures import say
 from beamsim.cli.progress import progress_bar
-from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:
     from beamsim.analyses.designs.analysis import DesignPlan
@@ -26,78 +25,54 @@ MOST_ROWS = 24
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """How a study is computed and shown."""
+    """How a study is computed."""
 
     workers: int | None = None
     scheduler: str | None = None
     resume: bool = False
-    check: bool = False
-    plots: bool = True
-    json: bool = False
-    quiet: bool = False
 
 
-def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions) -> None:
+def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, reporting: Reporting) -> None:
     """Compute all cases (or those that are missing), save, print.
 
     Raises
     ------
     ScenarioError, ResultFileError
         Before anything is computed.
-    NotTrustedError
+    StoppedEarlyError, NotTrustedError
         When cases failed or workers died; what there is was saved.
     LimitExceededError
-        With ``check``.
+        With ``--check``.
     """
     from beamsim.analyses.designs.analysis import check_cases, plan_designs
 
-    if options.check:
-        need_limits(scenario)
     plan = plan_designs(scenario)
     check_cases(plan)
-    result, files = _finished(plan, target, options) or _computed(plan, target, options)
-    conclude(result, files, print_designs, json=options.json, quiet=options.quiet, check=options.check)
+    stored = _finished(plan, target) if options.resume else None
+    if stored is None:
+        _compute(plan, target, options, reporting)
+        return
+    if not reporting.quiet:
+        say(f"beamsim: {target} is complete; nothing is left to compute")
+    conclude("designs", stored, target, replace(reporting, plots=False))
 
 
-def refuse_study_options(**given: object) -> None:
-    """Refuse options of a study where there is none, instead of ignoring them."""
-    for name, value in given.items():
-        if value:
-            raise ScenarioError(
-                Problem("vary", f"is missing, and --{name} is about its cases", "leave the option out, or add vary")
-            )
-
-
-def print_designs(result: DesignsResult, files: Sequence[Path], *, as_json: bool) -> None:
-    """Summary of a study and the files it left."""
-    from beamsim.cli.report import print_outcome
-
-    print_outcome(result, design_rows(result), files, as_json=as_json)
-
-
-def _finished(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]] | None:
-    """The result, where ``--resume`` finds that nothing is left to do."""
+def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
+    """The result in the file, if nothing is left to do."""
     from beamsim.store.designs import open_designs
     from beamsim.store.journal import journal_path
     from beamsim.store.stored import holds
     from beamsim.version import __version__
 
-    if not options.resume or journal_path(target).exists() or not holds(target, "designs"):
+    if journal_path(target).exists() or not holds(target, "designs"):
         return None
     stored = open_designs(target)
     same = stored.fingerprint == plan.fingerprint and stored.beamsim_version == __version__
-    if not (same and stored.complete and dict(stored.limits) == _limits(plan.scenario)):
-        return None
-    if not options.quiet:
-        say(f"beamsim: {target} is complete; nothing is left to compute")
-    return stored, [target]
+    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
+    return stored if same and stored.complete and dict(stored.limits) == limits else None
 
 
-def _limits(scenario: Scenario) -> dict[str, float]:
-    return {} if scenario.limits is None else scenario.limits.given
-
-
-def _computed(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[DesignsResult, list[Path]]:
+def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
     from beamsim.analyses.designs.analysis import design_study, gather
     from beamsim.store.designs import write_designs
     from beamsim.store.journal import Journal, journal_path
@@ -106,7 +81,7 @@ def _computed(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[De
     with Journal(journal_path(target), plan.fingerprint, resume=options.resume) as journal:
         if journal.dropped:
             say(f"beamsim: warning: beginning anew; --resume would have kept {journal.dropped} of {cases} cases")
-        elif journal.known and not options.quiet:
+        elif journal.known and not reporting.quiet:
             say(f"beamsim: {len(journal.known)} of {cases} cases are known already")
         outcomes = {outcome.index: outcome for outcome in journal.known}
         begin = saved = clock.monotonic()
@@ -120,7 +95,7 @@ def _computed(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[De
                 saved = clock.monotonic()
 
         try:
-            with _progress(len(outcomes), cases, options) as progress:
+            with _progress(len(outcomes), cases, reporting) as progress:
                 result = design_study(
                     plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=keep,
                     progress=progress,
@@ -132,19 +107,15 @@ def _computed(plan: DesignPlan, target: Path, options: StudyOptions) -> tuple[De
             else:
                 journal.remove()
             raise
-        files = [write_designs(result, target)]
+        write_designs(result, target)
         journal.remove()
-    if options.plots:
-        from beamsim.plots.designs import save_design_plots
-
-        files += save_design_plots(result, target.parent, target.stem)
-    return result, files
+    conclude("designs", result, target, reporting)
 
 
 @contextmanager
-def _progress(known: int, cases: int, options: StudyOptions) -> Iterator[Callable[[float], None] | None]:
+def _progress(known: int, cases: int, reporting: Reporting) -> Iterator[Callable[[float], None] | None]:
     """A bar with the time that remains on a terminal; elsewhere a line from time to time."""
-    with progress_bar(f"{cases} cases", wanted=not (options.json or options.quiet)) as bar:
+    with progress_bar(f"{cases} cases", wanted=reporting.progress) as bar:
         if bar is not None:
             yield bar
             return
@@ -153,7 +124,7 @@ def _progress(known: int, cases: int, options: StudyOptions) -> Iterator[Callabl
         def tell(fraction: float) -> None:
             nonlocal told
             now, done = clock.monotonic(), round(fraction * cases)
-            if options.quiet or now - told < TOLD_EVERY_S or done <= known:
+            if reporting.quiet or now - told < TOLD_EVERY_S or done <= known:
                 return
             told = now
             left = (now - begin) * (cases - done) / (done - known)
@@ -173,8 +144,6 @@ def design_rows(result: DesignsResult) -> Iterator[tuple[str, str]]:
     from beamsim.cli.report import _si, margin_rows
 
     s = result.summary
-    if not result.complete:
-        yield "status", result.status
     failed = f", {s['failed']} failed" if s["failed"] else ""
     of = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of "}[result.kind]
     size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(s["cases"])

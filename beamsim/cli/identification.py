@@ -28,21 +28,17 @@ def identify_stiffness(
     debug: Debug = False,
 ) -> None:
     """Find a snubber's stiffness, damping and the beam's own parameters from measurements."""
-    from beamsim.cli.conclusion import conclude
-    from beamsim.cli.identification_report import print_identification, save_identification
-    from beamsim.cli.output import output_file
+    from beamsim.cli.conclusion import Reporting, finish, prepared
     from beamsim.cli.progress import progress_bar
-    from beamsim.scenario import load_scenario
     from beamsim.store.measurement import read_tests
 
-    scenario = load_scenario(case, set_ or ())
-    target = output_file(output, case.stem, ".h5", ".hdf5")
-    with progress_bar("identifying", wanted=not (json or quiet)) as progress:
+    scenario, target = prepared(case, set_, output)
+    reporting = Reporting(not no_plots, json, quiet)
+    with progress_bar("identifying", wanted=reporting.progress) as progress:
         from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
         result = identify(scenario, read_tests(scenario, case.parent), progress)
-    files = save_identification(result, target, plots=not no_plots)
-    conclude(result, files, print_identification, json=json, quiet=quiet)
+    finish("identify-stiffness", result, target, reporting)
 
 
 @guarded
@@ -62,8 +58,7 @@ def compare(
 ) -> None:
     """Overlay a run with measured signals. Prints harmonic differences in dB, phase aligned."""
     from beamsim.analyses.compare.analysis import compare as compare_with
-    from beamsim.cli.conclusion import conclude
-    from beamsim.cli.identification_report import print_comparison, save_comparison
+    from beamsim.cli.conclusion import Reporting, finish
     from beamsim.cli.output import output_file
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_run
@@ -72,5 +67,4 @@ def compare(
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
     pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
     found = compare_with(stored, pairs, harmonics=harmonics, last=last)
-    files = save_comparison(found, target, plots=not no_plots)
-    conclude(found, files, print_comparison, json=json, quiet=False)
+    finish("compare", found, target, Reporting(not no_plots, json))

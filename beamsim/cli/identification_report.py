@@ -1,10 +1,9 @@
-"""What an identification prints and saves."""
+"""The tables of identifications and comparisons."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,45 +14,10 @@ from beamsim.analyses.identify.result import (
     ParameterEstimate,
     StiffnessEstimate,
 )
-from beamsim.cli.report import print_outcome
 from beamsim.plots.style import scale_for
 
 Row = tuple[str, str]
 SENSITIVITIES_SHOWN = 6
-
-
-def save_identification(result: IdentificationResult, target: Path, *, plots: bool) -> list[Path]:
-    """Write the result file and, beside it, the plots; returns the files."""
-    from beamsim.store.results import write_identification
-
-    files = [write_identification(result, target)]
-    if plots:
-        from beamsim.plots.identification import save_identification_plots
-
-        files += save_identification_plots(result, target.parent, target.stem)
-    return files
-
-
-def print_identification(result: IdentificationResult, files: Sequence[Path], *, as_json: bool) -> None:
-    """Summary of an identification and the files it left."""
-    print_outcome(result, identification_rows(result), files, as_json=as_json)
-
-
-def save_comparison(comparison: Comparison, target: Path, *, plots: bool) -> list[Path]:
-    """Write the comparison and, beside it, the plots; returns the files."""
-    from beamsim.store.results import write_comparison
-
-    files = [write_comparison(comparison, target)]
-    if plots:
-        from beamsim.plots.comparison import save_comparison_plots
-
-        files += save_comparison_plots(comparison, target.parent, target.stem)
-    return files
-
-
-def print_comparison(comparison: Comparison, files: Sequence[Path], *, as_json: bool) -> None:
-    """Table of harmonic differences and the files left."""
-    print_outcome(comparison, comparison_rows(comparison), files, as_json=as_json)
 
 
 def comparison_rows(comparison: Comparison) -> Iterator[Row]:
@@ -75,8 +39,6 @@ def comparison_rows(comparison: Comparison) -> Iterator[Row]:
 
 def identification_rows(result: IdentificationResult) -> Iterator[Row]:
     """Label and text of every row of the table of an identification."""
-    if not result.complete:
-        yield "status", result.status
     if result.update is not None:
         for k, parameter in enumerate(result.update.parameters):
             yield "" if k else "updated", _parameter(parameter)

@@ -5,48 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
-    from beamsim.scenario import Scenario
 
 NOT_YET = 3.0  # times the largest small factor: poles beyond it leave the orders alone
-
-
-class Comparison(StrEnum):
-    """What ``--compare`` lays beside exact motions."""
-
-    multiple_scales = "multiple_scales"
-
-
-def refuse_comparison(scenario: Scenario) -> None:
-    """Refuse a sweep that gives no curve of periodic motions.
-
-    Raises
-    ------
-    ScenarioError
-    """
-    from beamsim.errors import Problem, ScenarioError
-
-    kind = None if scenario.sweep is None else scenario.sweep.kind
-    if scenario.vary is not None or kind not in (None, "continuation"):
-        what = "varies designs" if scenario.vary is not None else f"= {kind} gives no curve of periodic motions"
-        where = "vary" if scenario.vary is not None else "sweep.kind"
-        remedy = "use --compare with sweep: {kind: continuation}"
-        raise scenario.located(ScenarioError(Problem(where, what, remedy)))
 
 
 def compare_response(result: FrequencyResponse) -> FrequencyResponse:
     """The response curve with the expansion near its mode beside it."""
     from beamsim.analyses.response.forced_expansion import compare_forced_expansion
-    from beamsim.errors import ScenarioError
+    from beamsim.cli.conclusion import located
 
-    try:
+    with located(result.scenario):
         expansion = compare_forced_expansion(result.scenario)
-    except ScenarioError as error:
-        raise result.scenario.located(error) from None
     summary = {**result.summary, "multiple_scales": [forced_expansion_summary(c) for c in expansion]}
     return replace(result, expansion=expansion, summary=summary)
 

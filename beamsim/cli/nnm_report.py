@@ -23,8 +23,6 @@ STILL = 1e-6  # drift over the spectrum's periods that goes without saying
 def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
     """Label and text of every row of the table of a nonlinear mode, taken from the summary alone."""
     s = result.summary
-    if not result.complete:
-        yield "status", result.status
     what, unit = _PARAMETERS[result.parameter]
     yield "backbone", f"mode {s['mode']}, {s['points']} points in {what}, {s['stable_points']} of them stable"
     for name in ("start", "end"):

@@ -1,10 +1,9 @@
-"""Where results go, and saving them there."""
+"""Where results go."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from beamsim.analyses.run.result import RunResult
 from beamsim.files import check_writable
 
 
@@ -29,15 +28,3 @@ def output_folder(output: Path | None, stem: str) -> Path:
     folder = output or Path()
     check_writable(folder / f"{stem}_")
     return folder
-
-
-def save_run(result: RunResult, target: Path, *, plots: bool) -> list[Path]:
-    """Write the result file and, beside it, the plots; returns the files."""
-    from beamsim.store.results import write_run
-
-    files = [write_run(result, target)]
-    if plots:
-        from beamsim.plots.run import save_run_plots
-
-        files += save_run_plots(result, target.parent, target.stem)
-    return files

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
@@ -23,28 +22,6 @@ Row = tuple[str, str]
 def print_json(values: Mapping[str, Any]) -> None:
     """One JSON object on standard output; what is not a finite number is null."""
     print(json.dumps(plain(values), ensure_ascii=False, allow_nan=False))
-
-
-def print_result(
-    title: str, summary: dict[str, Any], rows: Iterable[tuple[str, str]], files: Sequence[Path], *, as_json: bool
-) -> None:
-    """Print a summary as JSON, or its table with the files written below."""
-    if as_json:
-        print_json({**summary, "files": [str(path) for path in files]})
-        return
-    print_table(title, [*rows, *(("files" if k == 0 else "", str(path)) for k, path in enumerate(files))])
-
-
-def print_outcome(result: Result, rows: Iterable[Row], files: Sequence[Path], *, as_json: bool, **more: Any) -> None:
-    """Print the result of a command: its summary and ``more`` as JSON, or its table with the files written below."""
-    about = {"status": result.status, "warnings": list(result.warnings)}
-    summary = {**about, **result.summary, **more, "wall_time_s": result.wall_time_s}
-    print_result(result.title, summary, rows, files, as_json=as_json)
-
-
-def print_run(result: RunResult, files: Sequence[Path], *, as_json: bool) -> None:
-    """Summary of a run and the files it left."""
-    print_outcome(result, summary_rows(result), files, as_json=as_json)
 
 
 def print_files(files: Sequence[Path], *, as_json: bool) -> None:
@@ -63,11 +40,10 @@ def print_table(title: str, rows: Sequence[Row]) -> None:
         print(f"  {label:<{width}}  {text}".rstrip())
 
 
-def summary_rows(result: RunResult) -> Iterator[Row]:
-    """Label and text of every row of the table, taken from the summary alone."""
+def run_rows(result: RunResult) -> Iterator[Row]:
+    """Label and text of every row of the table of a run."""
     s = result.summary
-    if not result.complete:
-        yield "status", result.status
+    yield "time", f"{result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
     low, high = s["min_displacement_m"], s["max_displacement_m"]
     yield from _each(
         "peak displacement",

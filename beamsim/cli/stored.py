@@ -1,4 +1,4 @@
-"""What ``info``, ``plot`` and ``export`` do with each kind of result file: one table."""
+"""Each kind of result: its writer, table and plots, by name; ``info``, ``plot`` and ``export`` of a file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.result import Result
 
 Row = tuple[str, str]
 
@@ -16,25 +16,52 @@ Row = tuple[str, str]
 class Stored(NamedTuple):
     """Where the functions for one kind of result are, as ``module:name``; each is imported when it is needed."""
 
+    write: str  # of a result and a path
     rows: str  # of a result: labels and texts of its table
     plots: str  # of a result, a folder, a stem and a format: the files written
 
 
 # one entry a kind, under the names of beamsim.store.stored.KINDS
 TABLE = {
-    "run": Stored("beamsim.cli.stored:run_rows", "beamsim.plots.run:save_run_plots"),
-    "sweep": Stored("beamsim.cli.sweep_report:sweep_rows", "beamsim.plots.sweep:save_sweep_plots"),
-    "continuation": Stored("beamsim.cli.continuation:response_rows", "beamsim.plots.continuation:save_response_plots"),
-    "designs": Stored("beamsim.cli.designs:design_rows", "beamsim.plots.designs:save_design_plots"),
+    "run": Stored(
+        "beamsim.store.results:write_run", "beamsim.cli.report:run_rows", "beamsim.plots.run:save_run_plots"
+    ),
+    "sweep": Stored(
+        "beamsim.store.results:write_sweep", "beamsim.cli.sweep_report:sweep_rows",
+        "beamsim.plots.sweep:save_sweep_plots",
+    ),
+    "continuation": Stored(
+        "beamsim.store.continuation:write_frequency_response", "beamsim.cli.continuation:response_rows",
+        "beamsim.plots.continuation:save_response_plots",
+    ),
+    "designs": Stored(
+        "beamsim.store.designs:write_designs", "beamsim.cli.designs:design_rows",
+        "beamsim.plots.designs:save_design_plots",
+    ),
     "identify-stiffness": Stored(
-        "beamsim.cli.identification_report:identification_rows",
+        "beamsim.store.results:write_identification", "beamsim.cli.identification_report:identification_rows",
         "beamsim.plots.identification:save_identification_plots",
     ),
-    "nnm": Stored("beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"),
+    "nnm": Stored("beamsim.store.nnm:write_nnm", "beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"),
     "compare": Stored(
-        "beamsim.cli.identification_report:comparison_rows", "beamsim.plots.comparison:save_comparison_plots"
+        "beamsim.store.results:write_comparison", "beamsim.cli.identification_report:comparison_rows",
+        "beamsim.plots.comparison:save_comparison_plots",
     ),
-}
+}  # fmt: skip
+
+
+def named(place: str) -> Callable[..., Any]:
+    """The function at ``module:name``."""
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found
+
+
+def table_rows(kind: str, result: Result) -> Iterator[Row]:
+    """Label and text of every row of a result's table: the status first where it is not complete."""
+    if not result.complete:
+        yield "status", result.status
+    yield from named(TABLE[kind].rows)(result)
 
 
 def print_stored(path: Path, *, as_json: bool) -> None:
@@ -58,7 +85,7 @@ def print_stored(path: Path, *, as_json: bool) -> None:
         return
     rows = [
         ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}"),
-        *_named(TABLE[kind].rows)(result),
+        *table_rows(kind, result),
         *(("warning", warning) for warning in result.warnings),
     ]
     print_table(f"{path}: {result.title}", rows)
@@ -75,7 +102,7 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
     from beamsim.store.results import open_result
     from beamsim.store.stored import kind_of
 
-    draw = _named(TABLE[kind_of(path)].plots)
+    draw = named(TABLE[kind_of(path)].plots)
     return list(draw(open_result(path), folder, path.stem, form))
 
 
@@ -96,17 +123,3 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     else:
         target = output_file(output, path.stem, f".{form}")
     return export_result(path, target, form)
-
-
-def run_rows(result: RunResult) -> Iterator[Row]:
-    """Label and text of every row of the table of a stored run."""
-    from beamsim.cli.report import summary_rows
-
-    yield "time", f"{result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
-    yield from summary_rows(result)
-
-
-def _named(place: str) -> Callable[..., Any]:
-    module, _, name = place.partition(":")
-    found: Callable[..., Any] = getattr(import_module(module), name)
-    return found

@@ -2,16 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamsim.cli.failures import guarded
-from beamsim.cli.multiple_scales import Comparison, refuse_comparison
 from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet
+from beamsim.errors import Problem, ScenarioError
 
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with what an interrupted sweep left in the result file.")]
+if TYPE_CHECKING:
+    from beamsim.cli.conclusion import Reporting
+    from beamsim.scenario import Scenario
+
+
+class ComparedExpansion(StrEnum):
+    """Methods that ``beamsim sweep --compare`` compares with periodic motions."""
+
+    multiple_scales = "multiple_scales"
+
+
+_ABOUT_CASES = "leave the option out, or add vary"
+_ABOUT_CURVES = "leave it out, or use sweep: {kind: continuation}"
+# option -> kinds of sweep that have it, place (the option itself by default), message and remedy for the others
+_OPTIONS = {
+    "--workers": (("designs",), "vary", "is missing, and --workers is about its cases", _ABOUT_CASES),
+    "--scheduler": (("designs",), "vary", "is missing, and --scheduler is about its cases", _ABOUT_CASES),
+    "--resume": (("designs", "sweep"), "", "continues a swept or stepped sine, not a continuation", "leave it out"),
+    "--overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _ABOUT_CURVES),
+    "--compare": (("continuation",), "", "compares with a curve of periodic motions", _ABOUT_CURVES),
+}
+
+Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted sweep from its result file.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -33,10 +57,10 @@ def sweep(
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")
     ] = None,
     compare_with: Annotated[
-        Comparison | None, typer.Option("--compare", help="Lay the expansion for weak springs over a continuation.")
+        ComparedExpansion | None, typer.Option("--compare", help="Compare a continuation with the expansion.")
     ] = None,
     overlay: Annotated[
-        list[Path] | None, typer.Option("--overlay", help="Lay a stored sweep over a continuation; may be repeated.")
+        list[Path] | None, typer.Option("--overlay", help="Overlay a stored sweep on a continuation; repeatable.")
     ] = None,
     check: Check = False,
     no_plots: NoPlots = False,
@@ -44,56 +68,55 @@ def sweep(
     debug: Debug = False,
 ) -> None:
     """Sweep the excitation's frequency, up and down, at several levels. Writes a result file and plots."""
-    from beamsim.cli.conclusion import conclude, need_limits
-    from beamsim.cli.output import output_file
-    from beamsim.cli.progress import progress_bar
-    from beamsim.cli.sweep_report import print_sweep, save_sweep
-    from beamsim.scenario import load_scenario
+    from beamsim.cli.conclusion import Reporting, prepared
 
-    scenario = load_scenario(case, set_ or ())
-    target = output_file(output, case.stem, ".h5", ".hdf5")
-    if compare_with is not None:
-        refuse_comparison(scenario)
-    if overlay and scenario.vary is not None:
-        refuse_overlay()
-    if scenario.vary is not None:
+    scenario, target = prepared(case, set_, output, check=check)
+    kind = _kind(scenario)
+    given = {"--workers": workers, "--scheduler": scheduler, "--resume": resume, "--overlay": overlay}
+    _refuse_others(kind, {**given, "--compare": compare_with})
+    reporting = Reporting(not no_plots, json, quiet, check)
+    if kind == "designs":
         from beamsim.cli.designs import StudyOptions, sweep_designs
 
-        sweep_designs(scenario, target, StudyOptions(workers, scheduler, resume, check, not no_plots, json, quiet))
-        return
-    from beamsim.cli.designs import refuse_study_options
+        sweep_designs(scenario, target, StudyOptions(workers, scheduler, resume), reporting)
+    elif kind == "continuation":
+        from beamsim.cli.continuation import continue_response
 
-    refuse_study_options(workers=workers, scheduler=scheduler)
-    if check:
-        need_limits(scenario)
-    if scenario.sweep is not None and scenario.sweep.kind == "continuation":
-        from beamsim.cli.continuation import ContinuationOptions, continue_response
+        continue_response(scenario, target, reporting, overlay or (), expansion=compare_with is not None)
+    else:
+        _sweep_sine(scenario, target, reporting, resume=resume)
 
-        continue_response(
-            scenario,
-            target,
-            ContinuationOptions(overlay or (), compare_with is not None, check, resume, not no_plots, json, quiet),
-        )
-        return
-    if overlay:
-        refuse_overlay()
-    with progress_bar(f"sweeping {case.name}", wanted=not (json or quiet)) as progress:
+
+def _kind(scenario: Scenario) -> str:
+    """Kind of the result, as in `beamsim.store.stored.KINDS`."""
+    if scenario.vary is not None:
+        return "designs"
+    return "continuation" if scenario.sweep is not None and scenario.sweep.kind == "continuation" else "sweep"
+
+
+def _refuse_others(kind: str, options: Mapping[str, object]) -> None:
+    """Refuse options that the kind of sweep does not have, instead of ignoring them.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    for name, value in options.items():
+        allowed, path, message, remedy = _OPTIONS[name]
+        if value and kind not in allowed:
+            raise ScenarioError(Problem(path or name, message, remedy))
+
+
+def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
+    """A swept or stepped sine, saved as it goes."""
+    from beamsim.cli.conclusion import finish
+    from beamsim.cli.progress import progress_bar
+
+    with progress_bar("sweeping", wanted=reporting.progress) as progress:
         from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep
 
         earlier = earlier_sweep(target, scenario) if resume else None
         result = compute(scenario, progress, save=lambda part: write_sweep(part, target), resume=earlier)
-    files = save_sweep(result, target, plots=not no_plots)
-    conclude(result, files, print_sweep, json=json, quiet=quiet, check=check)
-
-
-def refuse_overlay() -> None:
-    """Refuse to lay a sweep over anything but a continuation, instead of ignoring it."""
-    from beamsim.errors import Problem, ScenarioError
-
-    raise ScenarioError(
-        Problem(
-            "--overlay", "lays a sweep over a curve by continuation", "leave it out, or use sweep.kind: continuation"
-        )
-    )
+    finish("sweep", result, target, reporting)

@@ -1,38 +1,18 @@
-"""A sweep's summary as people read it, and as programs do."""
+"""The table of a sweep."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
-from pathlib import Path
 
 from beamsim.analyses.sweep.result import ResponsePeak, SweepResult
-from beamsim.cli.report import Row, _si, margin_rows, print_outcome
+from beamsim.cli.report import Row, _si, margin_rows
 
 PEAKS_SHOWN = 6
 
 
-def save_sweep(result: SweepResult, target: Path, *, plots: bool) -> list[Path]:
-    """Write the result file and, beside it, the plots; returns the files."""
-    from beamsim.store.results import write_sweep
-
-    files = [write_sweep(result, target)]
-    if plots:
-        from beamsim.plots.sweep import save_sweep_plots
-
-        files += save_sweep_plots(result, target.parent, target.stem)
-    return files
-
-
-def print_sweep(result: SweepResult, files: Sequence[Path], *, as_json: bool) -> None:
-    """Summary of a sweep and the files it left."""
-    print_outcome(result, sweep_rows(result), files, as_json=as_json)
-
-
 def sweep_rows(result: SweepResult) -> Iterator[Row]:
     """Label and text of every row of the table."""
-    if not result.complete:
-        yield "status", result.status
     for curve in result.curves.values():
         first = next(iter(curve.displacement), "")
         yield f"{curve.direction}, level {curve.level:.4g}", f"{curve.frequency_hz.size} points, peaks of {first}:"

@@ -1,10 +1,12 @@
 """Every exit code has one meaning, and every outcome leads to one."""
 
+from pathlib import Path
+
 import pytest
 from typer.testing import CliRunner
 
 from beamsim.cli.app import app
-from beamsim.cli.conclusion import EXIT_CODES, conclude, exit_code
+from beamsim.cli.conclusion import EXIT_CODES, Reporting, conclude, exit_code
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind
 
@@ -16,7 +18,7 @@ UNTRUSTED = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz"
 def ended(result, **more):
     """Exit code of a command that ends with a result."""
     try:
-        conclude(result, ["case.h5"], lambda *_, **__: None, json=False, quiet=True, **more)
+        conclude("run", result, Path("case.h5"), Reporting(plots=False, quiet=True, **more))
     except (StoppedEarlyError, LimitExceededError) as error:
         return error.exit_code
     return 0

@@ -87,7 +87,7 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
         "identify_stiffness.tolerance=1e-7",
     )  # fmt: skip
     assert done.exit_code == 3
-    assert "jumped over" in done.output
+    assert "stepped over" in done.output
     assert (tmp_path / "identify_snubber.h5").is_file()
 
 

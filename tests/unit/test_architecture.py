@@ -46,7 +46,6 @@ KNOWN_STATUS_COMPARISONS: set[str] = {
 }
 KNOWN_SHARED_CLASS_NAMES: set[str] = {
     "Axis",
-    "Comparison",
     "Followed",
     "Measured",
     "PhaseResonance",
