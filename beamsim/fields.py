@@ -107,6 +107,7 @@ class Members:
 
     folder: str
     pattern: str = "{}"  # name of a member's group, with {} for its key
+    called: str = ""  # the same for people, where the key's own name does not say it
     parts: Callable[[Any], tuple[str, ...]] | None = None  # of a member: the way to its group, instead of the pattern
     key: Callable[[Any], Any] | None = None  # of a member: its key, instead of the name of its group
     start: int = 0  # of the numbers of a tuple's members
@@ -228,11 +229,12 @@ def numbered(
 def keyed(
     pattern: str = "{}", *, folder: str = "", having: str = "", parts: Callable[[Any], tuple[str, ...]] | None = None,
     key: Callable[[Any], Any] | None = None, order: Callable[[Mapping[str, Any], Any], Any] | None = None,
-    indexed: bool = False, default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
+    indexed: bool = False, called: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
 ) -> Any:  # fmt: skip
     """Dataclasses in groups named after their keys; for a tuple, after the field that is a `key`. See `Members`."""
     kept = Members(
-        folder=folder, pattern=pattern, parts=parts, key=key, having=having, order=order, indexed=indexed
+        folder=folder, pattern=pattern, parts=parts, key=key, having=having, order=order, indexed=indexed,
+        called=called,
     )  # fmt: skip
     return _field(kept, default, default_factory)
 
@@ -252,6 +254,12 @@ def table(path: str, rows: Counter | None = None, *, empty: bool = True, default
 def declared(cls: _Class) -> _Class:
     """A frozen dataclass whose fields are declared."""
     return dataclasses.dataclass(frozen=True)(cls)  # type: ignore[return-value]
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(attribute, ending, dataclasses.field))
+def declared_base(cls: _Class) -> _Class:
+    """The same with keywords only, so that classes derived from it may begin with fields without a default."""
+    return dataclasses.dataclass(frozen=True, kw_only=True)(cls)  # type: ignore[return-value]
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from beamsim.fields import attribute, declared_base, ending, stored
 from beamsim.outcomes import Outcome
 
 if TYPE_CHECKING:
@@ -25,17 +25,20 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version(), **packages}
 
 
-@dataclass(frozen=True, kw_only=True)
+@declared_base
 class Result:
     """Base of the results of all commands: where they come from, how they ended, what is printed of them."""
 
     scenario: Scenario  # resolved
-    outcome: Outcome  # how the computation ended
-    summary: dict[str, Any]  # plain Python values; names as fixed in RESULTS.md
-    warnings: tuple[str, ...] = ()
-    wall_time_s: float = 0.0
-    created: str = field(default_factory=_now)  # ISO 8601, UTC
-    provenance: dict[str, str] = field(default_factory=_versions)  # of Python and the packages
+    outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
+    summary: dict[str, Any]  # plain Python values
+    warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec="json", default=())
+    wall_time_s: float = attribute("s", "wall time", default=0.0)
+    created: str = attribute("", "when the result was made, ISO 8601, UTC", default_factory=_now)
+    provenance: dict[str, str] = attribute(
+        "", "versions of Python and of the packages that the numbers depend on, JSON object", codec="json",
+        default_factory=_versions,
+    )  # fmt: skip
 
     @property
     def status(self) -> str:
@@ -48,6 +51,7 @@ class Result:
         return self.outcome.complete
 
     @property
+    @stored(attribute("", "title of the scenario"))
     def title(self) -> str:
         """The scenario's title."""
         return self.scenario.title

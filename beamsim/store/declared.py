@@ -21,13 +21,13 @@ _TEXT = h5py.string_dtype("utf-8")
 # --- Writing ---------------------------------------------------------------------------------------------------------
 
 
-def write(group: h5py.Group, value: Any, names: Sequence[Any] = (), *, on: str = "") -> None:
+def write(group: h5py.Group, value: Any, names: Sequence[Any] = (), *, on: str = "", cls: Any = None) -> None:
     """Write the declared fields of ``value`` into ``group``; ``names`` are what contains it, the nearest first.
 
-    ``on`` is the dataset that carries the attributes, where it is not the group.
+    ``on`` is the dataset that carries the attributes, where it is not the group; ``cls`` the class whose fields are
+    written, where it is a base of that of the value.
     """
-    names = (value, *names)
-    cls: Any = type(value)
+    names, cls = (value, *names), cls or type(value)
     for member in sorted(members_of(cls), key=_rank):
         found = getattr(value, member.name)
         if found is not None:

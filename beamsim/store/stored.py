@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -13,8 +12,7 @@ import h5py
 
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.store import schema
-from beamsim.store.outcomes import outcome_attributes, read_outcome
+from beamsim.store import declared, schema
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
@@ -130,6 +128,7 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
 
 def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> None:
     """Write what every result file carries, the summary included, and the attributes `more`."""
+    from beamsim.analyses.result import Result
     from beamsim.version import __version__
 
     file.attrs.update(
@@ -138,31 +137,23 @@ def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> No
             "beamsim_version": result.provenance.get("beamsim", __version__),
             "command": command,
             "scenario": result.scenario.to_yaml(),
-            "title": result.title,
-            **outcome_attributes(result.outcome),
-            "created": result.created,
-            "wall_time_s": result.wall_time_s,
-            "warnings": json.dumps(list(result.warnings), ensure_ascii=False),
-            "provenance": json.dumps(dict(result.provenance), ensure_ascii=False),
             **more,
         }
     )
+    declared.write(file, result, cls=Result)
     file.create_group("summary").attrs.update(schema.encode_summary(result.summary))
 
 
 def root_fields(file: h5py.File) -> dict[str, Any]:
     """What `write_root` wrote, as fields of a result with a `LazyScenario`."""
-    attributes = file.attrs
+    from beamsim.analyses.result import Result
+
     return {
-        "scenario_yaml": str(attributes["scenario"]),
-        "beamsim_version": str(attributes["beamsim_version"]),
-        "_title": str(attributes["title"]),
-        "outcome": read_outcome(attributes),
-        "created": str(attributes["created"]),
-        "wall_time_s": float(attributes["wall_time_s"]),
-        "warnings": tuple(json.loads(attributes["warnings"])),
-        "provenance": json.loads(attributes["provenance"]),
+        "scenario_yaml": str(file.attrs["scenario"]),
+        "beamsim_version": str(file.attrs["beamsim_version"]),
+        "_title": str(file.attrs["title"]),
         "summary": schema.decode_summary(dict(file["summary"].attrs)),
+        **declared.read(Result, file),
     }
 
 

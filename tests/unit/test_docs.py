@@ -15,6 +15,16 @@ def test_json_schema_file_is_the_one_the_program_prints():
     assert json.loads((ROOT / "docs/scenario.schema.json").read_text(encoding="utf-8")) == json_schema()
 
 
+def test_result_files_are_documented_as_they_are_declared():
+    """Renew with `python -m beamsim.store.describe docs/result_files.md`."""
+    from beamsim.store.describe import MARK, renewed
+
+    text = (ROOT / "docs/result_files.md").read_text(encoding="utf-8")
+    assert MARK in text
+    assert renewed(text) == text
+    assert renewed(text.replace("| `time` | s |", "| `time` | h |")) == text
+
+
 def test_cases_in_the_readme_load():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     cases = re.findall(r"```yaml\n(.*?)```", text, flags=re.S)

@@ -169,7 +169,10 @@ class RandomResponse:
     start_s: float = attribute("s", "what comes before is left out")
     frequency_hz: Floats = axis("Hz", "frequency")
     recorded: tuple[SignalStatistics, ...] = keyed(
-        parts=lambda signal: (signal.name, signal.quantity), having="density", indexed=True
+        parts=lambda signal: (signal.name, signal.quantity),
+        having="density",
+        indexed=True,
+        called="<name>/<quantity>",
     )  # the input first
     # by probe: of the absolute acceleration, of the displacement where a force drives the structure
     transmissibility: dict[str, Complexes] = per_name(
@@ -221,7 +224,8 @@ class RunResult(Result):
     base_displacement: Floats = dataset("m", "displacement of the base", along=_TIME, name="base/displacement")
     events: EventLog = group("events")
     spectra: dict[tuple[str, str], Spectrum] = keyed(  # by probe and quantity
-        folder="spectra", parts=_spectrum_group, having="window", key=lambda s: (s.probe, s.quantity),
+        folder="spectra", parts=_spectrum_group, called="<probe>[/displacement]",
+        having="window", key=lambda s: (s.probe, s.quantity),
         order=_spectrum_rank,
     )  # fmt: skip
     only_body: BodyResult | None = group("beam")  # of a scenario with one beam

@@ -215,7 +215,7 @@ class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
     kind: str = attribute("", "swept_sine or stepped")
-    curves: dict[str, SweepCurve] = keyed(having="level_index", order=_curve_rank)
+    curves: dict[str, SweepCurve] = keyed(called="<direction>_<level index>", having="level_index", order=_curve_rank)
     linear: LinearCurve = group("linear")
     peaks: tuple[ResponsePeak, ...] = table("peaks", Counter("peak", "number of the peak"))
     modes: ModeTable = group("modes")

@@ -1,0 +1,225 @@
+"""The documentation of result files, made from what results declare.
+
+``python -m beamsim.store.describe docs/result_files.md`` renews the part of the file below `MARK`.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple, get_args, get_origin
+
+from beamsim.fields import Attribute, Counter, Dataset, Group, Key, Member, Members, PerName, Table, members_of
+from beamsim.store.stored import KINDS
+from beamsim.typing import Complexes
+
+MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
+_OF_DATASETS = ("units", "long_name")
+
+
+class Row(NamedTuple):
+    """One dataset or attribute."""
+
+    name: str
+    unit: str
+    axes: str
+    meaning: str
+
+
+class Section(NamedTuple):
+    """One group of a file."""
+
+    path: str
+    text: str
+    rows: list[Row]
+
+
+def documentation() -> str:
+    """Every kind of result file, group by group, as Markdown."""
+    parts = [_root()]
+    known: dict[Any, str] = {}
+    for name, kind in KINDS.items():
+        cls = getattr(import_module(kind.module), kind.name)
+        if not isinstance(cls, type):
+            continue
+        called = kind.called.removeprefix("the result of ")
+        parts.append(f"## {name}: {called}\n")
+        parts += [_markdown(section) for section in _merged(sections_of(cls, name, known))]
+    return "\n".join(parts)
+
+
+def _merged(sections: Iterable[Section]) -> list[Section]:
+    """Sections with what several dataclasses put into one group together."""
+    found: dict[str, Section] = {}
+    for section in sections:
+        if section.path in found and section.rows:
+            found[section.path].rows.extend(section.rows)
+        else:
+            found.setdefault(section.path, section)
+    return list(found.values())
+
+
+def _root() -> str:
+    from beamsim.analyses.result import Result
+
+    rows = [
+        Row("schema_version", "", "attribute", "version of the layout"),
+        Row("beamsim_version", "", "attribute", "version of beamsim that computed the result"),
+        Row("command", "", "attribute", "command that wrote the file"),
+        Row("scenario", "", "attribute", "resolved scenario, YAML: the file alone can be run again"),
+    ]
+    own = next(iter(sections_of(Result)))
+    return "## Every file\n\n" + _markdown(Section("/", "What every file says of itself.", rows + own.rows))
+
+
+def sections_of(cls: type, kind: str = "", known: dict[Any, str] | None = None) -> Iterator[Section]:
+    """The groups that a result's class declares, the root first.
+
+    ``known`` says where a class has been described; what is described here is added.
+    """
+    from beamsim.analyses.result import Result
+
+    inherited = {member.name for member in members_of(Result)} if cls is not Result else set()
+    yield from _sections(cls, "/", {}, {} if known is None else known, inherited, kind)
+
+
+def _sections(
+    cls: Any, path: str, given: Mapping[str, Any], known: dict[Any, str], left_out: set[str], kind: str
+) -> Iterator[Section]:
+    """A class's own section, then those of the groups in it."""
+    rows: list[Row] = []
+    inner: list[tuple[Any, str, Mapping[str, Any]]] = []
+    for member in members_of(cls):
+        if member.name not in left_out:
+            _describe(member, path, given, rows, inner)
+    text = (cls.__doc__ or "").strip().partition("\n\n")[0].replace("\n    ", " ")
+    if rows:
+        yield Section(path, _safe(text), rows)
+    for own, below, more in inner:
+        if own in known and not more:
+            yield Section(below, f"As {known[own].removesuffix(f' of {kind}')}.", [])
+        else:
+            known.setdefault(own, f"`{below}` of {kind}")
+            yield from _sections(own, below, more, known, set(), kind)
+
+
+def _describe(
+    member: Member,
+    path: str,
+    given: Mapping[str, Any],
+    rows: list[Row],
+    inner: list[tuple[Any, str, Any]],
+    on: str = "",
+) -> None:
+    """Add the rows of a field, and the groups that it stands for."""
+
+    def add(name: str, unit: str, axes: str, meaning: str) -> None:
+        rest = (_spoken(text, given) for text in (unit, axes, meaning))
+        rows.append(Row(_spoken(name, given, "<{}>"), *rest))
+
+    match member.declaration:
+        case Dataset() as d:
+            for name, unit, meaning in _parts(member.stored_name, d, member.annotation):
+                add(name, unit, "is an axis" if d.scale else _axes(d.along), meaning)
+        case PerName(folder=folder, values=d):
+            item = get_args(member.annotation)[1]
+            for name, unit, meaning in _parts(d.name or member.name, d, item):
+                where = "/".join(filter(None, (folder, "<name>", name)))
+                add(where, unit, "attribute" if item in (int, float) else _axes(d.along), meaning)
+        case Attribute() as d if member.stored_name not in _OF_DATASETS:
+            of = f"attribute of {d.at or on}" if d.at or on else "attribute"
+            add(member.stored_name, d.unit, of, d.meaning)
+            if d.codec == "outcome":
+                add("outcome", "", of, "the same as a code")
+                add("outcome_numbers", "", of, "the numbers that belong to it, JSON object")
+        case Group() as d if d.path:
+            inner.append((member.annotation, _joined(path, d.path), d.given))
+        case Group() as d:
+            for below in members_of(member.annotation):
+                _describe(below, path, {**given, **d.given}, rows, inner, d.on)
+        case Members() as d:
+            item = get_args(member.annotation)[1 if get_origin(member.annotation) is dict else 0]
+            inner.append((item, _joined(path, _place(member, d, item)), d.given))
+        case Table() as d:
+            _describe_table(member, d, rows, add)
+
+
+def _describe_table(member: Member, declared: Table, rows: list[Row], add: Any) -> None:
+    cls = get_args(member.annotation)[0]
+    axis = declared.rows.name if declared.rows else ""
+    for column in members_of(cls):
+        axis = axis or (column.stored_name if column.declaration.scale else "")
+    for column in members_of(cls):
+        name = "/".join(filter(None, (declared.path, column.stored_name)))
+        along = " × ".join([axis, *filter(None, [_axes(column.declaration.along)])])
+        add(name, column.declaration.unit, "is an axis" if column.declaration.scale else along,
+            column.declaration.meaning)  # fmt: skip
+
+
+def _parts(name: str, declared: Dataset, annotation: Any) -> Iterator[tuple[str, str, str]]:
+    """Name, unit and meaning of the dataset, or of the two of complex numbers."""
+    if declared.phase:
+        yield name, declared.unit, declared.meaning
+        yield f"{name}_phase_deg", "degree", declared.phase
+    elif annotation == Complexes and declared.imaginary:
+        yield f"{name}_real", declared.unit, declared.meaning
+        yield f"{name}_imag", declared.unit, declared.imaginary
+    elif annotation == Complexes:
+        yield f"{name}_real, {name}_imag", declared.unit, f"{declared.meaning}, real and imaginary part"
+    else:
+        flags = f" ({declared.flags[0]}, {declared.flags[1]})" if declared.flags else ""
+        yield name, declared.unit, declared.meaning + flags
+
+
+def _place(member: Member, declared: Members, item: Any) -> str:
+    """Path of the group of a member, with what it is called by in angle brackets."""
+    key = next((m.name for m in members_of(item) if isinstance(m.declaration, Key)), "")
+    numbered = get_origin(member.annotation) is tuple or get_args(member.annotation)[0] is int
+    name = "<name>" if declared.labelled else f"<{key or ('n' if numbered else 'name')}>"
+    return "/".join(filter(None, (declared.folder, declared.called or declared.pattern.replace("{}", name))))
+
+
+def _axes(along: Any) -> str:
+    return " × ".join(item.name if isinstance(item, Counter) else item for item in along)
+
+
+def _joined(path: str, below: str) -> str:
+    return f"{path.rstrip('/')}/{below}"
+
+
+def _spoken(text: str, given: Mapping[str, Any], unknown: str = "*{}*") -> str:
+    """A text for readers: known fields filled in, others by their names."""
+
+    def name(found: re.Match[str]) -> str:
+        value = str(given[found[1]]) if found[1] in given else unknown.format(found[1])
+        return value.replace("_", " ") if found[2] else value
+
+    return re.sub(r"\{(\w+)(:words)?\}", name, text)
+
+
+def _markdown(section: Section) -> str:
+    lines = [f"### `{section.path}`\n", f"{section.text}\n"]
+    if section.rows:
+        lines += ["| name | unit | axes | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"| `{row.name}` | {_safe(row.unit)} | {_safe(row.axes)} | {_safe(row.meaning)} |" for row in section.rows
+        ]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _safe(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def renewed(text: str) -> str:
+    """A document with the part below `MARK` made anew."""
+    return f"{text.partition(MARK)[0]}{MARK}\n\n{documentation()}"
+
+
+if __name__ == "__main__":
+    document = Path(sys.argv[1])
+    document.write_text(renewed(document.read_text(encoding="utf-8")), encoding="utf-8")
