@@ -4,6 +4,8 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 import beamsim
 from beamsim.scenario import json_schema
 
@@ -33,7 +35,20 @@ def test_cases_in_the_readme_load():
         beamsim.load_scenario(case)
 
 
-def test_files_named_in_the_readme_exist():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    for name in re.findall(r"(?:configs|docs|benchmarks|tests)/[\w/.-]+\.(?:yaml|md|png|py|json)", text):
+@pytest.mark.parametrize("document", ["README.md", "CONTRIBUTING.md"])
+def test_files_named_in_a_document_exist(document):
+    text = (ROOT / document).read_text(encoding="utf-8")
+    for name in re.findall(r"(?:beamsim|configs|docs|benchmarks|tests)/[\w/.-]+\.(?:yaml|md|png|py|json)", text):
         assert (ROOT / name).exists(), name
+
+
+def test_the_set_up_of_contributing_is_the_readme_s():
+    command = next(line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if "[dev]" in line)
+    assert command in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").splitlines()
+
+
+def test_every_package_has_its_place_in_contributing():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    for path in (ROOT / "beamsim").iterdir():
+        if path.is_dir() and (path / "__init__.py").exists():
+            assert f"`{path.name}`" in text, path.name
