@@ -289,9 +289,13 @@ class Member(NamedTuple):
         return getattr(self.declaration, "name", "") or self.name
 
 
-@cache
 def members_of(cls: Any) -> tuple[Member, ...]:
     """The declared fields of a dataclass and its declared properties, in order."""
+    return _members_of(cls)
+
+
+@cache
+def _members_of(cls: Any) -> tuple[Member, ...]:
     found = []
     for field in dataclasses.fields(cls):
         if _DECLARED in field.metadata:

@@ -1,7 +1,7 @@
 """Result files for other programs: CSV tables, universal files (UFF 58), MATLAB.
 
-Runs and design studies have tables made for them (`beamsim.store.export_run`, `beamsim.store.designs`); everything
-else follows from the dimension scales of the file (`beamsim.store.tables`).
+Runs and design studies have CSV tables made for them (`beamsim.store.export_run`, `beamsim.store.designs`);
+everything else follows from the dimension scales of the file (`beamsim.store.tables`).
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     if form not in FORMATS:
         raise ResultFileError(f"no format {form!r}; choose one of {', '.join(FORMATS)}")
     path, target, kind = Path(path), Path(target), kind_of(path)
-    if kind == "run":
-        from beamsim.store.export_run import export_run
+    if kind == "run" and form == "csv":
+        from beamsim.store.export_run import export_csv
 
-        return export_run(open_result(path), target, form)
+        return export_csv(open_result(path), target)
     if kind == "designs" and form == "csv":
         from beamsim.store.designs import export_designs
 
@@ -127,6 +127,8 @@ def _export_mat(path: Path, target: Path) -> list[Path]:
         }
         variables["summary"] = schema.decode_summary(dict(file["summary"].attrs))
         variables.pop("attributes", None)
+        if "events" in variables:
+            variables["events"]["snubber"] += 1  # MATLAB counts from 1
     write_mat(variables, target)
     return [target]
 

@@ -1,7 +1,9 @@
 """The functions of time and frequency in any result file, as records of a universal file.
 
-Nodes are numbered through the scenario's probes, then its snubbers; x is the position along the beam (the number of
-the mass in a chain) and motion is along +z. The force of a snubber above the structure is along -z.
+Nodes are numbered through the scenario's probes, then its snubbers, then the base of a run (at the origin); x is the
+position along the beam (the number of the mass in a chain) and motion is along +z. The force of a snubber above the
+structure is along -z. Amplitude spectra are of function type 0 (general), because pyuff does not write type 12
+(spectrum).
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.store.datasets import ordered
 from beamsim.store.tables import datasets, values_of
 from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, ORDINATES, TIME_RESPONSE, UP, Source, record_58
 from beamsim.typing import Floats
@@ -43,14 +46,14 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
     """
     import pyuff
 
-    nodes, upside_down = _nodes(result.scenario)
+    nodes, upside_down = _stored_nodes(file) if "base" in file else _nodes(result.scenario)
     version = getattr(result, "beamsim_version", "")
     source = Source(result.title, result.created, f"beamsim {version} {file.attrs['command']}")
     records = []
     for dataset in datasets(file):
         name = _name(dataset)
-        for function in _functions(dataset):
-            place = ("snubber" if function.quantity in _OF_SNUBBERS else "probe", name)
+        for function in _functions(dataset, name):
+            place = (_kind_of_place(dataset, function.quantity), name)
             if place in nodes and function.x.size > 1:
                 node = list(nodes).index(place) + 1
                 turned = function.quantity == "force" and name in upside_down
@@ -74,6 +77,27 @@ def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], float], set[str]]:
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
 
 
+def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], float], set[str]]:
+    """The same of a run, whose file has the places; and the base."""
+    nodes: dict[tuple[str, str], float] = {}
+    upside_down = set()
+    for folder, kind in (("probes", "probe"), ("snubbers", "snubber")):
+        for group in ordered(file, folder):
+            nodes[kind, str(group.attrs["name"])] = float(group.attrs["position"])
+            if group.attrs.get("side") == "above":
+                upside_down.add(str(group.attrs["name"]))
+    return {**nodes, ("base", "base"): 0.0}, upside_down
+
+
+def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
+    """Whether a dataset is of a probe, a snubber, the base or, in a chain, a spring."""
+    parts = dataset.name.split("/")
+    for folder, kind in (("base", "base"), ("springs", "spring"), ("snubbers", "snubber"), ("probes", "probe")):
+        if folder in parts[:-1]:
+            return kind
+    return "snubber" if quantity in _OF_SNUBBERS else "probe"
+
+
 def _coordinate(place: Any) -> float:
     """Position along the beam, number of the mass; the first mass of a snubber between two."""
     for name in ("position", "mass"):
@@ -85,6 +109,8 @@ def _coordinate(place: Any) -> float:
 def _name(dataset: h5py.Dataset) -> str:
     """Name of the probe or snubber a dataset is of, from the attributes of the groups it is in."""
     group = dataset.parent
+    if group.name == "/base":
+        return "base"
     while group.name != "/":
         for key in ("name", "place", "probe"):
             if key in group.attrs:
@@ -93,7 +119,17 @@ def _name(dataset: h5py.Dataset) -> str:
     return ""
 
 
-def _functions(dataset: h5py.Dataset) -> Iterator[_Function]:
+def _label(dataset: h5py.Dataset, name: str, quantity: str) -> str:
+    """First line of a record: of a run whose quantity it is, elsewhere also where it is in the file."""
+    folder, *below = dataset.name.strip("/").split("/")
+    if folder == "spectra":
+        return f"{name} {quantity} spectrum".replace("_", " ")
+    if folder in ("probes", "snubbers", "base"):
+        return f"{name} {below[-1].replace('_', ' ')}"
+    return str(dataset.name.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real"))
+
+
+def _functions(dataset: h5py.Dataset, place: str) -> Iterator[_Function]:
     """What a dataset gives: one function, one for each order of harmonics, or nothing."""
     last = dataset.name.rpartition("/")[2]
     name, imaginary = last.removesuffix("_real"), dataset.parent.get(last.replace("_real", "_imag"))
@@ -108,7 +144,7 @@ def _functions(dataset: h5py.Dataset) -> Iterator[_Function]:
         quantity = next((name.removeprefix(s) for s in _STATISTICS if name.startswith(s)), name)
     if quantity not in ORDINATES or dataset.dtype.kind != "f":
         return
-    text = dataset.name.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real")
+    text = _label(dataset, place, quantity)
     axes = [dataset.dims[k][0] if len(dataset.dims[k]) else None for k in range(dataset.ndim)]
     names = ["" if axis is None else axis.name.rpartition("/")[2] for axis in axes]
     if names == ["time"]:

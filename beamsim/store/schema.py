@@ -1,10 +1,6 @@
-"""The layout of a result file: names, units and long names, in one place.
+"""What all result files agree on: the version of the layout, links made of names, the summary as attributes.
 
-``/`` carries the attributes `ROOT_ATTRIBUTES`. Groups of one probe or snubber have its name (a slash
-in it becomes ``∕``) and carry the true name and its ``index`` in the scenario as attributes; a
-spectrum is in ``/spectra/<probe>`` when it is of the absolute acceleration and in
-``/spectra/<probe>/<quantity>`` otherwise. Truth values are stored as unsigned bytes with CF
-``flag_values`` and ``flag_meanings``.
+What is in the files is declared by the results (`beamsim.fields`) and listed in docs/result_files.md.
 
 ``/summary`` has no datasets, only attributes under the names of the summary. Numbers and texts are
 native attributes; everything else (per-probe values, lists, truth values, nothing) is a JSON text, and the
@@ -22,25 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 SCHEMA_VERSION = 1
-COMMAND = "run"
-MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no subgroup
 JSON_ENCODED = "json_encoded"
-
-ROOT_ATTRIBUTES = (
-    "schema_version",
-    "beamsim_version",
-    "command",
-    "scenario",  # resolved YAML: the file alone can be run again
-    "title",
-    "method",
-    "status",
-    "outcome",  # code of the status
-    "outcome_numbers",  # JSON object, the numbers that belong to it
-    "created",
-    "wall_time_s",
-    "warnings",  # JSON list
-    "provenance",  # JSON object, package -> version
-)
 
 
 class Field(NamedTuple):
@@ -54,93 +32,13 @@ class Field(NamedTuple):
 
 TIME = Field("time", "s", "time")
 
-PROBE = (
-    Field("displacement", "m", "displacement relative to the base"),
-    Field("absolute_displacement", "m", "absolute displacement"),
-    Field("velocity", "m/s", "velocity relative to the base"),
-    Field("absolute_acceleration", "m/s^2", "absolute acceleration"),
-)
-
-SNUBBER = (
-    Field("force", "N", "contact force on the structure, positive when it pushes"),
-    Field("penetration", "m", "penetration of the structure into the snubber"),
-    Field("closed", "1", "whether the contact is closed", ("open", "closed")),
-    Field("displacement", "m", "displacement of the structure at the snubber, relative to the base"),
-    Field("velocity", "m/s", "velocity of the structure at the snubber, relative to the base"),
-)
-
-SPRING = (
-    Field("stretch", "m", "stretch of the spring; to the ground the absolute displacement of the mass"),
-    Field("force", "N", "force of the spring, positive where it pulls back a positive stretch"),
-)
-
-BASE = (
-    Field("acceleration", "m/s^2", "acceleration of the base"),
-    Field("displacement", "m", "displacement of the base"),
-)
-
-EVENT_NUMBER = Field("event", "1", "number of the contact event")
-EVENTS = (
-    Field("time", "s", "time of the contact event"),
-    Field("snubber", "1", "index of the snubber, from 0"),
-    Field("closing", "1", "whether the contact closes", ("opening", "closing")),
-)
-
-ENERGY = (
-    Field("work_in", "J", "work done on the structure by the excitation, in the relative frame"),
-    Field("dissipated", "J", "energy dissipated"),
-    Field("stored", "J", "energy stored, kinetic and elastic, snubbers included"),
-)
-
-BEAM_SCALES = (
-    Field("position", "m", "position along the beam"),
-    Field("extreme_times", "s", "times at which the first probe is lowest and highest"),
-)
-BEAM = (
-    Field("peak_bending_stress", "Pa", "largest absolute bending stress at any time"),
-    Field("extreme_shapes", "m", "deflection when the first probe is lowest and highest"),
-    Field("static_shape", "m", "deflection at static equilibrium"),
-)
-
 MODE_NUMBER = Field("mode", "1", "mode number")
-MODES = (
-    Field("open_frequencies_hz", "Hz", "natural frequencies with every contact open"),
-    Field("closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
-    Field("damping_ratios", "1", "modal damping ratios of the open structure"),
-    Field("shapes", "kg^-0.5", "mode shapes of the open structure, unit modal mass"),
-)
-
-LINE_NUMBER = Field("line", "1", "number of the line")
-LINES = (
-    Field("frequency_hz", "Hz", "frequency of the line"),
-    Field("order", "1", "frequency over excitation frequency"),
-    Field("amplitude", "", "amplitude of the line, zero to peak"),
-    Field("amplitude_db", "dB", "20 log10(amplitude / max |x|)"),
-    Field("phase_deg", "degree", "phase of the line as a sine of the run's time"),
-    Field("kind", "1", "mean, fundamental, superharmonic, subharmonic or other"),
-)
-
-
-def spectrum_fields(quantity: str, unit: str) -> tuple[Field, Field, Field]:
-    """Frequency axis, amplitude and level of a spectrum of ``quantity``."""
-    named = quantity.replace("_", " ")
-    return (
-        Field("frequency_hz", "Hz", "frequency"),
-        Field("amplitude", unit, f"single-sided peak amplitude of the {named}"),
-        Field("amplitude_db", "dB", f"20 log10(amplitude / max |x|) of the {named}"),
-    )
 
 
 def group_name(name: str) -> str:
     """A probe's or snubber's name as an HDF5 link: no slash, not ``.``."""
     link = name.replace("/", "∕")
     return f"_{link}" if link.strip(".") == "" else link
-
-
-def spectrum_group(probe: str, quantity: str) -> str:
-    """Where the spectrum of a probe's quantity is."""
-    base = f"spectra/{group_name(probe)}"
-    return base if quantity == MAIN_QUANTITY else f"{base}/{quantity}"
 
 
 def plain(value: Any) -> Any:

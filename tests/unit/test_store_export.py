@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from beamsim.errors import ResultFileError
-from beamsim.store.export import export_target
-from beamsim.store.export_run import export_run
+from beamsim.store.export import export_result, export_target
+from beamsim.store.results import write_run
+
+
+def export_run(result, target, form):
+    return export_result(write_run(result, target.parent / "run.h5"), target, form)
 
 
 def read_csv(path):
