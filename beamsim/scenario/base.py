@@ -210,7 +210,7 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
 
 
 def by_key(choose: Callable[[Any], str | None], message: str, remedy: str) -> Discriminator:
-    """Tell the members of a union apart by a function of the raw value, with one clear message."""
+    """Distinguish the members of a union by a function of the raw value, with one clear message."""
     return Discriminator(
         choose,
         custom_error_type="beamsim",
@@ -225,7 +225,7 @@ def _kind(value: Any) -> str | None:
 
 
 BY_KIND = Discriminator(_kind)
-"""Variants told apart by their key ``kind``; each member of the union carries ``Tag("<its kind>")``."""
+"""Variants distinguished by their key ``kind``; each member of the union carries ``Tag("<its kind>")``."""
 
 
 def _number_or_list(value: Any) -> str | None:

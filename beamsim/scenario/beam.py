@@ -25,7 +25,7 @@ Support = Literal["clamped", "pinned", "free", "guided"]
 
 
 class RectangleSection(Schema):
-    """Solid rectangle, bent about the axis along its width."""
+    """Solid rectangle, bending about the axis along its width."""
 
     kind: Literal["rectangle"] = "rectangle"
     """Solid rectangle."""
@@ -61,7 +61,7 @@ class TubeSection(Schema):
     """Thickness of the wall, at most half the outer diameter."""
 
     def settle(self) -> None:
-        """Refuse a wall thicker than the tube."""
+        """Reject a wall thicker than the tube."""
         if self.wall_thickness > self.outer_diameter / 2.0:
             raise fail(
                 f"= {self.wall_thickness:g} m is more than half of outer_diameter = {self.outer_diameter:g} m",
@@ -90,7 +90,7 @@ class TubeSection(Schema):
 
 
 class GeneralSection(Schema):
-    """Any section, by its numbers."""
+    """Any section, given by its properties."""
 
     kind: Literal["general"] = "general"
     """Section given by its area and second moment."""
@@ -114,7 +114,7 @@ class Supports(Schema):
     """How the two ends are held."""
 
     left: Support = "clamped"
-    """The end at x = 0: clamped, pinned, free, or guided (slides without turning)."""
+    """The end at x = 0: clamped, pinned, free, or guided (slides without rotation)."""
     right: Support = "free"
     """The end at x = length."""
 
@@ -155,7 +155,7 @@ class Beam(Body):
     """Lumped masses."""
 
     def settle(self) -> None:
-        """Refuse a section that is missing or given twice."""
+        """Reject a section that is missing or given twice."""
         flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
         if self.section is not None and flat:
             raise fail(
@@ -170,7 +170,7 @@ class Beam(Body):
             )
 
     def on_the_body(self, position: float) -> float:
-        """The position, put on the end where round-off puts it beyond."""
+        """The position, moved to the end if it is beyond it by round-off only."""
         return min(position, self.length)
 
     @property

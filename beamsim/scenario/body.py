@@ -28,7 +28,7 @@ class Body(Schema):
     """Whether it has modes that are left out unless they are asked for."""
 
     def on_the_body(self, position: float) -> float:
-        """The position, put on the end where round-off puts it beyond."""
+        """The position, moved to the end if it is beyond it by round-off only."""
         return position
 
     @property

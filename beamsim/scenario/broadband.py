@@ -1,4 +1,4 @@
-"""Inputs with more than a few frequencies: swept sine, sampled, random."""
+"""Broadband inputs: swept sine, sampled, random."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from beamsim.scenario.quantities import (
 
 
 class SweptSineInput(Driven):
-    """A sine whose frequency grows or falls; use it with `beamsim run` (`beamsim sweep` has its own section)."""
+    """A sine of increasing or decreasing frequency; use it with `beamsim run` (`beamsim sweep` has its own section)."""
 
     kind: Literal["swept_sine"] = "swept_sine"
     """A swept sine."""
     level: Level | None = None
     """Amplitude, zero to peak, if it is the same at all frequencies."""
     profile: tuple[ProfilePoint, ...] = ()
-    """Instead of level: levels from frequencies on."""
+    """Instead of level: a table of levels, each from a frequency on."""
     between: Between = "held"
-    """Between the points of the profile: each level held, or straight lines on doubly logarithmic paper."""
+    """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
-    """Ranges of frequencies with a lower level."""
+    """Frequency ranges with a reduced level."""
     from_: Frequency = Field(alias="from")
     """Frequency at the start."""
     to: Frequency
@@ -54,14 +54,14 @@ class SweptSineInput(Driven):
         if (self.level is None) == (not self.profile):
             raise fail("needs either level or profile", "give one of the two")
         if self.from_ == self.to:
-            raise fail(f"= {self.to:g} Hz is where the sweep begins", "give a range, from 20 Hz to 400 Hz", ("to",))
+            raise fail(f"= {self.to:g} Hz equals the start of the sweep", "give a range, from 20 Hz to 400 Hz", ("to",))
         check_profile(self.profile, self.between)
         if self.level is not None:
             super().settle()
             return
         for index, point in enumerate(self.profile):
             if point.quantity is not None and (point.quantity == "force") is self.on_base:
-                where = "the base is moved, not pushed" if self.on_base else "a point is pushed by a force"
+                where = "the base moves and takes no force" if self.on_base else "a point takes a force"
                 raise fail(
                     f"is a level of {point.quantity}, but {where}", "change its unit", ("profile", index, "level")
                 )
@@ -82,23 +82,23 @@ class SampledInput(Driven):
     """A measured motion of the base, or force."""
 
     kind: Literal["sampled"] = "sampled"
-    """Samples from a file."""
+    """Samples read from a file."""
     file: Text
-    """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; relative to the scenario's folder."""
+    """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; its path is relative to the folder of the scenario."""
     column: Text | None = None
     """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set."""
     time_column: Text | None = None
-    """CSV: number or heading of the column with the times; HDF5: path of their dataset. The first one by default."""
+    """CSV: number or heading of the time column, by default the first; HDF5: path of the time dataset."""
     sample_rate: Frequency | None = None
-    """Where the file has no times: samples a second."""
+    """Samples per second, if the file has no time axis."""
     unit: Text | None = None
-    """Unit of the values in the file (g, mm, N, ...); SI by default."""
+    """Unit of the values in the file (g, mm, N, ...), by default SI."""
     factor: PositiveNumber = 1.0
-    """The values are multiplied by it."""
+    """Factor by which the values are multiplied."""
     interpolation: Literal["linear", "cubic"] = "cubic"
-    """Between the samples: straight lines, or a smooth piecewise cubic."""
+    """Interpolation between the samples: linear, or a cubic spline."""
     resample: Frequency | None = None
-    """Rate to which the samples are interpolated first, where they are too fine for the run."""
+    """Rate to which the samples are first resampled, if they are too fine for the run."""
 
     def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
         """Return nothing: the levels are in the file."""
@@ -120,10 +120,10 @@ class SampledInput(Driven):
             self.resolve("quantity", meant)
         quantity = self.quantity or ("acceleration" if self.on_base else "force")
         if (quantity == "force") is self.on_base:
-            raise fail(f"is {quantity}, which cannot act there", "a base is moved, a point is pushed", ("quantity",))
+            raise fail(f"is {quantity}, which cannot act there", "a base moves, a force acts at a point", ("quantity",))
         if quantity != "acceleration" and self.on_base and self.interpolation == "linear":
             raise fail(
-                f"= linear of the base's {quantity} has corners, which are infinite accelerations",
+                f"= linear of the base's {quantity} has corners, where the acceleration is infinite",
                 "use interpolation: cubic, or give the acceleration",
                 ("interpolation",),
             )
@@ -141,12 +141,12 @@ class SampledInput(Driven):
 
 
 class PsdPoint(Schema):
-    """A point of a table of power spectral density."""
+    """A point in a table of power spectral density."""
 
     frequency: Frequency
     """Frequency."""
     density: SpectralDensity
-    """One-sided density: g^2/Hz of an acceleration, N^2/Hz of a force."""
+    """One-sided density: g^2/Hz for an acceleration, N^2/Hz for a force."""
 
 
 class RandomInput(Driven):
@@ -155,13 +155,13 @@ class RandomInput(Driven):
     kind: Literal["random"] = "random"
     """Random input."""
     psd: Annotated[tuple[PsdPoint, ...], Field(min_length=2)]
-    """Density against frequency; straight lines on doubly logarithmic paper between the points, nothing outside."""
+    """Density over frequency; log-log interpolation between the points, zero outside."""
     seed: NotNegativeWhole = 0
     """Seed of the random numbers: the same seed gives the same input."""
     period: Duration | None = None
     """The noise is a sum of sines that repeats after this time; the run's duration by default."""
     sample_rate: Frequency | None = None
-    """Rate at which it is sampled for interpolation; 20 times the highest frequency by default."""
+    """Sample rate used for interpolation; by default 20 times the highest frequency."""
     ramp: Time = 0.0
     """Time over which the level rises at the beginning."""
 

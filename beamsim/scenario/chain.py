@@ -24,17 +24,17 @@ class Chain(Body):
     masses: Annotated[tuple[Mass, ...], Field(min_length=1)]
     """The n masses."""
     springs: tuple[NonNegativeStiffness, ...]
-    """Stiffnesses: wall to 1, 1 to 2, ...; n + 1 values, or n when the last mass is free."""
+    """Stiffnesses: wall to 1, 1 to 2, ...; n + 1 values, or n if the last mass is free."""
     dashpots: tuple[Dashpot, ...] = ()
-    """Dashpots beside the springs; none by default, else as many as springs."""
+    """Dashpots parallel to the springs; none by default, otherwise as many as springs."""
     damping: ChainDamping | None = None
     """Damping of the chain as a whole, added to the dashpots."""
     snubbers: tuple[ChainSnubber, ...] = ()
-    """One-sided stops on masses, bumpers and cables between them."""
+    """One-sided stops on masses, and bumpers and cables between masses."""
     springs_to_ground: tuple[GroundSpring, ...] = ()
     """Springs from masses to the ground, linear, cubic or piecewise linear."""
     springs_between: tuple[LinkSpring, ...] = ()
-    """Further springs between any two masses, linear, cubic or piecewise linear."""
+    """Additional springs between any two masses, linear, cubic or piecewise linear."""
 
     def settle(self) -> None:
         """Check the lengths of the lists; resolve dashpots and names."""

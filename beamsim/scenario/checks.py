@@ -1,7 +1,7 @@
-"""What is wrong between the parts of a scenario, seen together.
+"""Consistency checks between the parts of a scenario.
 
-Every check yields the problems it finds. A check that meets a value which is wrong by itself (see
-`beamsim.scenario.base`) ends there, and the others go on.
+Every check yields the problems it finds. A check that meets a value that is itself invalid (see
+`beamsim.scenario.base`) stops there, and the others continue.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
 MOST_SAMPLES = 100_000_000
-"""More output samples than this are refused: the histories would not fit into memory."""
+"""Largest number of output samples; longer histories would not fit into memory."""
 
 Found = Iterator[Problem]
 
 
 def problems(scenario: Scenario) -> list[Problem]:
-    """Return everything wrong between the parts of a scenario."""
+    """Return all inconsistencies between the parts of a scenario."""
     checks = (
         _structure, _places, _names, _run, _start, _sweep, _identification, _modes, phase_resonance_problems, _designs,
         _limits,
@@ -73,12 +73,12 @@ def _structure(scenario: Scenario) -> Found:
         inside = [mass for mass in beam.point_masses if 0.0 < mass.position < beam.length]
         if not inside:
             yield _problem(
-                ("beam", "elements"), "= 1 leaves nothing free to move between two clamped ends", "use 2 or more"
+                ("beam", "elements"), "= 1 leaves no degree of freedom between two clamped ends", "use 2 or more"
             )
 
 
 def _places(scenario: Scenario) -> Found:
-    """Everything that sits somewhere must sit on the structure, where it can act."""
+    """Everything with a place must be on the structure, where it can act."""
     for path, part in walk(scenario):
         yield from _guarded(_place(scenario, path, part))
 
@@ -106,7 +106,7 @@ def _on_beam(scenario: Scenario, path: Path, part: Schema, position: float) -> F
     beam, at = scenario.beam, (*path, "position")
     if beam is None:
         if scenario.chain is not None and not isinstance(part, Snubber):
-            yield _problem(at, "belongs to a beam, and this is a chain", "name a mass by its number: mass: 1")
+            yield _problem(at, "applies to a beam, but the structure is a chain", "give a mass by its number, mass: 1")
         return
     if position > beam.length:
         given = _distinct(position, beam.length)
@@ -123,13 +123,13 @@ def _on_beam(scenario: Scenario, path: Path, part: Schema, position: float) -> F
     what = "a snubber" if isinstance(part, Snubber) else "a force"
     yield _problem(
         at,
-        f"= {position:g} m is the {support} {end} end, which cannot deflect: {what} does nothing there",
+        f"= {position:g} m is the {support} {end} end, which cannot deflect: {what} has no effect there",
         f"move it along the beam, or change beam.supports.{end}",
     )
 
 
 def _distinct(a: float, b: float) -> tuple[str, str]:
-    """Print two numbers with as many digits as tell them apart."""
+    """Print two numbers with enough digits to distinguish them."""
     for digits in range(6, 18):
         texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
         if texts[0] != texts[1]:
@@ -150,7 +150,7 @@ def _on_chain(scenario: Scenario, at: Path, mass: int) -> Found:
     if scenario.chain is None:
         if scenario.beam is not None:
             yield _problem(
-                at, "belongs to a chain, and this is a beam", "name a position on the beam: position: 270 mm"
+                at, "applies to a chain, but the structure is a beam", "give a position on the beam, position: 270 mm"
             )
     elif mass > scenario.chain.count:
         count = scenario.chain.count
@@ -167,7 +167,7 @@ def _names(scenario: Scenario) -> Found:
 
 
 def _unique(lists: Iterable[tuple[Path, Sequence[Named | Probe]]]) -> Found:
-    """Names within lists whose items are told apart by them."""
+    """Names within lists must be unique."""
     first: dict[str, Path] = {}
     for path, items in lists:
         for index, item in enumerate(items):
@@ -196,14 +196,14 @@ def _sampling(scenario: Scenario, run: Run) -> Found:
         yield _problem(
             at,
             f"= {rate:g} Hz gives no second sample in run.duration = {run.duration:g} s",
-            "sample faster, or run longer",
+            "use a higher sample rate, or a longer run",
         )
     elif rate * run.duration > MOST_SAMPLES:
         yield _problem(
             at,
             f"= {rate:g} Hz over run.duration = {run.duration:g} s gives {rate * run.duration:.3g} samples, "
             f"over the limit of {MOST_SAMPLES:.0e}",
-            "contact is found exactly whatever the sample rate: lower it, or run shorter",
+            "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
         )
     highest = max(scenario.excitation.frequencies_hz, default=0.0)
     if rate < 2.0 * highest:
@@ -220,7 +220,7 @@ def _spectrum(scenario: Scenario, run: Run) -> Found:
         yield _problem(
             ("run", "spectrum", "last"),
             f"= {spectrum.last:g} s is longer than run.duration = {run.duration:g} s",
-            "analyse a shorter part, or run longer",
+            "analyse a shorter part, or use a longer run",
         )
     if spectrum.periods is None:
         return
@@ -260,11 +260,11 @@ def _start(scenario: Scenario) -> Found:
 def _one_a_mass(at: Path, values: tuple[float, ...], count: int) -> Found:
     if values and len(values) != count:
         given = f"{len(values)} {'number' if len(values) == 1 else 'numbers'}"
-        yield _problem(at, f"has {given} for {count} masses", "give one number a mass, or leave it out")
+        yield _problem(at, f"has {given} for {count} masses", "give one number per mass, or leave it out")
 
 
 def _fits_supports(at: Path, polynomial: tuple[float, ...], beam: Beam) -> Found:
-    """Refuse a shape with a deflection or slope that the supports prevent."""
+    """Reject a shape with a deflection or slope that the supports prevent."""
     for end, support, x in (("left", beam.supports.left, 0.0), ("right", beam.supports.right, beam.length)):
         for what, order, held in (
             ("deflection", 0, support in ("clamped", "pinned")),
@@ -292,7 +292,7 @@ def _sweep(scenario: Scenario) -> Found:
     if not isinstance(excitation, Harmonic):
         yield _problem(
             ("sweep",),
-            f"sweeps the frequency of a harmonic excitation, and this one is {excitation.kind}",
+            f"sweeps the frequency of a harmonic excitation, but this one is {excitation.kind}",
             "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
         )
         return
@@ -326,7 +326,7 @@ def _identification(scenario: Scenario) -> Found:
         at, close = ("identify_stiffness", "snubber"), get_close_matches(section.snubber, names, n=1)
         known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
         yield _problem(
-            at, f"= {section.snubber} is no snubber's name", known if names else "give the snubber in snubbers"
+            at, f"= {section.snubber} is not the name of a snubber", known if names else "give the snubber in snubbers"
         )
     yield from identification_problems(scenario, section)
 
@@ -346,7 +346,7 @@ def _modes(scenario: Scenario) -> Found:
 
 
 def _factor(chain: Chain, going: StiffnessFactorContinuation) -> Found:
-    """The factor multiplies changes of slope: a softening spring must not come out with a negative one."""
+    """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
     key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
     for name in ("springs_to_ground", "springs_between"):
         for index, spring in enumerate(getattr(chain, name)):

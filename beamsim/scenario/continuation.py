@@ -1,4 +1,4 @@
-"""Curves of periodic motions: what is followed, by which method, what is laid over them."""
+"""Continuation of periodic motions: parameter, method, and overlaid sweeps."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class FrequencyPath(Schema):
     """Last frequency."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to, "Hz")
 
 
@@ -57,7 +57,7 @@ class LevelPath(Schema):
     """Last level."""
 
     def settle(self) -> None:
-        """Refuse an empty range, and levels that excite nothing."""
+        """Reject an empty range, and levels that excite nothing."""
         for name, value in (("from", self.from_), ("to", self.to)):
             if not value > 0:
                 raise fail(
@@ -69,10 +69,10 @@ class LevelPath(Schema):
 
 
 class SnubberPath(Schema):
-    """One number of one snubber changes."""
+    """A property of one snubber changes."""
 
     snubber: Name | None = None
-    """Name of the snubber; may be left out where there is only one."""
+    """Name of the snubber; may be omitted if there is only one."""
 
 
 class GapPath(SnubberPath):
@@ -86,7 +86,7 @@ class GapPath(SnubberPath):
     """Last gap."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to, "m")
 
 
@@ -101,12 +101,12 @@ class StiffnessPath(SnubberPath):
     """Last stiffness."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to, "N/m")
 
 
 class PositionPath(SnubberPath):
-    """A snubber moves along the beam; a dashpot given by a ratio changes with its place."""
+    """A snubber moves along the beam; a dashpot given by a ratio changes with its position."""
 
     kind: Literal["position"] = "position"
     """A snubber's position along the beam."""
@@ -116,13 +116,13 @@ class PositionPath(SnubberPath):
     """Last position."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to, "m")
 
 
 def _refuse_empty(first: float, last: float, unit: str) -> None:
     if first == last:
-        raise fail(f"= {last:g} {unit}".rstrip() + " is where the continuation begins", "give a range", ("to",))
+        raise fail(f"= {last:g} {unit}".rstrip() + " equals the start of the continuation", "give a range", ("to",))
 
 
 ResponseParameter = Annotated[
@@ -144,24 +144,24 @@ SecondParameter = Annotated[
 
 
 class Shooting(Schema):
-    """Newton's method on the flow over a period, with its exact derivatives."""
+    """Newton's method on the flow over one period, with exact derivatives."""
 
     kind: Literal["shooting"] = "shooting"
     """Shooting."""
 
 
 class HarmonicBalance(Schema):
-    """Sums of harmonics, with forces exact for them; the cost does not depend on the size of the model."""
+    """Truncated Fourier series with exact contact forces; the cost does not depend on the size of the model."""
 
     kind: Literal["harmonic_balance"] = "harmonic_balance"
     """Harmonic balance."""
     harmonics: Count = 21
-    """Highest harmonic of the motion's own frequency."""
+    """Highest harmonic of the fundamental frequency of the motion."""
     largest_error: Ratio = 0.01
-    """What the neglected harmonics may be worth, against the motion, for a curve that is trusted."""
+    """Largest truncation error, relative to the motion, of a result that counts as reliable."""
 
     def settle(self) -> None:
-        """Refuse more harmonics than can be solved for."""
+        """Reject more harmonics than can be solved for."""
         if self.harmonics > MOST_HARMONICS:
             raise fail(f"= {self.harmonics} is too many", f"use {MOST_HARMONICS} or fewer, or shooting", ("harmonics",))
 
@@ -185,7 +185,7 @@ Method = Annotated[
 
 
 class SweptOverlay(Schema):
-    """A swept sine over the same frequencies and levels, drawn on the curve."""
+    """A swept sine over the same frequencies and levels, overlaid on the response curve."""
 
     rate: SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
@@ -194,10 +194,10 @@ class SweptOverlay(Schema):
 
 
 class Continuation(Schema):
-    """The curve of periodic motions, stable and unstable, followed in frequency or another parameter."""
+    """Branches of periodic motions, stable and unstable, continued in frequency or another parameter."""
 
     kind: Literal["continuation"] = "continuation"
-    """Periodic motions followed in a parameter."""
+    """Continuation of periodic motions in a parameter."""
     from_: Frequency | None = Field(default=None, alias="from")
     """First frequency; short for continue_in: {kind: frequency, from: ..., to: ...}."""
     to: Frequency | None = None
@@ -205,19 +205,19 @@ class Continuation(Schema):
     continue_in: ResponseParameter | None = None
     """The parameter that changes, instead of from and to: frequency, level, gap, stiffness or position."""
     levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
-    """Levels, a curve each; the level of the excitation by default."""
+    """Levels, with one curve each; by default the level of the excitation."""
     method: Method = Shooting()
     """Shooting (exact), or harmonic balance."""
     follow_folds_in: SecondParameter | None = None
-    """Follow the folds of a curve in frequency in a second parameter: level, gap, stiffness or position."""
+    """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""
     overlay: SweptOverlay | None = None
-    """A swept sine laid over a curve in frequency."""
+    """A swept sine overlaid on a frequency response."""
     longest_period: Count = 2
-    """Longest period followed behind period doublings, in periods of the excitation."""
+    """Longest period followed after period doublings, in periods of the excitation."""
     most_points: Count = 4000
-    """Points after which the curve of a level is left."""
+    """Largest number of points of the curve of a level."""
     longest_time: Duration = 600.0
-    """Time after which the curve of a level is left."""
+    """Longest computing time for the curve of a level."""
 
     def settle(self) -> None:
         """Demand one range, and refuse what does not go together."""
@@ -227,7 +227,7 @@ class Continuation(Schema):
             self.resolve("method", HarmonicBalance() if self.method == "harmonic_balance" else Shooting())
         parameter = self.parameter
         if parameter.kind == "level" and self.levels:
-            raise fail("cannot be given while the level changes", "leave levels out", ("levels",))
+            raise fail("cannot be given if the level is the parameter", "leave levels out", ("levels",))
         by_balance = isinstance(self.method, HarmonicBalance)
         if by_balance and parameter.kind not in ("frequency", "level"):
             raise fail(
@@ -238,7 +238,7 @@ class Continuation(Schema):
         for name in ("follow_folds_in", "overlay"):
             if getattr(self, name) is not None and parameter.kind != "frequency":
                 raise fail(
-                    f"belongs to a curve in frequency, and this one is in {parameter.kind}",
+                    f"applies to a curve in frequency, but this one is in {parameter.kind}",
                     "leave it out, or give from and to as frequencies",
                     (name,),
                 )
@@ -268,7 +268,7 @@ class Continuation(Schema):
         assert self.from_ is not None
         assert self.to is not None
         if self.from_ == self.to:
-            raise fail(f"= {self.to:g} Hz is where the sweep begins", "give a range, from 20 Hz to 400 Hz", ("to",))
+            raise fail(f"= {self.to:g} Hz equals the start of the sweep", "give a range, from 20 Hz to 400 Hz", ("to",))
 
     @property
     def parameter(self) -> FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath:
@@ -288,7 +288,7 @@ class Continuation(Schema):
 
 
 def refuse_empty_levels(sweep: Any) -> None:
-    """Refuse a list of levels that is given and has none."""
+    """Reject a list of levels that is given and has none."""
     if "levels" in sweep.model_fields_set and not sweep.levels:
         raise fail(
             "is an empty list", "give at least one level, or leave it out (null drops an inherited list)", ("levels",)
@@ -296,7 +296,7 @@ def refuse_empty_levels(sweep: Any) -> None:
 
 
 def continuation_problems(scenario: Scenario, sweep: Continuation) -> Iterator[Problem]:
-    """What does not fit between a continuation and its structure and excitation."""
+    """Inconsistencies between a continuation and its structure and excitation."""
     excitation = scenario.excitation
     structure = scenario.beam or scenario.chain
     if structure is None:
@@ -359,7 +359,7 @@ def _snubber_problems(scenario: Scenario, at: str, path: Any) -> Iterator[Proble
             return
         close = get_close_matches(path.snubber, names, n=1)
         known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
-        yield Problem(f"{at}.snubber", f"= {path.snubber} is no snubber's name", known)
+        yield Problem(f"{at}.snubber", f"= {path.snubber} is not the name of a snubber", known)
         return
     preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
     if preloaded:
@@ -375,7 +375,9 @@ def _snubber_problems(scenario: Scenario, at: str, path: Any) -> Iterator[Proble
 def _position_problems(scenario: Scenario, at: str, path: PositionPath) -> Iterator[Problem]:
     beam = scenario.beam
     if beam is None:
-        yield Problem(f"{at}.kind", "= position belongs to a beam, and this is a chain", "follow gap or stiffness")
+        yield Problem(
+            f"{at}.kind", "= position applies to a beam, but the structure is a chain", "follow gap or stiffness"
+        )
         return
     for name, value in (("from", path.from_), ("to", path.to)):
         if value > beam.length * (1 + 1e-12):

@@ -21,7 +21,7 @@ class ModalDamping(Schema):
     kind: Literal["modal"] = "modal"
     """Modal damping ratios."""
     ratio: Ratios = 0.0
-    """Damping ratio of every mode, or a list from the first mode on (the last holds for all later ones)."""
+    """Damping ratio of all modes, or a list from the first mode on (the last value applies to all higher modes)."""
 
 
 class RayleighDamping(Schema):
@@ -36,12 +36,12 @@ class RayleighDamping(Schema):
 
 
 class ViscousDamping(Schema):
-    """Uniform viscous damping along the beam: a force per unit length against the velocity."""
+    """Uniform viscous damping along the beam: a force per unit length opposite to the velocity."""
 
     kind: Literal["viscous"] = "viscous"
     """Uniform viscous damping."""
     coefficient: ViscousPerLength
-    """Force per unit length and unit velocity."""
+    """Force per unit length and velocity."""
 
 
 BeamDamping = Annotated[

@@ -1,4 +1,4 @@
-"""What is varied: lists, ranges and tolerances of any numbers of a scenario, as a grid, zipped or sampled."""
+"""Varied parameters: lists, ranges and tolerances of any numbers of a scenario, as a grid, zipped or sampled."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from beamsim.scenario.scenario import Scenario
 
 MOST_CASES = 200_000
-"""A study of more cases than this is refused."""
+"""Largest number of cases of a study."""
 
 Path = tuple[str | int, ...]
 Value = float | str
@@ -69,7 +69,7 @@ class _Parameter(Schema):
     """What all varied parameters share."""
 
     path: Text
-    """Path of the number or word, for example beam.thickness, snubbers.tip.gap or beam.point_masses[*].mass."""
+    """Path of the number or choice, for example beam.thickness, snubbers.tip.gap or beam.point_masses[*].mass."""
     also: tuple[Text, ...] = ()
     """Other paths that take the same value, such as a probe that moves with a snubber."""
 
@@ -78,7 +78,7 @@ class ListedParameter(_Parameter):
     """A list of values."""
 
     values: Annotated[tuple[AnyValue, ...], Field(min_length=1)]
-    """The values, with or without unit; or words, as supports."""
+    """The values, with or without unit; or choices, such as supports."""
 
 
 class RangedParameter(_Parameter):
@@ -95,7 +95,7 @@ class RangedParameter(_Parameter):
 
 
 class TolerancedParameter(_Parameter):
-    """The scenario's own value and its tolerance."""
+    """The value in the scenario and its tolerance."""
 
     tolerance: AnyValue
     """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
@@ -115,12 +115,12 @@ class SampledRange(_Parameter):
 
 
 class SampledTolerance(_Parameter):
-    """Any value within the tolerance of the scenario's own."""
+    """Any value within the tolerance about the value in the scenario."""
 
     tolerance: AnyValue
     """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
     distribution: Literal["uniform", "normal"] = "uniform"
-    """Uniform within the tolerance; or normal, the tolerance being three standard deviations, cut off there."""
+    """Uniform within the tolerance; or normal, truncated at the tolerance of three standard deviations."""
 
 
 def _choose_listed(value: Any) -> str | None:
@@ -155,20 +155,20 @@ class Grid(Schema):
     kind: Literal["grid"] = "grid"
     """Every combination."""
     parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
-    """What is varied."""
+    """The varied parameters."""
 
 
 class Zipped(Schema):
-    """First values together, second values together, and so on."""
+    """All first values together, all second values together, and so on."""
 
     kind: Literal["zip"] = "zip"
-    """Values one by one, together."""
+    """Values paired by position."""
     parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
-    """What is varied; all have equally many values."""
+    """The varied parameters; all need the same number of values."""
 
 
 class LatinHypercube(Schema):
-    """A Latin-hypercube sample: of every parameter one value in each of as many equally likely parts as samples."""
+    """A Latin-hypercube sample: one value of every parameter in each of `samples` equally likely intervals."""
 
     kind: Literal["latin_hypercube"] = "latin_hypercube"
     """A Latin-hypercube sample."""
@@ -177,7 +177,7 @@ class LatinHypercube(Schema):
     seed: Annotated[int, Whole(0)] = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
-    """What is varied."""
+    """The varied parameters."""
 
 
 Vary = Annotated[
@@ -228,7 +228,7 @@ def case_count(scenario: Scenario) -> int:
 
 
 def design_problems(scenario: Scenario, vary: Grid | Zipped | LatinHypercube) -> Iterator[Problem]:
-    """Paths that lead nowhere, values their fields refuse, too many cases."""
+    """Unknown paths, values that their fields do not accept, too many cases."""
     taken: dict[Path, int] = {}
     for index, parameter in enumerate(vary.parameters):
         at: Path = ("vary", "parameters", index)
@@ -243,7 +243,7 @@ def design_problems(scenario: Scenario, vary: Grid | Zipped | LatinHypercube) ->
                 yield Problem(
                     path_text((*at, "path")),
                     f"= {axis.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
-                    "name every number once",
+                    "list every parameter once",
                 )
                 break
     if isinstance(vary, Zipped):
@@ -299,15 +299,15 @@ def _axis(scenario: Scenario, parameter: Any) -> Axis:
             for place in places[1:]:
                 read(value, ("values", k), place)
         if len(set(values)) < len(values):
-            raise fail("holds a value twice", "name every value once", ("values",))
+            raise fail("lists a value twice", "list every value once", ("values",))
         return Axis(**common, values=values)
     if choices or isinstance(nominal, str):
-        raise fail(f"= {parameter.path} is a word, which has no range", _LIST_EXAMPLE, ("path",))
+        raise fail(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
     if isinstance(parameter, (RangedParameter, SampledRange)):
         low, high = (float(read(v, (key,))) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
         if low == high:
-            raise fail(f"= {high:g} is where the range begins", "give a range, or values: [...]", ("to",))
+            raise fail(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
         if isinstance(parameter, SampledRange) and low > high:
             raise fail(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
         if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
@@ -319,8 +319,8 @@ def _axis(scenario: Scenario, parameter: Any) -> Axis:
     else:
         if any(value_at(scenario, place) != nominal for place in places):
             raise fail(
-                "needs one value to deviate from, and these paths have different ones",
-                "vary them one by one",
+                "needs one nominal value, but these paths have different ones",
+                "vary them separately",
                 ("path",),
             )
         deviation = _deviation(scenario, first, parameter.tolerance, float(nominal))
@@ -346,12 +346,10 @@ def _places(scenario: Scenario, path: str, at: Path) -> list[Path]:
         raise fail(context["message"], context["remedy"], at) from None
     for place in places:
         if place[0] in _SECTIONS:
-            raise fail(
-                f"= {path} makes no difference to a case", "vary a number of the structure or what drives it", at
-            )
+            raise fail(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
         free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
         if place[-1] == "kind" or (free_text and not _takes_words(scenario, place)):
-            raise fail(f"= {path} is no number and no choice", "vary a number, or a word such as a support", at)
+            raise fail(f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at)
     return places
 
 

@@ -1,4 +1,4 @@
-"""What all excitations share: where they act, and what their levels are."""
+"""Common part of all excitations: where they act, and the quantity of their levels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ AppliedTo = Annotated[
 def agree_on_quantity(
     levels: Sequence[tuple[tuple[str | int, ...], float]], given: str | None, on_base: bool
 ) -> Quantity:
-    """Return what the levels are: as said, else as their units say, else the default of the place.
+    """Return the quantity of the levels: as given, otherwise from their units, otherwise the default of the place.
 
     Raises what `fail` builds when units, quantity and place contradict each other.
     """
@@ -54,14 +54,14 @@ def agree_on_quantity(
     at = ("quantity",) if given is not None else levels[0][0]
     if on_base and quantity == "force":
         raise fail(
-            "is a force, but the base is moved, not pushed",
+            "is a force, but the base moves and takes no force",
             "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), "
             "or apply the force to {position: ...} or {mass: ...}",
             at,
         )
     if not on_base and quantity != "force":
         raise fail(
-            f"is {'an' if quantity[0] == 'a' else 'a'} {quantity}, but a point is pushed by a force",
+            f"is {'an' if quantity[0] == 'a' else 'a'} {quantity}, but a point takes a force",
             "give a force (1.5 N), or apply it to base",
             at,
         )
@@ -69,12 +69,12 @@ def agree_on_quantity(
 
 
 class Driven(Schema):
-    """What all excitations share."""
+    """Common part of all excitations."""
 
     applied_to: AppliedTo
     """Base, a position of the beam, or a mass of the chain."""
     quantity: Quantity | None = None
-    """Acceleration, velocity or displacement of the base, force at a point; as the unit of the level says."""
+    """Acceleration, velocity or displacement of the base, or force at a point; by default as the unit of the level."""
 
     def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
         """Return the levels with their paths."""
@@ -91,7 +91,7 @@ class Driven(Schema):
 
     @property
     def on_base(self) -> bool:
-        """Whether the base moves (else a point is pushed)."""
+        """Whether the base moves (otherwise a force acts at a point)."""
         return self.applied_to == "base"
 
     @property
@@ -101,5 +101,5 @@ class Driven(Schema):
 
     @property
     def highest_frequency_hz(self) -> float:
-        """Highest frequency the excitation has to say something at, Hz; a pulse of duration T counts as 1/(2 T)."""
+        """Highest frequency of the excitation, Hz; a pulse of duration T counts as 1/(2 T)."""
         return max(self.frequencies_hz, default=0.0)

@@ -1,4 +1,4 @@
-"""What drives the structure: the motion of its base or a force at a point."""
+"""Excitation of the structure: motion of its base or a force at a point."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class NoExcitation(Schema):
 
     @property
     def highest_frequency_hz(self) -> float:
-        """Highest frequency the excitation has to say something at: 0."""
+        """Highest frequency of the excitation: 0."""
         return 0.0
 
 
@@ -90,7 +90,7 @@ class Step(Driven):
     kind: Literal["step"] = "step"
     """A step."""
     level: Level
-    """Value after the step; of the base only an acceleration."""
+    """Value after the step; for the base only an acceleration."""
     time: Time = 0.0
     """When it steps."""
 
@@ -99,7 +99,7 @@ class Step(Driven):
         return [(("level",), self.level)]
 
     def settle(self) -> None:
-        """Refuse steps that need an infinite acceleration."""
+        """Reject steps that need an infinite acceleration."""
         super().settle()
         if self.quantity in ("velocity", "displacement"):
             raise fail(
@@ -110,23 +110,23 @@ class Step(Driven):
 
 
 class HalfSine(Driven):
-    """Half a period of a sine from `time` on, zero before and after."""
+    """Half a sine period starting at `time`, zero before and after."""
 
     kind: Literal["half_sine"] = "half_sine"
     """A half-sine pulse."""
     level: Level
-    """Peak of the pulse; of the base an acceleration or a velocity."""
+    """Peak of the pulse; for the base an acceleration or a velocity."""
     duration: Duration
-    """Length of the pulse."""
+    """Duration of the pulse."""
     time: Time = 0.0
-    """When it begins."""
+    """Start of the pulse."""
 
     def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
         """Return the level with its path."""
         return [(("level",), self.level)]
 
     def settle(self) -> None:
-        """Refuse pulses that need an infinite acceleration."""
+        """Reject pulses that need an infinite acceleration."""
         super().settle()
         if self.quantity == "displacement":
             raise fail(

@@ -61,16 +61,16 @@ Seed = Annotated[int, Whole(0)]
 
 
 class Pad(Schema):
-    """The snubber's rubber pad: Young's modulus E = k height / area."""
+    """Rubber pad of the snubber, to compute its Young's modulus E = k height / area."""
 
     height: Length
     """Height (in the direction of the force)."""
     area: Area
-    """Area that carries the force."""
+    """Loaded area."""
 
 
 class MonteCarlo(Schema):
-    """Random frequencies around the measured ones, to check the first-order uncertainty."""
+    """Monte Carlo samples around the measured frequencies, to check the first-order uncertainty."""
 
     samples: SteppedCount = 10_000
     """Number of samples."""
@@ -79,7 +79,7 @@ class MonteCarlo(Schema):
 
 
 class ParameterUncertainty(Schema):
-    """How well a number of the structure is known; its part in the stiffness's uncertainty is reported."""
+    """Uncertainty of a parameter of the structure; its contribution to the uncertainty of the stiffness is reported."""
 
     parameter: Text
     """Path of the number, for example beam.thickness or beam.point_masses[*].mass."""
@@ -88,17 +88,17 @@ class ParameterUncertainty(Schema):
 
 
 class SoughtParameter(Schema):
-    """A number of the scenario to be found; its path alone will do."""
+    """A parameter of the scenario to be identified; its path alone is enough."""
 
     parameter: Text
     """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
     bounds: tuple[Bound, ...] = ()
     """Lowest and highest value, with or without unit."""
     prior: Ratio | None = None
-    """Standard deviation of what is known beforehand, relative to the scenario's value; none by default."""
+    """Standard deviation of the prior, relative to the value in the scenario; no prior by default."""
 
     def settle(self) -> None:
-        """Refuse one bound, or three."""
+        """Reject one bound, or three."""
         if self.bounds and len(self.bounds) != 2:
             raise fail(
                 f"has {len(self.bounds)} value{'' if len(self.bounds) == 1 else 's'}",
@@ -113,7 +113,7 @@ class SoughtParameter(Schema):
 
 
 class _OrItsPath:
-    """Tells editors that the path alone will do."""
+    """For editors: the path alone is enough."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         return {"anyOf": [{"type": "string", "minLength": 1}, handler(schema)]}
@@ -131,12 +131,12 @@ class MeasuredShapes(Schema):
     """Deflections of each mode at these positions, from the first mode on, to any scale."""
 
     def settle(self) -> None:
-        """Refuse shapes of another length, or zero."""
+        """Reject shapes of another length, or zero."""
         for index, shape in enumerate(self.shapes):
             if len(shape) != len(self.positions):
                 raise fail(
                     f"has {len(shape)} values for {len(self.positions)} positions",
-                    "give one deflection a position",
+                    "give one deflection per position",
                     ("shapes", index),
                 )
             if not any(shape):
@@ -144,7 +144,7 @@ class MeasuredShapes(Schema):
 
 
 class MeasuredTest(Schema):
-    """A measured steady vibration; what it does not say is as in the scenario's excitation."""
+    """A measured steady vibration; anything not given is as in the excitation of the scenario."""
 
     file: Text
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
@@ -157,7 +157,7 @@ class MeasuredTest(Schema):
     )
     """What was measured; displacement and velocity are relative to the base."""
     unit: Text | None = None
-    """Unit of the file's numbers, for example g or mm; by default what the file says, else SI."""
+    """Unit of the values in the file, for example g or mm; by default the unit stated in the file, otherwise SI."""
     frequency: Frequency | None = None
     """Excitation frequency of this test."""
     level: Level | None = None
@@ -167,22 +167,22 @@ class MeasuredTest(Schema):
     last: Duration | None = None
     """Use only the last part of a time signal (the steady vibration); everything by default."""
     phase: Literal["free", "of_excitation"] = "free"
-    """Free: the signal's clock is not the excitation's, only phases between harmonics count."""
+    """Free: the time origin of the signal is unknown, and only phases between harmonics are compared."""
     noise: Ratio | None = None
-    """Standard deviation of a harmonic, relative to the largest one; from the signal's own scatter by default."""
+    """Standard deviation of a harmonic, relative to the largest one; by default from the scatter of the signal."""
 
 
 class NonlinearFit(Schema):
     """Parameters from measured nonlinear vibrations."""
 
     estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
-    """Numbers to be found, for example snubbers.tip.gap or beam.damping.ratio."""
+    """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[MeasuredTest, ...], Field(min_length=1)]
     """The measured vibrations."""
     starts: Count = 5
-    """Number of starting points: the scenario's values and random ones around them."""
+    """Number of starting points: the values in the scenario and random points around them."""
     spread: Ratio = 0.3
-    """How far the random starting points lie from the scenario's values, relative."""
+    """Relative spread of the random starting points about the values in the scenario."""
     seed: Seed = 0
     """Seed of the random starting points."""
     profiles: bool = True
@@ -190,32 +190,32 @@ class NonlinearFit(Schema):
 
 
 class IdentifyStiffness(Schema):
-    """What is known for the identification."""
+    """Measurements and settings of the identification."""
 
     snubber: Name
-    """Name of the snubber whose stiffness is sought."""
+    """Name of the snubber whose stiffness is identified."""
     measured_without: tuple[Frequency, ...] = ()
-    """Natural frequencies measured without the snubber, from the first on: they check the beam itself."""
+    """Natural frequencies measured without the snubber, from the first on; they check the model of the structure."""
     measured_with: tuple[Frequency, ...] = ()
     """Natural frequencies measured with permanent contact, from the first on."""
     fit_to: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)
     """Numbers of the modes the fit uses."""
     method: Literal["secular", "thesis"] = "secular"
-    """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits."""
+    """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits (Hazim 2010)."""
     tolerance: Ratio = 1e-3
-    """Method thesis: relative difference in frequency that ends its loop."""
+    """Method thesis: relative difference in frequency at which the iteration ends."""
     most_solutions: Count = 20_000
-    """Method thesis: most eigenvalue solutions before it gives up."""
+    """Method thesis: largest number of eigenvalue solutions."""
     uncertainty: Ratios = 0.0
-    """Standard deviation of a measured frequency, relative; or one a mode."""
+    """Relative standard deviation of a measured frequency, or a list with one value per mode."""
     coverage: Ratio = 0.95
-    """Probability that the intervals shall cover."""
+    """Coverage probability of the confidence intervals."""
     monte_carlo: MonteCarlo = MonteCarlo()
     """Check of the uncertainty by random sampling."""
     parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
-    """How well numbers of the structure are known."""
+    """Uncertainties of parameters of the structure."""
     update: tuple[Sought, ...] = ()
-    """Numbers of the structure to be found from measured_without before the snubber is identified."""
+    """Parameters of the structure to be updated from measured_without before the snubber is identified."""
     shapes_without: MeasuredShapes | None = None
     """Mode shapes measured without the snubber."""
     nonlinear: NonlinearFit | None = None
@@ -224,19 +224,19 @@ class IdentifyStiffness(Schema):
     """Pad of the snubber; gives its Young's modulus."""
 
     def settle(self) -> None:
-        """Refuse frequencies out of order, modes that were not measured, and more unknowns than measurements."""
+        """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
         for key in ("measured_without", "measured_with"):
             self._increasing(key)
         if not self.measured_with and self.nonlinear is None and not (self.update and self.measured_without):
             raise fail(
-                "is missing: nothing was measured",
+                "is missing, and there are no nonlinear tests",
                 "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",
                 ("measured_with",),
             )
         self._modes()
         self._uncertainties()
         if not 0.0 < self.coverage < 1.0:
-            raise fail(f"= {self.coverage:g} is no probability", "write for example 95 %", ("coverage",))
+            raise fail(f"= {self.coverage:g} is not a probability", "write for example 95 %", ("coverage",))
         free = [item for item in self.update if item.prior is None]
         if len(free) < len(self.update) and self.uncertainty == 0.0:
             raise fail(
@@ -265,7 +265,7 @@ class IdentifyStiffness(Schema):
             if frequencies[index] <= frequencies[index - 1]:
                 raise fail(
                     f"= {frequencies[index]:g} Hz is not above the frequency before it, "
-                    f"{frequencies[index - 1]:g} Hz: were they swapped?",
+                    f"{frequencies[index - 1]:g} Hz; are they swapped?",
                     "list the frequencies from the first mode on, increasing",
                     (key, index),
                 )
@@ -278,14 +278,14 @@ class IdentifyStiffness(Schema):
             if mode > count:
                 raise fail(
                     f"= {mode}, but measured_with has {count} frequenc{'y' if count == 1 else 'ies'}",
-                    "name modes that were measured",
+                    "list only modes that were measured",
                     ("fit_to", index),
                 )
             if mode in self.fit_to[:index]:
-                raise fail(f"= {mode} is listed twice", "name every mode once", ("fit_to", index))
+                raise fail(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
         if self.method == "thesis" and len(self.fit_to) > 1:
             raise fail(
-                "= thesis fits one mode, and fit_to names several",
+                "= thesis fits one mode, but fit_to has several",
                 "keep one mode in fit_to, or use method: secular",
                 ("method",),
             )

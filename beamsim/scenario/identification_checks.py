@@ -1,4 +1,4 @@
-"""What can be wrong between the section identify_stiffness and the rest of the scenario."""
+"""Consistency checks between the section identify_stiffness and the rest of the scenario."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TOP = "identify_stiffness"
 
 
 def identification_problems(scenario: Scenario, section: IdentifyStiffness) -> Iterator[Problem]:
-    """Parameters that do not exist, bounds that make no sense, tests that nothing predicts."""
+    """Unknown parameters, invalid bounds, tests without a matching probe."""
     for index, known in enumerate(section.parameter_uncertainty):
         yield from _numbers(scenario, known.parameter, (_TOP, "parameter_uncertainty", index, "parameter"))
     yield from _sought(scenario, section.update, (_TOP, "update"), words=True)
@@ -30,14 +30,16 @@ def identification_problems(scenario: Scenario, section: IdentifyStiffness) -> I
     if not isinstance(scenario.excitation, Harmonic):
         yield Problem(
             f"{_TOP}.nonlinear",
-            f"needs a harmonic excitation, and this one is {scenario.excitation.kind}",
+            f"needs a harmonic excitation, but this one is {scenario.excitation.kind}",
             "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
         )
     names = [probe.name for probe in scenario.effective_probes]
     for index, test in enumerate(section.nonlinear.tests):
         at = f"{_TOP}.nonlinear.tests[{index}]"
         if test.probe is not None and test.probe not in names:
-            yield Problem(f"{at}.probe", f"= {test.probe} is no probe's name", f"the probes are {', '.join(names)}")
+            yield Problem(
+                f"{at}.probe", f"= {test.probe} is not the name of a probe", f"the probes are {', '.join(names)}"
+            )
         meant = getattr(test.level, "quantity", None)
         if meant is not None and isinstance(scenario.excitation, Harmonic) and meant != scenario.excitation.quantity:
             yield Problem(
@@ -78,8 +80,8 @@ def _sought(scenario: Scenario, items: Sequence[SoughtParameter], at: Path, *, w
             if place in seen:
                 yield Problem(
                     path_text(here),
-                    f"= {item.parameter} is sought twice, also by {path_text((*at, seen[place]))}",
-                    "name every number once",
+                    f"= {item.parameter} is listed twice, also by {path_text((*at, seen[place]))}",
+                    "list every parameter once",
                 )
                 break
             seen[place] = index

@@ -25,8 +25,8 @@ def json_schema() -> dict[str, Any]:
     complete["properties"] = {"extends": {"type": "null"}, **complete["properties"]}
     extends = {
         "type": "string",
-        "description": "Path of a scenario file, relative to this one, that this file changes: mappings merge, "
-        "lists replace, a mapping whose kind changes is replaced whole, null takes a key away.",
+        "description": "Path of the scenario file, relative to this one, that this file modifies: mappings merge, lists "
+        "are replaced, a mapping whose kind changes is replaced completely, null removes a key.",
     }
     changes = _loosened(complete)
     changes["properties"]["extends"] = extends
@@ -55,7 +55,7 @@ _CHANGES = "Changes"
 
 
 def _loosened(schema: Any) -> Any:
-    """Return the schema of what may be laid over a mapping: nothing is required, except inside what is replaced."""
+    """Return the schema of a partial mapping: nothing is required, except inside mappings that are replaced."""
     if isinstance(schema, list):
         return [_loosened(item) for item in schema]
     if not isinstance(schema, dict):
@@ -76,7 +76,7 @@ def _loosened(schema: Any) -> Any:
 
 
 def _require_kinds(schema: dict[str, Any]) -> None:
-    """Demand the key that tells variants apart (in Python it has a default)."""
+    """Require the key that distinguishes variants (in Python it has a default)."""
     for part in schema["$defs"].values():
         if "const" in part["properties"].get("kind", {}):
             part["required"] = sorted({"kind", *part.get("required", ())})

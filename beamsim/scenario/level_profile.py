@@ -1,4 +1,4 @@
-"""The level of a sweep against frequency: a table of points, and notches in it."""
+"""The level of a sweep over frequency: a table of points, and notches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _LevelAt(Schema):
     def settle(self) -> None:
         """Keep what the unit of the level said."""
         if self.level < 0:
-            raise fail("must not be negative", "a phase of 180 deg turns a sine around", ("level",))
+            raise fail("must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",))
         meant = self.level.quantity if isinstance(self.level, LevelValue) else None
         if meant is not None and self.quantity not in (None, meant):
             raise fail(
@@ -34,7 +34,7 @@ class _LevelAt(Schema):
 
 
 class ProfilePoint(_LevelAt):
-    """A level from a frequency on."""
+    """A level that applies from a frequency on."""
 
     frequency: Frequency
     """Frequency of the point."""
@@ -49,14 +49,14 @@ class Notch(_LevelAt):
     """Upper frequency."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         super().settle()
         if self.to <= self.from_:
             raise fail(f"= {self.to:g} Hz does not lie above from = {self.from_:g} Hz", "give a range", ("to",))
 
 
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
-    """Refuse a table that does not increase in frequency; raises what `fail` builds."""
+    """Reject a table that does not increase in frequency; raises what `fail` builds."""
     for index, (one, two) in enumerate(itertools.pairwise(points)):
         if two.frequency <= one.frequency:
             raise fail(

@@ -1,4 +1,4 @@
-"""Allowables, which results are compared with."""
+"""Limits with which results are compared."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ PositiveAcceleration = Annotated[float, Quantity(_ACCELERATION, above=0.0)]
 
 
 class Limits(Schema):
-    """Allowables: margins against them are in the summary, and `--check` ends with code 4 where one is exceeded."""
+    """Limits; the summary has the margins, and `--check` exits with code 4 if one is exceeded."""
 
     peak_force: PositiveForce | None = None
     """Largest contact force of any snubber."""
     bending_stress: Stress | None = None
     """Largest bending stress anywhere on the beam."""
     peak_displacement: Length | None = None
-    """Largest displacement of any probe, relative to the base."""
+    """Largest displacement of any probe relative to the base."""
     peak_acceleration: PositiveAcceleration | None = None
     """Largest absolute acceleration of any probe."""
     gap: Length | None = None
-    """Largest opening between the structure and any snubber (how far it lifts off)."""
+    """Largest opening between the structure and any snubber (lift-off)."""
 
     def settle(self) -> None:
-        """Refuse a section that limits nothing."""
+        """Reject a section that limits nothing."""
         if not self.given:
             raise fail("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
 
     @property
     def given(self) -> dict[str, float]:
-        """The limits there are, SI, by name."""
+        """The given limits in SI units, by name."""
         values = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: value for name, value in values.items() if value is not None}
 
 
 def limit_problems(scenario: Scenario, limits: Limits) -> Iterator[Problem]:
-    """Limits of what this structure does not have."""
+    """Limits on quantities that this structure does not have."""
     if limits.bending_stress is not None and scenario.beam is None:
-        yield Problem("limits.bending_stress", "belongs to a beam, and this is a chain", "leave it out")
+        yield Problem("limits.bending_stress", "applies to a beam, but the structure is a chain", "leave it out")
     for name in ("peak_force", "gap"):
         if getattr(limits, name) is not None and not scenario.all_snubbers:
             yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")

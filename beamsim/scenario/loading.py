@@ -1,4 +1,4 @@
-"""From a file, text or mapping to a scenario, or to a list of everything that is wrong with it."""
+"""From a file, text or mapping to a scenario, or to a list of all errors in it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _validated(root: Node) -> Scenario:
 
 
 def _between_fields(data: Any) -> list[tuple[Path, Problem]]:
-    """Return what the comparisons between right values find while others are wrong."""
+    """Return the results of the checks between valid values if other values are invalid."""
     try:
         partial = Scenario.model_validate(data, context=LenientPass())
     except (UnknownValueError, ValidationError, ScenarioError):

@@ -1,8 +1,7 @@
-"""`extends` and overrides: one tree laid over another.
+"""`extends` and overrides: merging of trees.
 
-Mappings merge, everything else replaces. A mapping whose ``kind`` changes is replaced whole, and so
-are those that say where or how by which keys they have (``applied_to``, ``start``, ...). ``null``
-takes away what the other file gave.
+Mappings are merged, all other values are replaced. A mapping whose ``kind`` changes is replaced completely, and so
+are mappings whose keys decide their meaning (``applied_to``, ``start``, ...). ``null`` removes an inherited value.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ def read_file(path: FilePath) -> Node:
     except FileNotFoundError:
         raise ScenarioError(Problem("", "does not exist", _similar_file(path), file)) from None
     except IsADirectoryError:
-        raise ScenarioError(Problem("", "is a directory", "name a YAML file", file)) from None
+        raise ScenarioError(Problem("", "is a directory", "give a YAML file", file)) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ScenarioError(Problem("", f"cannot be read ({reason})", "check its path and permissions", file)) from None
@@ -45,7 +44,7 @@ def read_file(path: FilePath) -> Node:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise ScenarioError(Problem("", "is not text in UTF-8", "name a YAML file", file, line)) from None
+        raise ScenarioError(Problem("", "is not text in UTF-8", "give a YAML file", file, line)) from None
     return parse(text, file)
 
 
@@ -59,16 +58,16 @@ def _similar_file(path: FilePath) -> str:
 
 
 def resolve_extends(root: Node, folder: FilePath, chain: tuple[FilePath, ...] = ()) -> Node:
-    """Lay a document over the one it extends, and that over the one it extends, and so on.
+    """Merge a document into the one it extends, recursively.
 
-    ``folder`` is what relative paths start from; ``chain`` holds the files on the way here.
+    ``folder`` is the base of relative paths; ``chain`` has the files that extend this one.
     """
     if root.value is None:
         message = "is empty" if root.file else "the scenario is empty"
         raise ScenarioError(Problem("", message, "beamsim new writes a template", root.file))
     if not isinstance(root.value, dict):
         what = "a list" if isinstance(root.value, list) else f"only {single_line(root.value)}"
-        message = f"holds {what} where the keys of a scenario are wanted"
+        message = f"holds {what} instead of the keys of a scenario"
         raise ScenarioError(Problem("", message, "write beam: or chain: first", root.file, root.line))
     named = root.value.pop("extends", None)
     if named is None or named.value is None:
@@ -79,8 +78,8 @@ def resolve_extends(root: Node, folder: FilePath, chain: tuple[FilePath, ...] = 
     path = FilePath(os.path.normpath(folder / named.value))
     identity = path.resolve()
     if identity in chain:
-        message = f"= {named.value} leads back to {path}: the files extend each other in a circle"
-        raise ScenarioError(Problem("extends", message, "take one of them out", named.file, named.line))
+        message = f"= {named.value} refers back to {path}: the files extend each other in a cycle"
+        raise ScenarioError(Problem("extends", message, "remove one of them", named.file, named.line))
     try:
         base = read_file(path)
     except ScenarioError as error:
@@ -88,13 +87,13 @@ def resolve_extends(root: Node, folder: FilePath, chain: tuple[FilePath, ...] = 
             raise
         problem = error.problems[0]
         message = f"= {named.value}: {path} {problem.message}"
-        remedy = problem.remedy or "the path is relative to the file it stands in"
+        remedy = problem.remedy or "the path is relative to the file that contains it"
         raise ScenarioError(Problem("extends", message, remedy, named.file, named.line)) from None
     return merge(resolve_extends(base, path.parent, (*chain, identity)), root)
 
 
 def merge(base: Node, over: Node, key: str = "") -> Node:
-    """Return ``over`` laid over ``base``."""
+    """Return ``base`` with ``over`` merged into it."""
     if not isinstance(base.value, dict) or not isinstance(over.value, dict) or key in REPLACED_WHOLE:
         return over
     old, new = (side.value["kind"].value if "kind" in side.value else None for side in (base, over))
@@ -121,7 +120,7 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
     Raises
     ------
     ScenarioError
-        For every override that cannot be read or leads nowhere.
+        For every override that cannot be read or does not exist.
     """
     root = root.copy()
     problems: list[Problem] = []
@@ -188,25 +187,25 @@ def _set(root: Node, path: str, value: Node) -> None:
 
 def _demand_item(node: Node, index: int, walked: str, path: str) -> None:
     if not isinstance(node.value, list):
-        raise ScenarioError(Problem(path, f"leads nowhere: {walked} is not a list", _EXAMPLE))
+        raise ScenarioError(Problem(path, f"does not exist: {walked} is not a list", _EXAMPLE))
     count = len(node.value)
     if index >= count:
         last = f"the last one is {walked}[{count - 1}]" if count else "give the whole list"
-        raise ScenarioError(Problem(path, f"leads nowhere: {walked} has {count} item{'s' * (count != 1)}", last))
+        raise ScenarioError(Problem(path, f"does not exist: {walked} has {count} item{'s' * (count != 1)}", last))
 
 
 def _demand_keys(node: Node, key: str, walked: str, path: str, list_follows: bool) -> None:
-    """See to it that ``node`` is a mapping with the key; what is missing on the way is made."""
+    """Make ``node`` a mapping with the key, and create missing parts."""
     if isinstance(node.value, list):
         remedy = f"give the index: {walked}[0].{key}"
-        raise ScenarioError(Problem(path, f"leads nowhere: {walked} is a list, without keys", remedy))
+        raise ScenarioError(Problem(path, f"does not exist: {walked} is a list, without keys", remedy))
     if node.value is None or (walked.rpartition(".")[2] in REPLACED_WHOLE and not isinstance(node.value, dict)):
         node.value, node.file, node.line = {}, None, None
     if not isinstance(node.value, dict):
-        message = f"leads nowhere: {walked} is {single_line(node.value)}, without keys"
+        message = f"does not exist: {walked} is {single_line(node.value)}, without keys"
         raise ScenarioError(Problem(path, message, f"replace {walked} whole"))
     if key not in node.value:
         if list_follows:
             where = f"{walked}.{key}" if walked else key
-            raise ScenarioError(Problem(path, f"leads nowhere: there is no {where}", f"give {where} as a whole list"))
+            raise ScenarioError(Problem(path, f"does not exist: there is no {where}", f"give {where} as a whole list"))
         node.value[key] = Node(None)

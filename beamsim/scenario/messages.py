@@ -1,4 +1,4 @@
-"""From pydantic's errors to problems in the user's words."""
+"""Conversion of pydantic errors to problems in terms of the scenario file."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
             return path, shown + "must be a list", "write [ ... ], also for a single value"
         case "too_short":
             return path, "is an empty list", "give at least one value"
-    return path, shown + "is refused: " + error["msg"][:1].lower() + error["msg"][1:], ""
+    return path, shown + "is not accepted: " + error["msg"][:1].lower() + error["msg"][1:], ""
 
 
 def _class_at(schema: type[Schema], field: FieldInfo | None, location: Path) -> type[Schema]:
@@ -107,7 +107,7 @@ def _did_you_mean(value: object, choices: list[str]) -> str:
 
 def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
     if key == "extends":
-        return "extends stands at the top level of a file"
+        return "extends must be at the top level of a file"
     keys = list(schema.keys())
     if keys == ["kind"]:
         return "this kind has no other keys; remove it"

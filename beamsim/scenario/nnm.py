@@ -13,17 +13,17 @@ from beamsim.scenario.quantities import Count, Energy, Factor, Frequency
 
 
 class StiffnessFactorContinuation(Schema):
-    """The nonlinear springs' stiffness grows from nothing to its full value."""
+    """The stiffness of the nonlinear springs increases from zero to its full value."""
 
     kind: Literal["stiffness_factor"] = "stiffness_factor"
-    """Factor of the snubbers' and nonlinear springs' stiffness."""
+    """Factor on the stiffness of snubbers and nonlinear springs."""
     from_: Factor = Field(default=0.0, alias="from")
     """First factor; 0 is the linear mode."""
     to: Factor = 1.0
     """Last factor; 1 is the full stiffness."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to)
 
 
@@ -31,14 +31,14 @@ class EnergyContinuation(Schema):
     """The energy changes."""
 
     kind: Literal["energy"] = "energy"
-    """Energy, measured from static equilibrium."""
+    """Energy relative to static equilibrium."""
     from_: Energy = Field(alias="from")
     """First energy."""
     to: Energy
     """Last energy."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to)
 
 
@@ -53,13 +53,13 @@ class FrequencyContinuation(Schema):
     """Last frequency."""
 
     def settle(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         _refuse_empty(self.from_, self.to)
 
 
 def _refuse_empty(first: float, last: float) -> None:
     if first == last:
-        raise fail(f"= {last:g} is where the continuation begins", "give a range", ("to",))
+        raise fail(f"= {last:g} equals the start of the continuation", "give a range", ("to",))
 
 
 ContinueIn = Annotated[
@@ -74,19 +74,19 @@ _IN_FACTOR = {"multiple_scales": "expands in", "thesis": "takes its steps in"}
 
 
 class NonlinearMode(Schema):
-    """Which nonlinear normal mode, and what to follow it in."""
+    """The nonlinear normal mode and its continuation parameter."""
 
     mode: Count
-    """Number of the linear mode it starts from, from 1."""
+    """Number of the linear mode from which it starts, from 1."""
     energy: Energy | None = None
-    """Energy of the motion while the stiffness factor changes."""
+    """Energy of the motion if the stiffness factor is the parameter."""
     continue_in: ContinueIn = StiffnessFactorContinuation()
     """The parameter that changes: stiffness_factor, energy or frequency."""
     method: Method = "shooting"
-    """shooting (over half a period, exact), full_period (exact, also motions never at rest), multiple_scales (the
-    expansion for weak springs) or thesis (relaxed minimisation, for comparison)."""
+    """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the
+    expansion for weak springs) or thesis (relaxed minimisation of Hazim 2010, for comparison)."""
     phase_resonance: PhaseResonance | None = None
-    """Excite the damped structure on the mode."""
+    """Excite the damped structure at phase resonance with the mode."""
 
     def settle(self) -> None:
         """Resolve the method; refuse an energy where it is what changes, and methods that follow the factor only."""
@@ -101,14 +101,14 @@ class NonlinearMode(Schema):
             )
         if kind == "full_period" and isinstance(going, FrequencyContinuation):
             raise fail(
-                "= full_period goes on in the stiffness factor or the energy, not in the frequency",
+                "= full_period continues in the stiffness factor or the energy, not in the frequency",
                 "use continue_in: {kind: energy, ...}, or method: shooting",
                 ("method",),
             )
         if self.energy is not None and not isinstance(going, StiffnessFactorContinuation):
-            raise fail(f"cannot be held while the {going.kind} changes", "leave energy out", ("energy",))
+            raise fail(f"cannot be held constant if the parameter is the {going.kind}", "leave energy out", ("energy",))
 
     @property
     def solver(self) -> Solver:
-        """The method with its numbers."""
+        """The method with its settings."""
         return solver_of(self.method)

@@ -1,4 +1,4 @@
-"""How nonlinear normal modes are found: a word, or a mapping with the method's own numbers."""
+"""Methods for nonlinear normal modes: a word, or a mapping with settings of the method."""
 
 from __future__ import annotations
 
@@ -10,56 +10,56 @@ from beamsim.scenario.base import Schema, by_key, fail
 from beamsim.scenario.quantities import Count, NotNegativeWhole, PositiveNumber
 
 MOST_STEPS = 10_000
-LOOSEST = 0.1  # a functional beyond this is no periodic motion by anybody's measure
+LOOSEST = 0.1  # above this value a motion is far from periodic
 TIGHTEST = 1e-20  # the functional is a square: below this it is round-off
 
 
 class ShootingMethod(Schema):
-    """Exact motions that are at rest twice a period, by shooting over half of it."""
+    """Brake orbits (at rest twice per period), exact, by shooting over half a period."""
 
     kind: Literal["shooting"] = "shooting"
     """Half-period shooting."""
 
 
 class FullPeriodMethod(Schema):
-    """Exact motions by shooting over the whole period, also such as are never at rest."""
+    """Exact motions, including non-brake orbits, by shooting over the whole period."""
 
     kind: Literal["full_period"] = "full_period"
     """Full-period shooting with a phase condition."""
     branches: NotNegativeWhole = 3
-    """Follow at most so many branches of motions never at rest from where they leave the mode; 0 for none."""
+    """Largest number of branches of non-brake orbits to follow from their bifurcations; 0 for none."""
     points: Count = 120
-    """Points of each of these branches at most."""
+    """Largest number of points on each of these branches."""
 
 
 class ExpansionMethod(Schema):
-    """The expansion for weak springs, beside exact motions."""
+    """The expansion for weak springs, compared with exact motions."""
 
     kind: Literal["multiple_scales"] = "multiple_scales"
     """Method of multiple scales."""
 
 
 class ThesisMethod(Schema):
-    """The thesis's relaxed minimisation of how far a motion is from periodic, beside exact motions."""
+    """Relaxed minimisation of the deviation from periodicity (Hazim 2010), compared with exact motions."""
 
     kind: Literal["thesis"] = "thesis"
     """Relaxed minimisation."""
     steps: Count = 75
-    """Steps in the stiffness factor, all of one size."""
+    """Number of equal steps in the stiffness factor."""
     tolerance: PositiveNumber = 1e-5
-    """A step is done when the functional falls below this."""
+    """Value of the functional below which a step is accepted."""
     iterations: Count = 200
-    """Iterations of the optimiser at each step at most."""
+    """Largest number of iterations of the optimiser in each step."""
 
     def settle(self) -> None:
-        """Refuse numbers that ask for nothing or for the impossible."""
+        """Reject numbers that are meaningless or impossible."""
         if self.steps > MOST_STEPS:
-            raise fail(f"= {self.steps} is over {MOST_STEPS}", "the thesis took 35 to 75", ("steps",))
+            raise fail(f"= {self.steps} is over {MOST_STEPS}", "Hazim (2010) used 35 to 75", ("steps",))
         if not TIGHTEST <= self.tolerance <= LOOSEST:
             raise fail(
                 f"= {self.tolerance:g} is not between {TIGHTEST:g} and {LOOSEST:g}: the functional is the square of a "
-                "relative miss",
-                "the thesis took 1e-5 and 1e-6",
+                "relative deviation",
+                "Hazim (2010) used 1e-5 and 1e-6",
                 ("tolerance",),
             )
 
@@ -97,5 +97,5 @@ Method = Annotated[
 
 
 def solver_of(method: str | Solver) -> Solver:
-    """The method with its numbers; a word stands for the defaults."""
+    """The method with its settings; a word selects the defaults."""
     return _SOLVERS[method]() if isinstance(method, str) else method

@@ -1,4 +1,4 @@
-"""Numbers of a scenario addressed by path: read them, and make the same scenario with other ones.
+"""Numbers of a scenario addressed by path: read them, and build the same scenario with other values.
 
 A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means every item of a list
 (``beam.point_masses[*].mass``: all the masses together), and a snubber may be named: ``snubbers.tip.stiffness``.
@@ -26,12 +26,12 @@ def find_parameters(scenario: Scenario, path: str, more: tuple[type, ...] = ()) 
     Raises
     ------
     PydanticCustomError
-        As `fail` builds it, where the path leads nowhere; to be located by the caller.
+        As `fail` builds it, where the path does not exist; to be located by the caller.
     """
     parts = _parts(path)
     found = _walk(scenario, parts, (), path, (int, float, str, *more))
     if not found:
-        raise fail(f"= {path} names nothing: the list is empty", "add an item to it, or leave the path out")
+        raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path")
     return found
 
 
@@ -132,22 +132,22 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
         if isinstance(part, int):
             if part >= len(value):
                 count = f"{len(value)} item{'' if len(value) == 1 else 's'}"
-                raise fail(f"= {path} leads nowhere: {path_text(walked)} has {count}", "items are numbered from 0")
+                raise fail(f"= {path} does not exist: {path_text(walked)} has {count}", "items are numbered from 0")
             return _walk(value[part], rest, (*walked, part), path, leaves)
         names = [getattr(item, "name", None) for item in value]
         if part in names:
             return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path, leaves)
         known = [name for name in names if name]
         remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
-        raise fail(f"= {path} leads nowhere: {path_text(walked)} has no {part}", remedy)
+        raise fail(f"= {path} does not exist: {path_text(walked)} has no {part}", remedy)
     if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
-        raise fail(f"= {path} leads nowhere: {path_text(walked)} is not a list", "leave the rest of the path out")
+        raise fail(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
     keys = type(value).keys()
     if part not in keys:
         close = get_close_matches(part, list(keys), n=1)
         remedy = f"did you mean {close[0]}?" if close else f"its keys are {', '.join(keys)}"
         where = path_text(walked) or "the scenario"
-        raise fail(f"= {path} leads nowhere: {where} has no {part}", remedy)
+        raise fail(f"= {path} does not exist: {where} has no {part}", remedy)
     inner = getattr(value, keys[part])
     if inner is None:
         raise fail(
@@ -160,7 +160,7 @@ def _keys_below(value: Any) -> str:
     if isinstance(value, tuple):
         return "add [*] for all its items, or an index"
     if isinstance(value, Schema):
-        return f"go on with one of {', '.join(type(value).keys())}"
+        return f"continue with one of {', '.join(type(value).keys())}"
     return ""
 
 

@@ -18,28 +18,32 @@ MOST_PERIODS = 10_000
 
 
 class PhaseResonance(Schema):
-    """The excitation's force (or base motion) holds the damped structure on the mode; its frequency is found."""
+    """The excitation holds the damped structure on the mode at phase resonance; its frequency is computed."""
 
     levels: tuple[Level, ...] = ()
-    """Levels of the excitation, each at its own resonance; that of the excitation by default."""
+    """Levels of the excitation, each at its own resonance; by default that of the excitation."""
     periods: Count = 50
-    """Periods for which the damped structure is carried from the predicted start."""
+    """Number of periods of the damped motion computed from the predicted start."""
     span: Ratio = 0.1
-    """Share of the frequency within which the response curve is followed, on both sides."""
+    """Fraction of the frequency by which the response curve extends on both sides."""
 
     def settle(self) -> None:
-        """Refuse levels of nothing, and ranges nobody can use."""
+        """Reject zero levels and unusable ranges."""
         for index, level in enumerate(self.levels):
             if not level > 0:
-                raise fail(f"= {level:g} holds no motion", "give positive levels: [0.5 g, 1 g]", ("levels", index))
+                raise fail(f"= {level:g} sustains no motion", "give positive levels: [0.5 g, 1 g]", ("levels", index))
         if not 0.0 < self.span <= WIDEST:
-            raise fail(f"= {self.span:g} is no share of the frequency to look in", "give for example 10 %", ("span",))
+            raise fail(f"= {self.span:g} must be above 0 and at most {WIDEST:g}", "give for example 10 %", ("span",))
         if self.periods > MOST_PERIODS:
-            raise fail(f"= {self.periods} is over {MOST_PERIODS}", "50 show whether the motion stays", ("periods",))
+            raise fail(
+                f"= {self.periods} is over {MOST_PERIODS}",
+                "50 are enough to show whether the motion stays",
+                ("periods",),
+            )
 
 
 def phase_resonance_problems(scenario: Scenario) -> Iterator[Problem]:
-    """What a scenario lacks, or has too much of, to hold its mode by a force."""
+    """Conditions on a scenario for phase resonance."""
     if scenario.nnm is None or scenario.nnm.phase_resonance is None:
         return
     section, excitation = scenario.nnm.phase_resonance, scenario.excitation
@@ -48,9 +52,9 @@ def phase_resonance_problems(scenario: Scenario) -> Iterator[Problem]:
     if not isinstance(excitation, Harmonic):
         yield Problem(
             "nnm.phase_resonance",
-            f"needs to know what holds the mode: a harmonic excitation, and this one is {excitation.kind}",
+            f"needs a harmonic excitation, but this one is {excitation.kind}",
             "give excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 50 Hz} (or a force at a "
-            "position); the frequency is found",
+            "position); the frequency is computed",
         )
         return
     for index, level in enumerate(section.levels):
@@ -62,27 +66,26 @@ def phase_resonance_problems(scenario: Scenario) -> Iterator[Problem]:
                 "give the levels in the unit of excitation.level",
             )
     if not section.levels and not excitation.level > 0:
-        yield Problem("excitation.level", "is zero and holds no motion", "give nnm.phase_resonance.levels")
+        yield Problem("excitation.level", "is zero and sustains no motion", "give nnm.phase_resonance.levels")
     if excitation.on_base:
         yield from _driven_through_contacts(scenario)
 
 
 def _driven_through_contacts(scenario: Scenario) -> Iterator[Problem]:
-    """Springs to the ground through which a moving base pushes too: no single deflection is conjugate to its work."""
+    """Springs to the ground through which a moving base also excites the structure; its work has no single conjugate."""
     where = "snubbers" if scenario.chain is None else "chain.snubbers"
     for index, snubber in enumerate(scenario.all_snubbers):
         if getattr(snubber, "mounted_on", "base") == "ground":
             yield Problem(
                 f"{where}[{index}].mounted_on",
-                "= ground lets the moving base push through the contact too, which phase resonance does not account "
-                "for",
+                "= ground: phase resonance does not support a moving base that excites the structure through a contact",
                 "mount it on the base, or apply a point force",
             )
     for index, spring in enumerate([] if scenario.chain is None else scenario.chain.springs_to_ground):
         if spring.kind != "linear":
             yield Problem(
                 f"chain.springs_to_ground[{index}].kind",
-                f"= {spring.kind} lets the moving base push through a nonlinear spring, which phase resonance does "
-                "not account for",
+                f"= {spring.kind}: phase resonance does not support a moving base that excites the structure through a "
+                "nonlinear spring",
                 "apply a force to a mass instead",
             )

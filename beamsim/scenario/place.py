@@ -1,4 +1,4 @@
-"""Places on a structure, and what sits there: probes and constant forces."""
+"""Places on a structure, with probes and constant forces."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Point = Annotated[
 
 
 class OneOfTwoPlaces(Schema):
-    """Something at a position of the beam or on a mass of the chain."""
+    """An item at a position of the beam or on a mass of the chain."""
 
     position: Position | None = None
     """Distance from the left end of the beam."""

@@ -1,4 +1,4 @@
-"""Field types: numbers that accept a unit, with their bounds and their place in the JSON Schema."""
+"""Field types: numbers that accept a unit, with their bounds and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from beamsim.scenario.units import Dimension, UnitError
 
 
 class FieldType:
-    """A type read by one function, so that its messages are ours."""
+    """A type read by one function, with messages of this package."""
 
     @property
     def example(self) -> str:
@@ -91,7 +91,7 @@ class Quantity(FieldType):
 
 
 class LevelValue(float):
-    """An excitation level that still knows which quantity its unit said (``None`` for a bare number)."""
+    """An excitation level with the quantity given by its unit (``None`` for a bare number)."""
 
     quantity: str | None
 
@@ -112,7 +112,7 @@ LEVEL_DIMENSIONS = {
 
 @dataclass(frozen=True)
 class LevelType(FieldType):
-    """An excitation level: acceleration, velocity, displacement or force, as its unit says."""
+    """An excitation level: acceleration, velocity, displacement or force, according to its unit."""
 
     @property
     def example(self) -> str:
@@ -159,7 +159,9 @@ class RateType(FieldType):
             return value
         number, unit = units.read_sweep_rate(value)
         if not number > 0:
-            raise UnitError("must be positive", "write for example 2 oct/min, and choose the way with direction")
+            raise UnitError(
+                "must be positive", "write for example 2 oct/min, and set direction for the sense of the sweep"
+            )
         return Rate(number, unit)
 
     def json_schema(self) -> JsonSchemaValue:
@@ -201,7 +203,7 @@ class Whole(FieldType):
         return str(self.minimum)
 
     def read(self, value: Any) -> int:
-        """Return the int; ``1e6`` is one, ``true`` is not."""
+        """Return the integer; ``1e6`` is accepted, ``true`` is not."""
         remedy = f"write a whole number, {self.minimum} or more"
         if self.maximum is not None:
             remedy = f"write a whole number from {self.minimum} to {self.maximum}"
@@ -240,7 +242,7 @@ class ModesType(Whole):
 
 @dataclass(frozen=True)
 class TextType(FieldType):
-    """Text; ``name`` restricts it to what can name a dataset and a column."""
+    """Text; ``name`` restricts it to valid names of datasets and columns."""
 
     name: bool = False
 
@@ -252,7 +254,7 @@ class TextType(FieldType):
     def read(self, value: Any) -> str:
         """Return the text; a number is taken as it is written."""
         if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-            raise UnitError("must be text", "put it in quotes")
+            raise UnitError("must be text", "put the value in quotes")
         text = str(value)
         if self.name and not re.fullmatch(r"\w(?:[\w .+-]*[\w+-])?", text):
             raise UnitError(

@@ -12,7 +12,7 @@ from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration,
 
 
 class PolynomialStart(Schema):
-    """Start from a given shape and velocity: for a beam polynomials in x, for a chain a number a mass."""
+    """Start from a given shape and velocity: polynomials in x for a beam, one number per mass for a chain."""
 
     displacement: tuple[Coefficient, ...] = ()
     """Beam: coefficients of 1, x, x^2, ... in SI units; chain: displacement of each mass, m."""
@@ -20,7 +20,7 @@ class PolynomialStart(Schema):
     """Beam: coefficients of 1, x, x^2, ... in SI units; chain: velocity of each mass, m/s."""
 
     def settle(self) -> None:
-        """Refuse a start that says nothing."""
+        """Reject an empty initial state."""
         if not self.displacement and not self.velocity:
             raise fail("is an empty initial state", "give displacement, velocity or both, or write start: rest")
 
@@ -38,7 +38,7 @@ class ReleasedForceStart(Schema):
     """Start from rest in the static shape under a force, which is released."""
 
     released_force: PlacedForce
-    """The force that holds the structure until t = 0."""
+    """The force that acts until t = 0."""
 
 
 _STARTS = ("static_equilibrium", "rest")
@@ -64,7 +64,7 @@ Start = Annotated[
     | Annotated[ReleasedForceStart, Tag("<released_force>")],
     by_key(
         _choose_start,
-        "is no initial state",
+        "is not an initial state",
         "write static_equilibrium, rest, {displacement: [...], velocity: [...]}, {mode: 1, amplitude: 1 mm} "
         "or {released_force: {position: 270 mm, force: 10 N}}",
     ),
@@ -77,12 +77,12 @@ class SpectrumSettings(Schema):
     last: Duration | None = None
     """Analyse only this last part of the run; the whole run by default."""
     periods: Count | None = None
-    """Analyse the last so many periods of the excitation, instead of last."""
+    """Number of periods of the excitation to analyse at the end of the run, instead of last."""
     window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop"] = "hann"
     """Window function."""
 
     def settle(self) -> None:
-        """Refuse two lengths."""
+        """Reject two lengths."""
         if self.last is not None and self.periods is not None:
             raise fail("and last exclude each other", "keep one of the two", ("periods",))
 
@@ -93,21 +93,21 @@ class Run(Schema):
     duration: Duration
     """Simulated time."""
     sample_rate: Frequency | None = None
-    """Rate of the output; chosen from the excitation and the structure by default."""
+    """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"
     """Initial state: static_equilibrium, rest, polynomials, a mode, or a force released."""
     spectrum: SpectrumSettings = SpectrumSettings()
-    """How spectra are made."""
+    """Settings of the spectra."""
     method: Literal["exact", "reference"] = "exact"
-    """Exact: closed-form flow between contact events; reference: a time-stepping integrator, to check against."""
+    """Exact: closed-form flow between contact events; reference: a time-stepping integrator, for comparison."""
     integrator: Literal["RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"] = "BDF"
-    """SciPy's integrator of the reference method."""
+    """SciPy integrator of the reference method."""
     rtol: PositiveNumber = 1e-8
     """Relative tolerance of the reference method."""
     atol: PositiveNumber = 1e-12
     """Absolute tolerance of the reference method."""
     max_events: Count = 1_000_000
-    """The run stops after so many contact events (chattering without end)."""
+    """Largest number of contact events, after which the run stops (chattering)."""
 
     @property
     def output_rate(self) -> float:
@@ -117,14 +117,14 @@ class Run(Schema):
 
 
 class Reduction(Schema):
-    """How many modes are kept, beside the static vectors of contacts and loads."""
+    """Number of modes, in addition to the static vectors of contacts and loads."""
 
     modes: Modes | None = None
     """Number of modes, or all."""
     highest_frequency: Frequency | None = None
-    """Keep the modes needed up to this frequency."""
+    """Highest frequency of interest; the modes needed up to it are kept."""
 
     def settle(self) -> None:
-        """Refuse two rules."""
+        """Reject two rules."""
         if self.modes is not None and self.highest_frequency is not None:
             raise fail("and modes exclude each other", "keep one of the two", ("highest_frequency",))

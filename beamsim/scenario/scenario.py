@@ -1,4 +1,4 @@
-"""A whole scenario: what the YAML file says, checked and in SI units."""
+"""A complete scenario: the content of the YAML file, checked and in SI units."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from beamsim.scenario.warnings import MANY_SAMPLES, doubts
 
 
 class Scenario(Schema):
-    """A structure, its one-sided stops, what drives it, and what is asked of it."""
+    """A structure with its one-sided stops, its excitation and the requested analyses."""
 
     title: Text = ""
-    """Title of tables and plots."""
+    """Title for tables and plots."""
     beam: Beam | None = None
     """The structure, if it is a beam."""
     chain: Chain | None = None
@@ -43,23 +43,23 @@ class Scenario(Schema):
     constant_forces: tuple[ConstantForce, ...] = ()
     """Dead loads."""
     excitation: Excitation = NoExcitation()
-    """What drives the structure; nothing by default."""
+    """Excitation of the structure; none by default."""
     probes: tuple[Probe, ...] = ()
     """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
     run: Run | None = None
     """A run in time (`beamsim run`)."""
     reduction: Reduction | None = None
-    """How many modes are kept; chosen by default."""
+    """Modal reduction; chosen automatically by default."""
     sweep: Sweep | None = None
     """A sweep in frequency (`beamsim sweep`)."""
     identify_stiffness: IdentifyStiffness | None = None
     """Identification of a snubber's stiffness (`beamsim identify-stiffness`)."""
     nnm: NonlinearMode | None = None
-    """A nonlinear normal mode (`beamsim nnm`)."""
+    """Nonlinear normal mode (`beamsim nnm`)."""
     vary: Vary | None = None
-    """What is varied from case to case (`beamsim sweep`)."""
+    """Parameters varied from case to case (`beamsim sweep`)."""
     limits: Limits | None = None
-    """Allowables, for margins in the summary and `--check`."""
+    """Limits, for margins in the summary and `--check`."""
 
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""
@@ -82,7 +82,7 @@ class Scenario(Schema):
     def __hash__(self) -> int:
         return hash(tuple(self.__dict__[name] for name in type(self).model_fields))
 
-    # Where it came from is no part of what a scenario is: neither equality nor YAML see it.
+    # The origin is not part of the scenario: equality and YAML ignore it.
     _source: str = "scenario"
     _text: Node | None = None
 
@@ -181,7 +181,7 @@ class Scenario(Schema):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is legal but doubtful, a sentence each."""
+        """Warnings about values that are allowed but questionable, one sentence each."""
         return tuple(doubts(self))
 
     def to_yaml(self) -> str:

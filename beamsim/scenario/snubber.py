@@ -49,37 +49,39 @@ SnubberDamping = Annotated[
 
 
 class SnubberBase(Named):
-    """What all snubbers share; N = k delta + c delta' while in contact."""
+    """Common part of all snubbers; N = k delta + c delta' while in contact."""
 
     name: Name = ""
     """Name, unique; snubber_1, snubber_2, ... by default."""
     stiffness: Stiffness
     """Stiffness while in contact."""
     damping: SnubberDamping | None = None
-    """Dashpot beside the spring; none by default."""
+    """Dashpot parallel to the spring; none by default."""
     gap: Gap | None = None
     """Clearance: positive is backlash, negative prestress; 0 by default."""
     preload: PositiveForce | None = None
     """Contact force at static equilibrium, instead of gap."""
     law: Literal["kelvin_voigt", "no_tension"] = "kelvin_voigt"
-    """Kelvin_voigt: contact as long as there is penetration; no_tension: the snubber leaves when it would pull."""
+    """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile."""
 
     def settle(self) -> None:
-        """Refuse gap and preload together; give a gap where neither is."""
+        """Reject gap and preload together; the default gap is 0."""
         if self.preload is None:
             if self.gap is None:
                 self.resolve("gap", 0.0)
         elif self.gap is not None:
-            raise fail("and gap exclude each other", "keep one of the two; preload finds the gap", ("preload",))
+            raise fail(
+                "and gap exclude each other", "keep one of the two; the gap follows from the preload", ("preload",)
+            )
 
 
 class _Stop(SnubberBase):
-    """A snubber that stands on the base or on the ground."""
+    """A snubber mounted on the base or on the ground."""
 
     side: Literal["below", "above"]
     """Below resists negative displacements, above positive ones."""
     mounted_on: Literal["base", "ground"] = "base"
-    """Base moves with the excitation of the base; ground doesn't move."""
+    """Base: moves with the base excitation; ground: fixed."""
 
 
 class Snubber(_Stop):
@@ -102,7 +104,7 @@ class LinkSnubber(SnubberBase):
     between: Pair
     """Numbers of the two masses, neighbours or not."""
     resists: Literal["approach", "separation"] = "approach"
-    """Approach: a bumper, met when the masses come together; separation: a cable, taut when they draw apart."""
+    """Approach: a bumper that acts when the masses approach; separation: a cable that acts when they separate."""
 
     def settle(self) -> None:
         """Demand two different masses."""

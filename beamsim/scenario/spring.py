@@ -1,4 +1,4 @@
-"""Springs of a chain beside those in its row: from a mass to the ground, or between any two masses."""
+"""Additional springs of a chain: from a mass to the ground, or between any two masses."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Pair = Annotated[tuple[MassNumber, ...], Field(json_schema_extra={"minItems": 2,
 
 
 def check_pair(masses: tuple[int, ...], key: str) -> None:
-    """Refuse anything but two different masses."""
+    """Reject anything but two different masses."""
     if len(masses) != 2:
         given = f"{len(masses)} mass{'' if len(masses) == 1 else 'es'}"
-        raise fail(f"names {given}", "name the two masses that it joins, for example [1, 2]", (key,))
+        raise fail(f"names {given}", "give the two masses that it joins, for example [1, 2]", (key,))
     if masses[0] == masses[1]:
-        raise fail(f"= [{masses[0]}, {masses[1]}] joins a mass to itself", "name two different masses", (key,))
+        raise fail(f"= [{masses[0]}, {masses[1]}] connects a mass to itself", "give two different masses", (key,))
 
 
 class Spring(Named):
-    """What all of them share."""
+    """Common part of all springs."""
 
     name: Name = ""
     """Name, unique; ground_spring_1, ... or link_spring_1, ... by default."""
@@ -45,7 +45,7 @@ class BetweenMasses(Spring):
     """A spring between two masses, neighbours or not."""
 
     masses: Pair
-    """Numbers of the two masses; the stretch is positive when they draw apart."""
+    """Numbers of the two masses; the stretch is positive when they separate."""
 
     def settle(self) -> None:
         """Demand two different masses."""
@@ -72,10 +72,10 @@ class CubicSpring(Schema):
 
 
 class PiecewiseLinearSpring(Schema):
-    """A continuous force of straight pieces through the origin."""
+    """A continuous piecewise-linear force through the origin."""
 
     kind: Literal["piecewise_linear"] = "piecewise_linear"
-    """Force of straight pieces, continuous, zero at zero."""
+    """Piecewise-linear force, continuous, zero at zero stretch."""
     breakpoints: Annotated[tuple[Stretch, ...], Field(json_schema_extra={"minItems": 1})]
     """Stretches at which the slope changes, increasing."""
     stiffnesses: tuple[NonNegativeStiffness, ...]
@@ -104,27 +104,27 @@ class PiecewiseLinearSpring(Schema):
 
     @property
     def number_at_rest(self) -> int:
-        """Which of the slopes (from 0) is that about zero stretch; the smaller one where zero is a breakpoint."""
+        """Index of the slope at zero stretch; of the smaller one if zero is a breakpoint."""
         at = bisect_left(self.breakpoints, 0.0)
         on_it = at < len(self.breakpoints) and self.breakpoints[at] == 0.0
         return at + 1 if on_it and self.stiffnesses[at + 1] < self.stiffnesses[at] else at
 
     @property
     def slope_at_rest(self) -> float:
-        """That slope, N/m."""
+        """Slope at zero stretch, N/m."""
         return self.stiffnesses[self.number_at_rest]
 
 
 class LinearGroundSpring(LinearSpring, OnMass):
-    """A linear spring from a mass to the ground, which stands still."""
+    """A linear spring from a mass to the fixed ground."""
 
 
 class CubicGroundSpring(CubicSpring, OnMass):
-    """A cubic spring from a mass to the ground, which stands still."""
+    """A cubic spring from a mass to the fixed ground."""
 
 
 class PiecewiseLinearGroundSpring(PiecewiseLinearSpring, OnMass):
-    """A piecewise-linear spring from a mass to the ground, which stands still."""
+    """A piecewise-linear spring from a mass to the fixed ground."""
 
 
 class LinearLinkSpring(LinearSpring, BetweenMasses):

@@ -15,20 +15,20 @@ HIGHEST_ORDER = 64
 
 
 class _FrequencyRange(Schema):
-    """What sweeps through frequencies share."""
+    """Common part of all sweeps in frequency."""
 
     from_: Frequency = Field(alias="from")
     """First frequency."""
     to: Frequency
     """Last frequency."""
     levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
-    """Levels, each swept by itself; the level of the excitation by default."""
+    """Levels, with one sweep for each; by default the level of the excitation."""
 
     def settle(self) -> None:
-        """Refuse an empty range, and an empty list of levels."""
+        """Reject an empty range, and an empty list of levels."""
         refuse_empty_levels(self)
         if self.from_ == self.to:
-            raise fail(f"= {self.to:g} Hz is where the sweep begins", "give a range, from 20 Hz to 400 Hz", ("to",))
+            raise fail(f"= {self.to:g} Hz equals the start of the sweep", "give a range, from 20 Hz to 400 Hz", ("to",))
 
     def plain_levels(self) -> Self:
         """The same without what the units of the levels said."""
@@ -36,17 +36,17 @@ class _FrequencyRange(Schema):
 
 
 class _UpAndDown(_FrequencyRange):
-    """What sweeps with a direction share."""
+    """Common part of sweeps with a direction."""
 
     direction: Literal["up", "down", "both"] = "up"
     """Up, down, or up and then down."""
     orders: tuple[PositiveNumber, ...] = (0.5, 1.0, 2.0, 3.0, 4.0)
     """Harmonics that are tracked: multiples of the excitation frequency, 0.5 for the first subharmonic."""
     accelerations: bool = True
-    """Whether the probes' absolute accelerations are kept beside the relative displacements."""
+    """Whether absolute accelerations of the probes are stored in addition to relative displacements."""
 
     def settle(self) -> None:
-        """Refuse a range that contradicts the direction, and orders that no filter tracks."""
+        """Reject a range that contradicts the direction, and orders that cannot be tracked."""
         super().settle()
         if self.from_ > self.to:
             raise fail(
@@ -59,7 +59,7 @@ class _UpAndDown(_FrequencyRange):
         for index, order in enumerate(self.orders):
             if order > HIGHEST_ORDER or abs(Fraction(order).limit_denominator(12) - Fraction(order)) > 1e-3:
                 raise fail(
-                    f"= {order:g} is no order that repeats within 12 cycles",
+                    f"= {order:g} is not an order that repeats within 12 cycles",
                     f"give whole numbers or simple fractions up to {HIGHEST_ORDER}: 0.5, 1, 1.5, 2",
                     ("orders", index),
                 )
@@ -74,18 +74,18 @@ class SweptSine(_UpAndDown):
     rate: SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
     profile: tuple[ProfilePoint, ...] = ()
-    """Levels from frequencies on, instead of one level (`levels` then multiplies it by plain numbers)."""
+    """A table of levels, each from a frequency on, instead of one level (`levels` are then factors on it)."""
     between: Between = "held"
-    """Between the points of the profile: each level held, or straight lines on doubly logarithmic paper."""
+    """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
-    """Ranges of frequencies in which a level is not exceeded."""
+    """Frequency ranges in which a level is not exceeded."""
     tolerance: PositiveNumber = 1e-12
-    """Bound on what the expansion of the sine leaves out, over its amplitude."""
+    """Bound on the truncation error of the sine, relative to its amplitude."""
     history_rate: Frequency | None = None
-    """Sample rate of the time history; without it only what belongs to a cycle is kept."""
+    """Sample rate of the time history; without it only values per cycle are stored."""
 
     def settle(self) -> None:
-        """Refuse a table that does not increase, and tolerances nobody can use."""
+        """Reject a table that does not increase, and unusable tolerances."""
         super().settle()
         check_profile(self.profile, self.between)
         for index, level in enumerate(self.levels if self.profile else ()):
@@ -96,11 +96,11 @@ class SweptSine(_UpAndDown):
                     ("levels", index),
                 )
         if not 1e-13 <= self.tolerance <= 1e-3:
-            raise fail(f"= {self.tolerance:g} cannot be kept", "use 1e-13 to 1e-3", ("tolerance",))
+            raise fail(f"= {self.tolerance:g} cannot be guaranteed", "use 1e-13 to 1e-3", ("tolerance",))
 
 
 class SteppedSine(_UpAndDown):
-    """Steady states at a list of frequencies, each from the one before."""
+    """Steady states at a list of frequencies, each started from the previous one."""
 
     kind: Literal["stepped"] = "stepped"
     """Steady states, frequency by frequency."""
@@ -109,13 +109,13 @@ class SteppedSine(_UpAndDown):
     spacing: Literal["logarithmic", "linear"] = "linear"
     """How the frequencies are spaced."""
     steady_to: PositiveNumber = 1e-6
-    """A motion is steady when it repeats to this share of its size."""
+    """A motion is steady if it repeats to this fraction of its size."""
     most_cycles: Count = 2000
-    """Cycles after which a frequency is left although the motion is not steady."""
+    """Largest number of cycles at one frequency."""
     longest_period: Count = 8
-    """Longest period looked for, in cycles of the excitation."""
+    """Longest period considered, in cycles of the excitation."""
     measured_cycles: Count = 8
-    """Cycles that are measured at least once the motion is steady."""
+    """Smallest number of cycles measured after the motion is steady."""
 
 
 Sweep = Annotated[

@@ -25,7 +25,7 @@ snubbers:                            # one-sided springs, any number of them
   - name: tip
     position: 270 mm                 # from the left end
     side: below                      # below resists w < 0, above resists w > 0
-    mounted_on: base                 # base moves with the excitation, ground stands still
+    mounted_on: base                 # base moves with the excitation, ground is fixed
     stiffness: 150 kN/m
     damping: {kind: ratio, ratio: 2 %}           # or {kind: viscous, coefficient: 12 N s/m}
     gap: 0 mm                        # > 0 backlash, < 0 prestress; or preload: 1 N instead
@@ -35,7 +35,7 @@ gravity: 0 m/s^2                     # 1 g acts downwards, towards w < 0
 excitation:
   kind: harmonic                     # or multi_tone, step, half_sine, none
   applied_to: base                   # or {position: 270 mm} for a force
-  level: 2 g                         # zero to peak; also 0.2 m/s or 0.1 mm of the base
+  level: 2 g                         # zero to peak; for the base also 0.2 m/s or 0.1 mm
   frequency: 65 Hz
 
 probes:                              # points whose motion is recorded
@@ -48,7 +48,7 @@ run:
   start: static_equilibrium          # or rest, {mode: 1, amplitude: 1 mm}, ...
   spectrum: {last: 0.4 s, window: hann}
 
-# limits: {peak_force: 50 N, bending_stress: 80 MPa}         # margins in the summary; --check ends with 4 beyond them
+# limits: {peak_force: 50 N, bending_stress: 80 MPa}         # margins in the summary; --check gives exit code 4
 # vary:                              # `beamsim sweep` computes every combination (or kind: zip, latin_hypercube)
 #   kind: grid
 #   parameters:
@@ -64,18 +64,18 @@ title: Chain of masses with a one-sided stop
 chain:
   masses: [1 kg, 1 kg]               # numbered from 1
   springs: [0, 1 N/m, 1 N/m]         # wall to 1, 1 to 2, 2 to wall (one fewer: the last mass is free)
-  dashpots: [0, 0.03, 0.03]          # N s/m beside the springs; may be left out
+  dashpots: [0, 0.03, 0.03]          # N s/m, parallel to the springs; optional
   # damping: {kind: modal, ratio: 1 %}           # or rayleigh (mass, stiffness), added to the dashpots
   snubbers:                          # one-sided springs, any number of them
     - name: stop
       mass: 1
       side: above                    # above resists displacements > 0, below those < 0
-      mounted_on: base               # base moves with the excitation, ground stands still
+      mounted_on: base               # base moves with the excitation, ground is fixed
       stiffness: 100 N/m
       gap: 1 m                       # > 0 backlash, < 0 prestress; or preload: 1 N instead
       # damping: {kind: viscous, coefficient: 0.1 N s/m}     # or {kind: ratio, ratio: 2 %}
   #   - {name: bumper, between: [1, 2], resists: approach, stiffness: 100 N/m, gap: 0.5 m}     # or separation: a cable
-  # springs_to_ground:               # from a mass to the ground, which stands still: linear, cubic, piecewise_linear
+  # springs_to_ground:               # from a mass to the ground: linear, cubic, piecewise_linear
   #   - {mass: 2, kind: cubic, stiffness: 0.5 N/m^3}
   # springs_between:                 # between any two masses; slopes below, between and above the breakpoints
   #   - {masses: [1, 2], kind: piecewise_linear, breakpoints: [-1 m, 1 m], stiffnesses: [2, 1, 0.5]}
@@ -85,7 +85,7 @@ gravity: 0 m/s^2                     # 1 g acts towards negative displacement
 excitation:
   kind: harmonic                     # or multi_tone, step, half_sine, none
   applied_to: {mass: 2}              # a force; or base, which moves the walls
-  level: 0.1 N                       # zero to peak; of the base 2 g, 0.2 m/s or 0.1 mm
+  level: 0.1 N                       # zero to peak; for the base 2 g, 0.2 m/s or 0.1 mm
   frequency: 0.8 rad/s               # or Hz, rpm
 
 probes:                              # masses whose motion is recorded

@@ -132,7 +132,7 @@ def parse(text: str, file: str | None = None) -> Node:
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         character = f"U+{error.character:04X}" if isinstance(error.character, int) else str(error.character)
-        message = f"holds a character that YAML does not allow ({character})"
+        message = f"contains a character that YAML does not allow ({character})"
         raise ScenarioError(Problem("", message, "remove it", file, line)) from None
     except (RecursionError, ValueError) as error:
         message = "is nested too deeply" if isinstance(error, RecursionError) else f"is not YAML: {error}"
@@ -155,7 +155,9 @@ def _syntax_problem(error: yaml.MarkedYAMLError, file: str | None) -> Problem:
     if error.problem and "found character '\\t'" in error.problem:
         parts = ["tabs cannot indent"]
     if error.problem == "but found another document":
-        return Problem("", "holds a second document", "keep one document a file", file, mark.line + 1 if mark else None)
+        return Problem(
+            "", "contains a second document", "keep one document per file", file, mark.line + 1 if mark else None
+        )
     return Problem(
         "",
         "is not YAML: " + ", ".join(parts),
@@ -255,7 +257,7 @@ class _Reader:
         except (ValueError, KeyError):
             self._problem(
                 path,
-                f"= {single_line(text)} is no valid {kind}",
+                f"= {single_line(text)} is not a valid {kind}",
                 "correct it, or remove its tag",
                 node.start_mark.line + 1,
             )

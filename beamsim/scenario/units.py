@@ -1,7 +1,7 @@
-"""From what a user writes (``151.1 kN/m``, ``2 g``, ``60 rpm``) to SI numbers.
+"""Conversion of values as written (``151.1 kN/m``, ``2 g``, ``60 rpm``) to SI numbers.
 
-A bare number is SI. A string with a unit is read by pint, imported when the first one is met; pint
-alone would get four things wrong here:
+A bare number is SI. A string with a unit is read by pint, which is imported only when needed. Four things
+differ from plain pint:
 
 - a frequency is in Hz, so ``0.8 rad/s`` is 0.1273 Hz and ``60 rpm`` is 1 Hz (pint: 0.8 and 6.28);
 - ``g`` is standard gravity in an acceleration or its power spectral density, gram in a mass;
@@ -96,7 +96,7 @@ def read_quantity(value: object, dimension: Dimension) -> float:
     Raises
     ------
     UnitError
-        If it is no finite number, its unit is unknown, or its dimension is another one.
+        If it is not a finite number, its unit is unknown, or its dimension is wrong.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
     remedy = "write for example 2 oct/min or 5 Hz/s"
     number, unit = _split(value, remedy)
     if not unit:
-        raise UnitError("needs a unit, which says whether the sweep is logarithmic or linear", remedy)
+        raise UnitError("needs a unit, which decides whether the sweep is logarithmic or linear", remedy)
     if match := _RATE.fullmatch(unit):
         octaves = math.log2(10) if match[1].startswith("dec") else 1.0
         return _scaled(number, octaves / _SECONDS[match[2]], remedy), "oct/s"
@@ -155,7 +155,7 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
 
 
 def _split(value: object, remedy: str) -> tuple[str | float, str]:
-    """Return the number, as text where it was text, and the unit."""
+    """Return the number (as text if it was text) and the unit."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError("must be a number", remedy)
     unit = ""

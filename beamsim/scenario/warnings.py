@@ -1,4 +1,4 @@
-"""What is legal in a scenario but doubtful."""
+"""Warnings about values that are allowed in a scenario but questionable."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MANY_SAMPLES = 5_000_000
 
 
 def doubts(scenario: Scenario) -> Iterator[str]:
-    """Yield a sentence for each doubtful choice."""
+    """Yield a sentence for each questionable value."""
     if scenario.beam is not None:
         yield from _beam(scenario.beam, max(scenario.excitation.frequencies_hz, default=0.0))
     yield from _damping(scenario)
@@ -30,16 +30,16 @@ def doubts(scenario: Scenario) -> Iterator[str]:
         highest = scenario.excitation.highest_frequency_hz
         if reduction.highest_frequency < highest:
             yield (
-                f"reduction.highest_frequency = {reduction.highest_frequency:g} Hz lies below the excitation's "
-                f"{highest:g} Hz: the modes it drives are left out"
+                f"reduction.highest_frequency = {reduction.highest_frequency:g} Hz is below the excitation frequency, "
+                f"{highest:g} Hz; the modes it excites are omitted"
             )
 
 
 def _beam(beam: Beam, highest_hz: float) -> Iterator[str]:
     if not 1e5 <= beam.youngs_modulus <= 2e12:
-        yield f"beam.youngs_modulus = {beam.youngs_modulus:g} Pa is that of no solid: a unit such as GPa may be missing"
+        yield f"beam.youngs_modulus = {beam.youngs_modulus:g} Pa is not plausible; a unit such as GPa may be missing"
     if not 1.0 <= beam.density <= 25_000.0:
-        yield f"beam.density = {beam.density:g} kg/m^3 is that of no solid: a unit such as g/cm^3 may be missing"
+        yield f"beam.density = {beam.density:g} kg/m^3 is not plausible; a unit such as g/cm^3 may be missing"
     depth = 2.0 * beam.extreme_fibre
     if depth > beam.length / 10.0:
         yield (
@@ -64,7 +64,7 @@ def _damping(scenario: Scenario) -> Iterator[str]:
         ratios = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio,)
         if max(ratios) >= 1.0:
             where = "chain" if scenario.beam is None else "beam"
-            yield f"{where}.damping.ratio = {max(ratios):g} is critical or more: was {max(ratios):g} % meant?"
+            yield f"{where}.damping.ratio = {max(ratios):g} is critical or above; was {max(ratios):g} % meant?"
 
 
 def _idle_forces(scenario: Scenario) -> Iterator[str]:

@@ -139,14 +139,14 @@ def test_history_and_envelope_agree(here):
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("sweep.to=0.1", "where the sweep begins"),
+        ("sweep.to=0.1", "equals the start of the sweep"),
         ("sweep.rate=0 oct/min", "must be positive"),
         ("sweep.rate=1", "needs a unit"),
         ("sweep.to=0.05", "lies below"),
-        ("sweep.orders=[0.37]", "no order"),
+        ("sweep.orders=[0.37]", "is not an order"),
         ("sweep.rate=1e-9 oct/min", "cycles"),
         ("sweep.rate=1e9 oct/min", "more slowly"),
-        ("sweep.tolerance=1e-30", "cannot be kept"),
+        ("sweep.tolerance=1e-30", "cannot be guaranteed"),
         ("sweep.profile=[{frequency: 1, level: 1}, {frequency: 0.5, level: 1}]", "does not lie above"),
         ("sweep.notches=[{from: 2, to: 1, level: 1}]", "does not lie above"),
         ("sweep.history_rate=1e9", "samples"),

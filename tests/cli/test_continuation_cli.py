@@ -283,7 +283,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, "sweep={kind: stepped, from: 20, to: 30, levels: []}", "sweep.levels is an empty list"),
         (BEAM, "sweep={kind: continuation}", "sweep.from is missing"),
         (BEAM, "sweep={kind: continuation, from: 20}", "sweep.to is missing"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 20}", "is where the sweep begins"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 20}", "equals the start of the sweep"),
         (BEAM, "sweep={kind: continuation, from: 20, to: 30, continue_in: {kind: level, from: 1, to: 2}}", "exclude"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, from: 1 mm, to: 1 mm}}", "give a range"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, snubber: tpi, from: 0, to: 1 mm}}", "mean tip?"),
@@ -298,7 +298,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, f"sweep={{{GAP}, method: harmonic_balance}}", "not the gap"),
         (BEAM, f"sweep={{{GAP}, overlay: {{rate: 1 Hz/s}}}}", "in gap"),
         (BEAM, f"sweep={{{SHORT}, follow_folds_in: {{kind: level, from: 3 g, to: 4 g}}}}", "widen"),
-        (CHAIN, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "belongs to a beam"),
+        (CHAIN, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "applies to a beam"),
         (CHAIN, "chain.snubbers=[]", None),
     ],
 )  # fmt: skip

@@ -94,7 +94,7 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("  measured_with: [448 Hz, 196.5 Hz]\n", "were they swapped"),
+        ("  measured_with: [448 Hz, 196.5 Hz]\n", "are they swapped"),
         ("  measured_with: [1234.6]\n", "rad/s"),
         ("  measured_with: [0.1965]\n", "kHz"),
         ("  measured_with: [51 Hz]\n", "52.394 Hz to 236.061 Hz"),
@@ -102,7 +102,7 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
         ("  measured_with: [196.5]\n  fit_to: [2]\n", "measured_with has 1 frequency"),
         ("  measured_with: [196.5]\n  fit_to: [1, 1]\n", "listed twice"),
         ("  measured_with: [196.5]\n  uncertainty: 0.3\n", "write 0.3 % if that was meant"),
-        ("  fit_to: [1]\n", "nothing was measured"),
+        ("  fit_to: [1]\n", "there are no nonlinear tests"),
         ("  measured_with: [196.5]\n  update: [beam.youngs_modulus]\n", "from 0 measured frequencies"),
         ("  measured_with: [196.5, 448]\n  fit_to: [1, 2]\n  method: thesis\n", "fits one mode"),
         ("  measured_with: [.nan]\n", "measured_with"),

@@ -242,7 +242,7 @@ def test_python(compared):
         (FIRST, {"nnm.method": {"kind": "thesis", "stepps": 3}}, "did you mean steps"),
         (FIRST, {"nnm.method": {"kind": "thesis", "steps": 0}}, "1 or more"),
         (FIRST, {"nnm.method": {"kind": "thesis", "steps": 20000}}, "over 10000"),
-        (FIRST, {"nnm.method": {"kind": "thesis", "tolerance": 2}}, "square of a relative miss"),
+        (FIRST, {"nnm.method": {"kind": "thesis", "tolerance": 2}}, "square of a relative deviation"),
         (FIRST, {"nnm.method": {"kind": "full_period", "branches": -1}}, "0 or more"),
         (ENERGY, {"nnm.method": "thesis"}, "use continue_in: {kind: stiffness_factor}"),
         (ENERGY, {"nnm.method": "multiple_scales"}, "use continue_in: {kind: stiffness_factor}"),

@@ -33,8 +33,8 @@ sweep: {kind: continuation, from: 0.9 rad/s, to: 1.3 rad/s}
     ("change", "problem"),
     [
         ("chain.snubbers[0].between=[1, 4]", r"chain.snubbers\[0\].between\[1\] = 4, but the chain has 3 masses"),
-        ("chain.snubbers[0].between=[1, 1]", r"\.between = \[1, 1\] joins a mass to itself; name two different"),
-        ("chain.snubbers[0].between=[1]", r"\.between names 1 mass; name the two"),
+        ("chain.snubbers[0].between=[1, 1]", r"\.between = \[1, 1\] connects a mass to itself; give two different"),
+        ("chain.snubbers[0].between=[1]", r"\.between names 1 mass; give the two"),
         ("chain.snubbers[0].mass=1", r"must name one mass or the two it acts between; give mass: 1 with side"),
         ("chain.snubbers[0].side=below", r"snubbers\[0\].side is not a known key"),
         ("chain.snubbers[0].mounted_on=ground", r"snubbers\[0\].mounted_on is not a known key"),

@@ -202,7 +202,7 @@ def test_copies_keep_everything():
         ),
         ("constant_forces=[{position: 0, force: 1 N}]", "constant_forces[0] sits on a support"),
         ("probes=[{name: root, position: 0}]", "probes[0] sits on a support"),
-        ("reduction={highest_frequency: 20 Hz}", "the modes it drives are left out"),
+        ("reduction={highest_frequency: 20 Hz}", "the modes it excites are omitted"),
     ],
 )
 def test_doubts(override, says):

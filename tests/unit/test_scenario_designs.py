@@ -59,7 +59,7 @@ def test_sweep_rates_keep_their_unit():
     (axis,) = resolved("{path: sweep.rate, values: [1.5 oct/min, 3 Hz/s]}", base=base)
     assert axis.values == ("0.025 oct/s", "3.0 Hz/s")
     text = study("{path: sweep.rate, from: 1 oct/min, to: 2 oct/min, points: 2}", base=base)
-    assert "is a word, which has no range" in refused(text)
+    assert "is a choice, which has no range" in refused(text)
 
 
 @pytest.mark.parametrize(
@@ -106,14 +106,14 @@ def test_the_resolved_text_loads_to_the_same_study(kind):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        (["{path: beam.thicknes, values: [1 mm]}"], "[0].path = beam.thicknes leads nowhere: beam has no thicknes;"),
+        (["{path: beam.thicknes, values: [1 mm]}"], "[0].path = beam.thicknes does not exist: beam has no thicknes;"),
         (["{path: snubbers.tp.gap, values: [1 mm]}"], "snubbers has no tp; the names are tip"),
         (["{path: snubbers.tip.preload, values: [1 N]}"], "has no value in this scenario"),
-        (["{path: snubbers.tip, values: [1]}"], "is not a number; go on with one of"),
+        (["{path: snubbers.tip, values: [1]}"], "is not a number; continue with one of"),
         (["{path: 'beam.point_masses[7].mass', values: [1 g]}"], "has 2 items"),
-        (["{path: title, values: [a, b]}"], "makes no difference to a case"),
-        (["{path: excitation.kind, values: [harmonic]}"], "is no number and no choice"),
-        (["{path: snubbers.tip.name, values: [a, b]}"], "is no number and no choice"),
+        (["{path: title, values: [a, b]}"], "has no effect on a case"),
+        (["{path: excitation.kind, values: [harmonic]}"], "is neither a number nor a choice"),
+        (["{path: snubbers.tip.name, values: [a, b]}"], "is neither a number nor a choice"),
         (["{path: beam.thickness, values: []}"], "values is an empty list"),
         (["{path: beam.thickness}"], "names no values"),
         (["{path: beam.thickness, values: [1 mm], from: 1}"], "from is not a known key"),
@@ -121,19 +121,19 @@ def test_the_resolved_text_loads_to_the_same_study(kind):
         (["{path: beam.thickness, values: [1 mm, -1 mm]}"], "values[1] = -1 mm must be positive"),
         (["{path: beam.thickness, values: [true]}"], "must be a number"),
         (["{path: beam.thickness, values: [.nan]}"], "must be finite"),
-        (["{path: beam.thickness, values: [1 mm, 0.1 cm]}"], "holds a value twice"),
-        (["{path: beam.thickness, from: 1 mm, to: 1 mm, points: 3}"], "is where the range begins"),
+        (["{path: beam.thickness, values: [1 mm, 0.1 cm]}"], "lists a value twice"),
+        (["{path: beam.thickness, from: 1 mm, to: 1 mm, points: 3}"], "equals the start of the range"),
         (["{path: beam.thickness, from: 1 mm, to: 2 mm, points: 1}"], "points = 1 is out of range"),
         (["{path: beam.thickness, from: 1 mm, to: 2 mm}"], "points is missing"),
         (["{path: snubbers.tip.gap, from: 0, to: 2 mm, points: 3, spacing: logarithmic}"], "from must be positive"),
         (["{path: beam.elements, from: 4, to: 6, points: 9}"], "more than the whole numbers from 4 to 6"),
         (["{path: beam.elements, values: [4.5]}"], "must be a whole number"),
         (["{path: beam.supports.right, values: [fre]}"], "= fre is not one of clamped, pinned, free, guided"),
-        (["{path: beam.supports.right, tolerance: 1 %}"], "is a word, which has no range"),
+        (["{path: beam.supports.right, tolerance: 1 %}"], "is a choice, which has no range"),
         (["{path: beam.thickness, tolerance: 200 %}"], "must be positive"),
         (["{path: beam.thickness, tolerance: 1 kg}"], "tolerance = 1 kg must be a length"),
         (["{path: snubbers.tip.gap, tolerance: 2 %}"], "leaves nothing to vary; give it in the quantity's own unit"),
-        (["{path: 'beam.point_masses[*].mass', tolerance: 2 %}"], "different ones; vary them one by one"),
+        (["{path: 'beam.point_masses[*].mass', tolerance: 2 %}"], "different ones; vary them separately"),
         (["{path: excitation.level, values: [1 mm]}"], "unit of displacement, and the excitation's level is of accel"),
         ([STIFFNESS, STIFFNESS], "is varied twice, also by vary.parameters[0]"),
         (["{path: a b, values: [1]}"], "is not a path"),
@@ -195,7 +195,7 @@ def test_limits_of_what_the_structure_does_not_have():
         "limits: {bending_stress: 1 MPa, gap: 1 mm}\n"
     )
     text = refused(chain)
-    assert "limits.bending_stress belongs to a beam" in text
+    assert "limits.bending_stress applies to a beam" in text
     assert "limits.gap limits the snubbers, and there are none" in text
 
 

@@ -85,7 +85,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("beam.thickness_mm=1", "beam.thickness_mm is not a known key; did you mean thickness?"),
         ("beam.Length=1", "beam.Length is not a known key; did you mean length?"),
         ("beam.damping.ration=1", "did you mean ratio?"),
-        ("run.extends=x", "extends stands at the top level of a file"),
+        ("run.extends=x", "extends must be at the top level of a file"),
         ("excitation={kind: none, level: 1}", "excitation.level is not a known key; this kind has no other keys"),
         ("beam.length=null", "beam.length is missing; give for example length: 270 mm"),
         ("snubbers=[{position: 0.1, stiffness: 1}]", "snubbers[0].side is missing; give side: below or above"),
@@ -163,7 +163,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         # structure
         ("chain={masses: [1], springs: [1]}", "chain and beam exclude each other"),
         ("beam=null", "the scenario has no structure"),
-        ("beam={elements: 1, supports: {right: clamped}, point_masses: []}", "beam.elements = 1 leaves nothing free"),
+        ("beam={elements: 1, supports: {right: clamped}, point_masses: []}", "beam.elements = 1 leaves no degree of freedom"),
         # places
         ("snubbers[0].position=-1 mm", "snubbers[0].position = -1 mm must not be negative"),
         ("snubbers[0].position=0", "snubbers[0].position = 0 m is the clamped left end, which cannot deflect"),
@@ -172,7 +172,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("probes[1].position=1", "probes[1].position = 1 m lies beyond"),
         ("probes[1].mass=1", "probes[1].mass and position exclude each other"),
         ("probes=[{name: a}]", "probes[0] names no place"),
-        ("probes=[{name: a, mass: 1}]", "probes[0].mass belongs to a chain, and this is a beam"),
+        ("probes=[{name: a, mass: 1}]", "probes[0].mass applies to a chain, but the structure is a beam"),
         ("constant_forces=[{position: 1, force: 3 N}]", "constant_forces[0].position = 1 m lies beyond"),
         ("constant_forces=[{force: 3 N}]", "constant_forces[0] names no place"),
         ("beam.length=0.26999999", "snubbers[0].position = 0.27 m lies beyond beam.length = 0.26999999 m"),
@@ -181,18 +181,18 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("excitation.applied_to=bas", "excitation.applied_to = bas names neither the base nor a point"),
         ("excitation.applied_to={}", "excitation.applied_to = {} names neither the base nor a point"),
         ("excitation.applied_to={position: 1}", "excitation.applied_to.position = 1 m lies beyond"),
-        ("excitation.applied_to={mass: 1}", "excitation.applied_to.mass belongs to a chain"),
+        ("excitation.applied_to={mass: 1}", "excitation.applied_to.mass applies to a chain"),
         (
             "excitation.applied_to={position: 0.1}",
-            "excitation.level is an acceleration, but a point is pushed by a force",
+            "excitation.level is an acceleration, but a point takes a force",
         ),
-        ("excitation.level=3 N", "excitation.level is a force, but the base is moved, not pushed"),
+        ("excitation.level=3 N", "excitation.level is a force, but the base moves and takes no force"),
         ("excitation.level=3 s", "must be an acceleration, a velocity, a displacement or a force, not a time"),
         (
             "excitation.quantity=velocity",
             "excitation.level is given in a unit of acceleration, where a velocity is meant",
         ),
-        ("excitation={quantity: force, level: 1}", "excitation.quantity is a force, but the base is moved"),
+        ("excitation={quantity: force, level: 1}", "excitation.quantity is a force, but the base moves"),
         (
             "excitation={kind: step, applied_to: base, level: 1 mm}",
             "step of the base's displacement, which needs an infinite",
@@ -213,7 +213,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ),
         (
             "excitation={kind: harmonic, applied_to: {position: 0}, level: 1 N, frequency: 5}",
-            "a force does nothing there",
+            "a force has no effect there",
         ),
         # run
         (
@@ -224,9 +224,9 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("run.spectrum.last=2 s", "run.spectrum.last = 2 s is longer than run.duration = 0.8 s"),
         ("run.spectrum.periods=5", "run.spectrum.periods and last exclude each other"),
         ("run.spectrum={last: null, periods: 100}", "run.spectrum.periods = 100 periods of 65 Hz take 1.53846 s"),
-        ("run.start=static", "run.start = static is no initial state; write static_equilibrium, rest"),
-        ("run.start=5", "run.start = 5 is no initial state"),
-        ("run.start={shape: 1}", "run.start = {shape: 1} is no initial state"),
+        ("run.start=static", "run.start = static is not an initial state; write static_equilibrium, rest"),
+        ("run.start=5", "run.start = 5 is not an initial state"),
+        ("run.start={shape: 1}", "run.start = {shape: 1} is not an initial state"),
         ("run.start={mode: 1}", "run.start.amplitude is missing; give for example amplitude: 1 mm"),
         ("run.start={mode: 1, displacement: [0]}", "run.start.mode is not a known key"),
         ("run.start={mode: 0, amplitude: 1}", "run.start.mode = 0 is out of range"),
@@ -245,12 +245,12 @@ def test_everything_at_once_in_the_order_of_the_file():
         # later commands
         ("sweep={kind: swept_sine, from: 20, to: 400, rate: 2}", "sweep.rate = 2 needs a unit"),
         ("sweep={kind: swept_sine, from: 20, to: 400, rate: 0 oct/min}", "sweep.rate = 0 oct/min must be positive"),
-        ("sweep={kind: swept_sine, from: 20, to: 20, rate: 2 oct/min}", "sweep.to = 20 Hz is where the sweep begins"),
+        ("sweep={kind: swept_sine, from: 20, to: 20, rate: 2 oct/min}", "sweep.to = 20 Hz equals the start of the sweep"),
         ("sweep={kind: swept_sine, from: 40, to: 20, rate: 2 Hz/s}", "sweep.to = 20 Hz lies below sweep.from = 40 Hz"),
         ("sweep={kind: continuation, from: 5, to: 9, levels: [1 N]}", "sweep.levels[0] is given in a unit of force"),
         (
             "identify_stiffness={snubber: tp, measured_with: [3]}",
-            "identify_stiffness.snubber = tp is no snubber's name; did you mean tip?",
+            "identify_stiffness.snubber = tp is not the name of a snubber; did you mean tip?",
         ),
         ("identify_stiffness={snubber: tip, measured_with: [3, 2]}", "measured_with[1] = 2 Hz is not above"),
         (
@@ -259,7 +259,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ),
         ("identify_stiffness={snubber: tip, measured_with: [3], fit_to: [1, 1]}", "fit_to[1] = 1 is listed twice"),
         ("nnm={mode: 1, energy: 1 J, continue_in: {kind: energy, from: 1, to: 2}}", "nnm.energy cannot be held"),
-        ("nnm={mode: 1, continue_in: {kind: frequency, from: 1, to: 1}}", "nnm.continue_in.to = 1 is where"),
+        ("nnm={mode: 1, continue_in: {kind: frequency, from: 1, to: 1}}", "nnm.continue_in.to = 1 equals the start"),
     ],
 )
 def test_on_a_beam(override, says):
@@ -295,10 +295,10 @@ def test_on_a_beam(override, says):
         ("excitation.applied_to={mass: 9}", "excitation.applied_to.mass = 9, but the chain has 3 masses"),
         (
             "excitation.applied_to={position: 1}",
-            "excitation.applied_to.position belongs to a beam, and this is a chain",
+            "excitation.applied_to.position applies to a beam, but the structure is a chain",
         ),
         ("probes=[{name: a, mass: 9}]", "probes[0].mass = 9, but"),
-        ("probes=[{name: a, position: 1}]", "probes[0].position belongs to a beam"),
+        ("probes=[{name: a, position: 1}]", "probes[0].position applies to a beam"),
         ("constant_forces=[{mass: 9, force: 1}]", "constant_forces[0].mass = 9, but"),
         (
             "snubbers=[{position: 1, side: above, stiffness: 1}]",
@@ -353,9 +353,9 @@ def test_initial_shapes_must_fit_the_supports(supports, polynomial, refused):
     [
         ("\n", "<text>: is empty; "),
         ("# only a comment\n", "<text>: is empty; "),
-        ("- a list\n", "<text>:1: holds a list where the keys of a scenario are wanted"),
-        ("just text\n", "<text>:1: holds only just text where"),
-        ("123\n", "<text>:1: holds only 123 where"),
+        ("- a list\n", "<text>:1: holds a list instead of the keys of a scenario"),
+        ("just text\n", "<text>:1: holds only just text instead"),
+        ("123\n", "<text>:1: holds only 123 instead"),
         ("title: x\n", "<text>: the scenario has no structure; give beam: or chain:"),
         ("beam:\nchain:\n", "<text>: the scenario has no structure"),
     ],
@@ -374,7 +374,7 @@ def test_files(tmp_path):
     assert "cannot be read" in one("nul\0.yaml")
     binary = tmp_path / "binary.yaml"
     binary.write_bytes(b"title: x\n\xff\xfe\x00\x01")
-    assert one(binary) == f"{binary}:2: is not text in UTF-8; name a YAML file"
+    assert one(binary) == f"{binary}:2: is not text in UTF-8; give a YAML file"
     empty = tmp_path / "empty.yaml"
     empty.write_bytes(b"")
     assert one(empty).startswith(f"{empty}: is empty")

@@ -79,7 +79,7 @@ def test_circles_are_found(folder):
     (folder / "b.yaml").write_text("extends: c.yaml\n")
     (folder / "c.yaml").write_text("title: x\nextends: case.yaml\n")
     (line,) = problems(load, folder, "extends: b.yaml\n")
-    assert line.startswith(f"{folder / 'c.yaml'}:2: extends = case.yaml leads back to")
+    assert line.startswith(f"{folder / 'c.yaml'}:2: extends = case.yaml refers back to")
     (line,) = problems(load, folder, "extends: case.yaml\n")
     assert "circle" in line
 
@@ -184,14 +184,14 @@ def test_a_scenario_can_be_varied():
         ("beam.thicknes=null", "beam.thicknes is not a known key"),
         ("foo=1", "foo is not a known key; known keys: title, beam"),
         ("foo.bar=1", "foo is not a known key"),
-        ("extends=a.yaml", "extends is not a known key; extends stands at the top level of a file"),
-        ("snubbers[3].gap=1", "snubbers[3].gap leads nowhere: snubbers has 1 item; the last one is snubbers[0]"),
+        ("extends=a.yaml", "extends is not a known key; extends must be at the top level of a file"),
+        ("snubbers[3].gap=1", "snubbers[3].gap does not exist: snubbers has 1 item; the last one is snubbers[0]"),
         (
             "snubbers.gap=1",
-            "snubbers.gap leads nowhere: snubbers is a list, without keys; give the index: snubbers[0].gap",
+            "snubbers.gap does not exist: snubbers is a list, without keys; give the index: snubbers[0].gap",
         ),
-        ("beam[0]=1", "beam[0] leads nowhere: beam is not a list"),
-        ("beam.length.x=1", "beam.length.x leads nowhere: beam.length is 270 mm, without keys"),
+        ("beam[0]=1", "beam[0] does not exist: beam is not a list"),
+        ("beam.length.x=1", "beam.length.x does not exist: beam.length is 270 mm, without keys"),
         ("constant_forces[0].force=1", "there is no constant_forces; give constant_forces as a whole list"),
         ("snubbers[-1].gap=1", "is not a path"),
         ("snubbers[*].gap=1", "is not a path"),
