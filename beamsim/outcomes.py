@@ -152,6 +152,11 @@ class OutcomeCode(Enum):
         "frequency",
         "widen identify_stiffness.tolerance, or use method: secular",
     )
+    FIT_LIMIT = (
+        OutcomeKind.STOPPED,
+        "the fit stopped after {evaluations} evaluations, the most allowed",
+        "start from better values, or seek fewer parameters",
+    )
     SOLUTION_LIMIT = (
         OutcomeKind.STOPPED,
         "{solutions} eigenvalue solutions were not enough",

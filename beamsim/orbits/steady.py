@@ -47,7 +47,7 @@ class CycleStepper:
 
     def carry(
         self, motion: Motion, cycles: int, output_of: OutputOf | None = None, orders: Floats | None = None
-    ) -> tuple[Floats, Measured | None]:
+    ) -> tuple[Floats, MeasuredCycles | None]:
         """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, 2n) after every cycle.
 
         Raises
@@ -96,7 +96,7 @@ class CycleStepper:
             return states, None
         period = flow.windows.length[0]
         harmonic = record.harmonic / np.where(order == 0, 2 * np.pi, np.pi)
-        return states, Measured(
+        return states, MeasuredCycles(
             record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings
         )
 
@@ -125,7 +125,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCycles:
     """Envelopes, mean squares and harmonics of whole cycles; K outputs."""
 
     high: Floats  # (cycles, K)
@@ -184,7 +184,7 @@ def settle(
 
 def measure(
     stepper: CycleStepper, motion: Motion, cycles: int, output_of: OutputOf, orders: Floats
-) -> tuple[Floats, Measured]:
+) -> tuple[Floats, MeasuredCycles]:
     """Carry a motion on for some cycles, keeping envelopes and harmonics; returns the section too."""
     states, measured = stepper.carry(motion, cycles, output_of, orders)
     assert measured is not None

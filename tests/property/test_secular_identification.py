@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.stiffness import Measured, fit_stiffness
+from beamsim.analyses.identify.stiffness import MeasuredModes, fit_stiffness
 from beamsim.contacts.contact_point import snubber_point
 from beamsim.scenario import load_scenario
 from beamsim.structures.modes import closed_frequencies
@@ -48,7 +48,7 @@ def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
     assume(slope > 0)
     condition = omega / (k * slope)
     assume(condition < 1e11)  # else the mode sits on a node, or the spring is all but rigid or nothing: refused
-    found = fit_stiffness(point, Measured((mode,), np.array([omega]), np.zeros(1)))
+    found = fit_stiffness(point, MeasuredModes((mode,), np.array([omega]), np.zeros(1)))
     assert abs(found - k) <= 1e-12 * condition * k
     assert point.mode_number(omega) == mode  # interlacing
 
@@ -83,14 +83,14 @@ def test_several_consistent_modes_agree(point, decades, modes):
     assume(omega.min() > 0)
     slope = point.slope(omega)
     assume(np.max(k * slope / omega) > 1e-4)
-    found = fit_stiffness(point, Measured(modes, omega, np.zeros(len(modes))))
+    found = fit_stiffness(point, MeasuredModes(modes, omega, np.zeros(len(modes))))
     assert found == pytest.approx(k, rel=1e-9 / np.max(k * slope / omega))
 
 
 def test_the_comparison_can_fail():
     point = snubber_point(scenario_with("clamped", "free", 0.98), "stop")
     omega = float(point.frequencies(1e4, 1)[0])
-    wrong = fit_stiffness(point, Measured((1,), np.array([omega * (1 + 1e-9)]), np.zeros(1)))
+    wrong = fit_stiffness(point, MeasuredModes((1,), np.array([omega * (1 + 1e-9)]), np.zeros(1)))
     assert abs(wrong / 1e4 - 1) > 1e-10
 
 

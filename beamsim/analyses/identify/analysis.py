@@ -23,7 +23,13 @@ from beamsim.analyses.identify.result import (
     Sensitivity,
     StiffnessEstimate,
 )
-from beamsim.analyses.identify.stiffness import Measured, check_reach, fit_stiffness, individual_stiffness, thesis_loop
+from beamsim.analyses.identify.stiffness import (
+    MeasuredModes,
+    check_reach,
+    fit_stiffness,
+    individual_stiffness,
+    thesis_loop,
+)
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
 from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
@@ -159,8 +165,8 @@ def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) ->
             )
 
 
-def _measured(section: IdentifyStiffness, still: int) -> Measured:
-    return Measured(
+def _measured(section: IdentifyStiffness, still: int) -> MeasuredModes:
+    return MeasuredModes(
         tuple(still + listed for listed in section.fit_to),
         _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
         np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
@@ -168,7 +174,7 @@ def _measured(section: IdentifyStiffness, still: int) -> Measured:
     )
 
 
-def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured) -> StiffnessEstimate:
+def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes) -> StiffnessEstimate:
     outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
     if section.method == "thesis":
         loop = thesis_loop(

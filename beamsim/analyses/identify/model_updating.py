@@ -107,7 +107,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     numbers, words = sought_numbers(scenario, section.update)
     sigma = np.array([section.uncertainty_of(j + 1) for j in range(measured.size)])
     evaluations = 0
-    best: _Fit | None = None
+    best: _ModelFit | None = None
     alternatives: list[tuple[str, float]] = []
     for choice in product(*(choices_at(scenario, place) for place in words)):
         varied = with_values(scenario, dict(zip(words, choice, strict=True)))
@@ -213,7 +213,7 @@ def confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> li
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _ModelFit:
     scenario: Scenario  # with its supports, before the numbers
     updated: Scenario
     theta: Floats
@@ -252,7 +252,7 @@ def _residuals(
     return residuals
 
 
-def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Floats) -> _Fit:
+def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Floats) -> _ModelFit:
     from beamsim.scenario.parameters import with_values
 
     residuals = _residuals(scenario, numbers, measured, sigma)
@@ -266,7 +266,7 @@ def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Flo
     lower, upper = _limits(numbers)
     if not numbers:
         value = counted(np.zeros(0))
-        return _Fit(
+        return _ModelFit(
             scenario,
             scenario,
             np.zeros(0),
@@ -280,7 +280,7 @@ def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Flo
     values: dict[Place, object] = {}
     for number, theta in zip(numbers, found.x, strict=True):
         values |= number.at_factor(float(np.exp(theta)))
-    return _Fit(
+    return _ModelFit(
         scenario,
         with_values(scenario, values),
         found.x,
@@ -332,7 +332,7 @@ def _estimate(number: Sought, theta: float, deviation: float, z: float) -> Param
     )
 
 
-def _profiles(fit: _Fit, numbers: list[Sought], deviation: Floats) -> tuple[tuple[Profile, ...], int]:
+def _profiles(fit: _ModelFit, numbers: list[Sought], deviation: Floats) -> tuple[tuple[Profile, ...], int]:
     """chi^2 against each parameter, the others fitted again."""
     lower, upper = fit.limits
     evaluations = 0

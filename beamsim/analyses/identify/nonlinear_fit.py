@@ -25,6 +25,7 @@ from beamsim.analyses.identify.model_updating import Sought, confounded, sought_
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, Profile, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.contact_change import with_changed_contacts
 from beamsim.typing import Complexes, Floats
 
@@ -40,6 +41,7 @@ _WIDEST_FACTOR = 30.0
 _UNKNOWN_NOISE = 0.01  # of the largest harmonic, where nothing tells the noise
 _GOOD = 1e-3  # probability below which chi^2 says that the model does not fit
 _FAR = 1e6  # residual where there is no steady vibration
+_MOST_EVALUATIONS = 60  # of the residuals, in one fit
 _PROFILE_POINTS = 7
 _PROFILE_WIDTH = 2.5
 _HARMONICS_KEPT = 3.0  # times the highest harmonic used: modes of a fit without `reduction`
@@ -78,7 +80,7 @@ def fit_nonlinear(
                 "measure more tests or use more harmonics, seek fewer parameters, or give them a prior",
             )
         )
-    fit = _Fit(scenario, numbers, tests)
+    fit = _NonlinearFit(scenario, numbers, tests)
     fit.prepare()
     start = np.zeros(len(numbers))
     first = fit.with_phases(start)
@@ -123,7 +125,9 @@ def fit_nonlinear(
     profiles = _profiles(fit, x, covariance, misfit, scale) if nonlinear.profiles else ()
     with np.errstate(all="ignore"):
         correlation = covariance / np.outer(deviation, deviation)
+    limited = best.status == 0  # of least_squares: it ran out of evaluations
     return NonlinearEstimate(
+        outcome=Outcome.of(OutcomeCode.FIT_LIMIT, evaluations=_MOST_EVALUATIONS) if limited else COMPLETE,
         parameters=parameters,
         correlation=np.asarray(correlation),
         tests=tuple(
@@ -231,7 +235,7 @@ def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[
 
 
 @dataclass
-class _Fit:
+class _NonlinearFit:
     """Residuals of all tests as a function of scaled parameters followed by the free phases."""
 
     scenario: Scenario
@@ -428,21 +432,21 @@ class _Fit:
         return found
 
 
-def _random_start(fit: _Fit, spread: float, generator: np.random.Generator) -> Floats:
+def _random_start(fit: _NonlinearFit, spread: float, generator: np.random.Generator) -> Floats:
     lower, upper = fit.limits()
     count = len(fit.numbers)
     offset = spread * generator.standard_normal(count)
     return np.asarray(np.clip(offset, lower[:count] + 1e-6, upper[:count] - 1e-6))
 
 
-def _solve(fit: _Fit, x: Floats) -> Any:
+def _solve(fit: _NonlinearFit, x: Floats) -> Any:
     from scipy.optimize import least_squares
 
     lower, upper = fit.limits()
     x = np.clip(x, np.nextafter(lower, np.inf), np.nextafter(upper, -np.inf))
     return least_squares(
         fit.residuals, x, jac=fit.jacobian, bounds=(lower, upper), x_scale="jac", xtol=1e-8, ftol=1e-8,
-        gtol=1e-10, max_nfev=60,
+        gtol=1e-10, max_nfev=_MOST_EVALUATIONS,
     )  # fmt: skip
 
 
@@ -464,7 +468,7 @@ def _covariance(jacobian: Floats, count: int) -> Floats:
     )
 
 
-def _scatter(fit: _Fit, misfit: float, freedom: int) -> tuple[float, list[str]]:
+def _scatter(fit: _NonlinearFit, misfit: float, freedom: int) -> tuple[float, list[str]]:
     """Factor on the covariance: chi^2 over its freedom where the noise is unknown or cannot explain the misfit."""
     if freedom <= 0:
         return 1.0, []
@@ -480,7 +484,7 @@ def _scatter(fit: _Fit, misfit: float, freedom: int) -> tuple[float, list[str]]:
     return 1.0, []
 
 
-def _estimate(fit: _Fit, i: int, x: float, deviation: float, z: float) -> ParameterEstimate:
+def _estimate(fit: _NonlinearFit, i: int, x: float, deviation: float, z: float) -> ParameterEstimate:
     number = fit.numbers[i]
     linear, scale = fit.factor_of(i)
     value = fit.value(i, x)
@@ -497,7 +501,7 @@ def _estimate(fit: _Fit, i: int, x: float, deviation: float, z: float) -> Parame
     )
 
 
-def _profiles(fit: _Fit, x: Floats, covariance: Floats, misfit: float, scale: float) -> tuple[Profile, ...]:
+def _profiles(fit: _NonlinearFit, x: Floats, covariance: Floats, misfit: float, scale: float) -> tuple[Profile, ...]:
     """chi^2 against each parameter, the others and the phases following: predicted linearly, then two corrections."""
     count = len(fit.numbers)
     lower, upper = fit.limits()

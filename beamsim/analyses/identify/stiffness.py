@@ -27,7 +27,7 @@ FIRST_STIFFNESS = 0.01  # N/m; thesis, algorithm 1
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredModes:
     """Frequencies of chosen modes with their standard deviations."""
 
     mode: tuple[int, ...]  # numbers, from 1, rigid-body modes included
@@ -42,7 +42,7 @@ class Measured:
         return np.asarray(1.0 / (sigma * self.omega))
 
 
-def fit_stiffness(point: SpringPoint, measured: Measured) -> float:
+def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
     """Stiffness, N/m, that explains the measured frequencies; 0 or infinity where they lie beyond all stiffnesses."""
     single = _individual(point, measured)
     if len(measured.mode) == 1:
@@ -71,20 +71,20 @@ def fit_stiffness(point: SpringPoint, measured: Measured) -> float:
     return float(np.exp(nearest.x))
 
 
-def misfit(point: SpringPoint, measured: Measured, stiffness: Floats) -> Floats:
+def misfit(point: SpringPoint, measured: MeasuredModes, stiffness: Floats) -> Floats:
     """(s,) chi^2 at stiffnesses (s,)."""
     predicted = point.frequencies(stiffness, max(measured.mode))[:, np.array(measured.mode) - 1]
     return np.asarray(np.sum(((predicted - measured.omega) * measured.weight) ** 2, axis=1))
 
 
-def _descent(point: SpringPoint, measured: Measured, log_stiffness: float) -> float:
+def _descent(point: SpringPoint, measured: MeasuredModes, log_stiffness: float) -> float:
     """Half the derivative of chi^2 with respect to ln k."""
     k = float(np.exp(log_stiffness))
     predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
     return float(np.sum((predicted - measured.omega) * measured.weight**2 * point.slope(predicted) * k))
 
 
-def _individual(point: SpringPoint, measured: Measured) -> Floats:
+def _individual(point: SpringPoint, measured: MeasuredModes) -> Floats:
     """Stiffness behind each frequency alone: 0 below what it can reach, infinity above."""
     k = point.stiffness(measured.omega)
     for i, mode in enumerate(measured.mode):
@@ -96,7 +96,7 @@ def _individual(point: SpringPoint, measured: Measured) -> Floats:
     return np.asarray(k)
 
 
-def check_reach(point: SpringPoint, measured: Measured, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
+def check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
     """Refuse frequencies that no stiffness reaches; with several modes, warn unless none is within reach.
 
     Raises
@@ -222,7 +222,7 @@ def thesis_loop(
     return LoopResult(previous, most_solutions, Outcome.of(OutcomeCode.SOLUTION_LIMIT, solutions=most_solutions))
 
 
-def individual_stiffness(point: SpringPoint, measured: Measured) -> Mapping[int, float]:
+def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Mapping[int, float]:
     """Stiffness from each mode alone, N/m; nan where it is out of reach."""
     k = _individual(point, measured)
     usable = np.isfinite(k) & (k > 0)

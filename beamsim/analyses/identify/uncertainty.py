@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.identify.result import Profile, Sensitivity
-from beamsim.analyses.identify.stiffness import Measured, misfit
+from beamsim.analyses.identify.stiffness import MeasuredModes, misfit
 from beamsim.scenario.base import path_text
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.secular import SpringPoint
@@ -37,7 +37,7 @@ class Spread:
     interval: tuple[float, float]
 
 
-def spread_of(point: SpringPoint, measured: Measured, stiffness: float, coverage: float) -> Spread:
+def spread_of(point: SpringPoint, measured: MeasuredModes, stiffness: float, coverage: float) -> Spread:
     """First-order standard deviation and both intervals; nan without uncertainties."""
     if not measured.sigma.all():
         return Spread(np.nan, (np.nan, np.nan), (np.nan, np.nan))
@@ -66,7 +66,7 @@ def _reachable(point: SpringPoint, mode: int, omega: Floats) -> Floats:
 
 
 def _profile_interval(
-    point: SpringPoint, measured: Measured, stiffness: float, relative: float, z: float
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, z: float
 ) -> tuple[float, float]:
     """Where chi^2 stays within z^2 of its minimum."""
     from scipy.optimize import brentq
@@ -90,7 +90,7 @@ def _profile_interval(
 
 def monte_carlo(
     point: SpringPoint,
-    measured: Measured,
+    measured: MeasuredModes,
     stiffness: float,
     *,
     samples: int,
@@ -115,7 +115,9 @@ def monte_carlo(
     return deviation, (float(low), float(high)), float(1 - usable.mean())
 
 
-def _least_on_table(point: SpringPoint, measured: Measured, stiffness: float, relative: float, omega: Floats) -> Floats:
+def _least_on_table(
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, omega: Floats
+) -> Floats:
     width = min(_TABLE_WIDTH * relative, 20.0)
     x = np.log(stiffness) + np.linspace(-width, width, _TABLE)
     table = point.frequencies(np.exp(x), max(measured.mode))[:, np.array(measured.mode) - 1]
@@ -132,7 +134,9 @@ def _least_on_table(point: SpringPoint, measured: Measured, stiffness: float, re
     return np.asarray(np.where(best == 0, 0.0, np.where(best == x.size - 1, np.inf, k)))
 
 
-def stiffness_profile(point: SpringPoint, measured: Measured, stiffness: float, deviation: float) -> Profile | None:
+def stiffness_profile(
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, deviation: float
+) -> Profile | None:
     """chi^2 above its minimum against k; None without uncertainties."""
     if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
         return None
@@ -144,7 +148,12 @@ def stiffness_profile(point: SpringPoint, measured: Measured, stiffness: float, 
 
 
 def sensitivities(
-    scenario: Scenario, point: SpringPoint, snubber: str, measured: Measured, stiffness: float, known: dict[str, float]
+    scenario: Scenario,
+    point: SpringPoint,
+    snubber: str,
+    measured: MeasuredModes,
+    stiffness: float,
+    known: dict[str, float],
 ) -> list[Sensitivity]:
     """d ln k / d ln p at fixed frequencies for every number of the structure, the strongest first.
 

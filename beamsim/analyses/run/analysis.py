@@ -117,7 +117,7 @@ def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _RunMotion:
     """What either solver leaves behind, on the output times."""
 
     method: str
@@ -179,7 +179,9 @@ def _same_in_every_state(output: LinearOutput) -> Callable[[Bools], LinearOutput
     return lambda closed: output
 
 
-def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None) -> _Motion:
+def _exact(
+    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None
+) -> _RunMotion:
     flow = exact_flow(system, settings.duration)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress)
     times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
@@ -205,7 +207,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
         extremes[name] = (-lowest, when_low, highest, when)
     extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     order = np.argsort(extreme_times)
-    return _Motion(
+    return _RunMotion(
         method="exact",
         outcome=_with_limit(trajectory.outcome),
         time=times,
@@ -230,7 +232,7 @@ def _exact(system: StructuralSystem, settings: Run, times: Floats, progress: Cal
 
 def _reference(
     system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None
-) -> _Motion:
+) -> _RunMotion:
     """The same by time stepping; extremes are those of the samples."""
     from beamsim.flow.reference import integrate
 
@@ -272,7 +274,7 @@ def _reference(
     extremes = {
         name: (x.min(axis=0), at[x.argmin(axis=0)], x.max(axis=0), at[x.argmax(axis=0)]) for name, x in searched.items()
     }
-    return _Motion(
+    return _RunMotion(
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=_with_limit(trajectory.outcome),
         time=at,
@@ -321,7 +323,7 @@ def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
 
-def _probes(system: StructuralSystem, motion: _Motion) -> dict[str, ProbeHistory]:
+def _probes(system: StructuralSystem, motion: _RunMotion) -> dict[str, ProbeHistory]:
     base = _signal(system.base_displacement, motion.time)
     return {
         probe.name: ProbeHistory(
@@ -336,7 +338,7 @@ def _probes(system: StructuralSystem, motion: _Motion) -> dict[str, ProbeHistory
     }
 
 
-def _snubbers(system: StructuralSystem, motion: _Motion) -> dict[str, SnubberHistory]:
+def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, SnubberHistory]:
     return {
         s.name: SnubberHistory(
             name=s.name,
@@ -358,7 +360,7 @@ def _snubbers(system: StructuralSystem, motion: _Motion) -> dict[str, SnubberHis
     }
 
 
-def _springs(system: StructuralSystem, motion: _Motion) -> dict[str, SpringHistory]:
+def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHistory]:
     found = {}
     for i, s in enumerate(system.springs):
         stretch = motion.values["stretch"][:, i]
@@ -372,7 +374,7 @@ def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajecto
     return EventLog(trajectory.event_time[own], trajectory.event_contact[own], trajectory.event_closing[own])
 
 
-def _bodies(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> dict[str, Any]:
+def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
     """What is known along each body that has a continuous axis, as the result's fields."""
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
     low, _, high, _ = motion.extremes.get("stress", (np.zeros(0),) * 4)
@@ -394,7 +396,7 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> di
     return {"only_body": None, "named_bodies": found}
 
 
-def _spectra(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> dict[tuple[str, str], Spectrum]:
+def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
     assert scenario.run is not None
     spectra = {}
     for quantity, group, unit in (
@@ -409,7 +411,7 @@ def _spectra(scenario: Scenario, system: StructuralSystem, motion: _Motion) -> d
     return spectra
 
 
-def _summary(system: StructuralSystem, motion: _Motion, spectra: dict[tuple[str, str], Spectrum]) -> dict[str, Any]:
+def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[str, str], Spectrum]) -> dict[str, Any]:
     probes = [p.name for p in system.probes]
     names = [s.name for s in system.snubbers]
     count = len(names)

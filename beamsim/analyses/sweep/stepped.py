@@ -17,7 +17,7 @@ from beamsim.inputs.broadband import phase_of_acceleration
 from beamsim.inputs.profiles import acceleration_amplitude
 from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, Measured, Motion, Settled, measure, settle
+from beamsim.orbits.steady import CycleStepper, MeasuredCycles, Motion, Settled, measure, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine
@@ -45,7 +45,7 @@ class _Point:
     settled: Settled
     kind: str
     exponent: float
-    measured: Measured
+    measured: MeasuredCycles
     section: Floats
 
 

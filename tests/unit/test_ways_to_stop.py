@@ -1,0 +1,66 @@
+"""Computations that stop early say why by a code with its numbers, and keep what they have."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.outcomes import OutcomeCode
+from beamsim.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+CHAIN = CONFIGS / "chain_bumpers.yaml"
+
+
+def test_a_run_with_too_many_events():
+    result = beamsim.run(load_scenario(CHAIN, ["run.max_events=3"]))
+    assert result.outcome.code is OutcomeCode.EVENT_LIMIT
+    assert result.outcome.numbers["time"] == pytest.approx(result.time[-1], abs=2.0 / result.scenario.run.output_rate)
+    assert result.outcome.remedy.startswith("raise run.max_events")
+    assert result.summary["status"] == result.status
+
+
+def test_an_integrator_that_fails(monkeypatch):
+    import scipy.integrate
+
+    real = scipy.integrate.solve_ivp
+
+    def failing(*arguments, **options):
+        solution = real(*arguments, **options)
+        if solution.t[-1] > 0.1:
+            solution.status, solution.message = -1, "the step became too small"
+        return solution
+
+    monkeypatch.setattr(scipy.integrate, "solve_ivp", failing)
+    result = beamsim.run(load_scenario(CHAIN, ["run.method=reference"]))
+    assert result.outcome.code is OutcomeCode.INTEGRATOR_FAILED
+    assert "the step became too small" in result.status
+    assert result.time[-1] == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
+    from beamsim.orbits.steady import CycleStepper
+
+    def carry(self, motion, cycles, *_, go_on=CycleStepper.carry):
+        if self.cycles > 300:
+            raise ArithmeticError("too many evaluations")
+        return go_on(self, motion, cycles, *_)
+
+    monkeypatch.setattr(CycleStepper, "carry", carry)
+    step = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
+    result = beamsim.sweep(load_scenario(CONFIGS / "sweep_up_down.yaml", [step]))
+    assert result.outcome.code is OutcomeCode.NO_STEADY_STATE
+    (curve,) = result.curves.values()
+    assert result.outcome.numbers["parameter"] > curve.frequency_hz[-1]
+    assert not next(iter(result.levels.values())).outcome.complete
+
+
+def test_a_fit_with_too_few_evaluations(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.identify.nonlinear_fit._MOST_EVALUATIONS", 1)
+    path = CONFIGS / "identify_nonlinear.yaml"
+    scenario = load_scenario(path)
+    result = beamsim.identify_stiffness(scenario, beamsim.read_tests(scenario, path.parent))
+    assert result.outcome.code is OutcomeCode.FIT_LIMIT
+    assert not result.complete
+    assert np.isfinite([p.value for p in result.nonlinear.parameters]).all()
