@@ -25,8 +25,8 @@ def json_schema() -> dict[str, Any]:
     complete["properties"] = {"extends": {"type": "null"}, **complete["properties"]}
     extends = {
         "type": "string",
-        "description": "Path of the scenario file, relative to this one, that this file modifies: mappings merge, lists "
-        "are replaced, a mapping whose kind changes is replaced completely, null removes a key.",
+        "description": "Path of the scenario file, relative to this one, that this file modifies: mappings merge, "
+        "lists are replaced, a mapping whose kind changes is replaced completely, null removes a key.",
     }
     changes = _loosened(complete)
     changes["properties"]["extends"] = extends

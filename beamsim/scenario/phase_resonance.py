@@ -72,7 +72,7 @@ def phase_resonance_problems(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _driven_through_contacts(scenario: Scenario) -> Iterator[Problem]:
-    """Springs to the ground through which a moving base also excites the structure; its work has no single conjugate."""
+    """Springs to the ground through which a moving base excites the structure too; its work has no single conjugate."""
     where = "snubbers" if scenario.chain is None else "chain.snubbers"
     for index, snubber in enumerate(scenario.all_snubbers):
         if getattr(snubber, "mounted_on", "base") == "ground":

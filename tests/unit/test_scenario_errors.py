@@ -163,7 +163,10 @@ def test_everything_at_once_in_the_order_of_the_file():
         # structure
         ("chain={masses: [1], springs: [1]}", "chain and beam exclude each other"),
         ("beam=null", "the scenario has no structure"),
-        ("beam={elements: 1, supports: {right: clamped}, point_masses: []}", "beam.elements = 1 leaves no degree of freedom"),
+        (
+            "beam={elements: 1, supports: {right: clamped}, point_masses: []}",
+            "beam.elements = 1 leaves no degree of freedom",
+        ),
         # places
         ("snubbers[0].position=-1 mm", "snubbers[0].position = -1 mm must not be negative"),
         ("snubbers[0].position=0", "snubbers[0].position = 0 m is the clamped left end, which cannot deflect"),
@@ -245,7 +248,10 @@ def test_everything_at_once_in_the_order_of_the_file():
         # later commands
         ("sweep={kind: swept_sine, from: 20, to: 400, rate: 2}", "sweep.rate = 2 needs a unit"),
         ("sweep={kind: swept_sine, from: 20, to: 400, rate: 0 oct/min}", "sweep.rate = 0 oct/min must be positive"),
-        ("sweep={kind: swept_sine, from: 20, to: 20, rate: 2 oct/min}", "sweep.to = 20 Hz equals the start of the sweep"),
+        (
+            "sweep={kind: swept_sine, from: 20, to: 20, rate: 2 oct/min}",
+            "sweep.to = 20 Hz equals the start of the sweep",
+        ),
         ("sweep={kind: swept_sine, from: 40, to: 20, rate: 2 Hz/s}", "sweep.to = 20 Hz lies below sweep.from = 40 Hz"),
         ("sweep={kind: continuation, from: 5, to: 9, levels: [1 N]}", "sweep.levels[0] is given in a unit of force"),
         (
