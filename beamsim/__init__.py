@@ -48,20 +48,22 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
-    from beamsim.store.continuation import open_response, write_frequency_response
     from beamsim.store.designs import open_designs, write_designs
     from beamsim.store.export import export_result
     from beamsim.store.measurement import read_tests
-    from beamsim.store.nnm import open_nnm, write_nnm
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import (
         open_comparison,
         open_identification,
+        open_nnm,
+        open_response,
         open_result,
         open_run,
         open_sweep,
         write_comparison,
+        write_frequency_response,
         write_identification,
+        write_nnm,
         write_run,
         write_sweep,
     )
@@ -83,20 +85,22 @@ _NAMES = {
     "beamsim.analyses.sweep.result": ("SweepResult",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
-    "beamsim.store.continuation": ("open_response", "write_frequency_response"),
     "beamsim.store.designs": ("open_designs", "write_designs"),
     "beamsim.store.export": ("export_result",),
     "beamsim.store.measurement": ("read_tests",),
-    "beamsim.store.nnm": ("open_nnm", "write_nnm"),
     "beamsim.store.pairing": ("pair_channels",),
     "beamsim.store.results": (
         "open_comparison",
         "open_identification",
+        "open_nnm",
+        "open_response",
         "open_result",
         "open_run",
         "open_sweep",
         "write_comparison",
+        "write_frequency_response",
         "write_identification",
+        "write_nnm",
         "write_run",
         "write_sweep",
     ),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
+    from beamsim.analyses.branch import BranchResult
+    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.cli.conclusion import Reporting
     from beamsim.scenario import Scenario
 
@@ -83,8 +84,8 @@ def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
         else:
             yield f"fold at {curve['start_hz']:.6g} Hz", curve["status"]
     for laid in result.overlay.values():
-        how = "swept" if laid.curve.steady is None else "stepped"
-        yield "overlay", f"{how} {laid.curve.direction}, level {laid.curve.level:.4g} {laid.source}".rstrip()
+        how = "swept" if laid.steady is None else "stepped"
+        yield "overlay", f"{how} {laid.direction}, level {laid.level:.4g} {laid.source}".rstrip()
     yield from margin_rows(result.summary.get("margins", {}))
     if result.expansion:
         from beamsim.cli.multiple_scales import forced_expansion_rows
@@ -97,6 +98,6 @@ def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
     yield "solver", f"{method}, processor time {result.summary['processor_time_s']:.3g} s"
 
 
-def _label(branch: ResponseBranch) -> str:
+def _label(branch: BranchResult) -> str:
     level = "" if np.isnan(branch.level) else f"level {branch.level:.4g}, "
     return f"{level}period {branch.period_multiple}"

@@ -42,11 +42,15 @@ def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
 
         yield from expansion_rows(s["multiple_scales"])
     if "thesis" in s:
-        yield from _thesis(s["thesis"], told=result.status)
+        yield from _thesis(s["thesis"])
+        ended = None if result.relaxed is None else result.relaxed.outcome
+        if ended is not None and not ended.complete and ended != result.outcome:
+            yield "", ended.text
     if "phase_resonance" in s:
         from beamsim.cli.phase_resonance import phase_resonance_rows
 
-        yield from phase_resonance_rows(s["phase_resonance"])
+        assert result.phase_resonance is not None
+        yield from phase_resonance_rows(s["phase_resonance"], result.phase_resonance)
     if s["motion_drift"] > STILL:
         yield (
             "spectrum",
@@ -91,7 +95,7 @@ def _full_period(s: Mapping[str, Any], unit: str) -> Iterator[Row]:
     for k, branch in enumerate(s["never_at_rest"]):
         start, end = branch["start"], branch["end"]
         yield (
-            "" if k else "never at rest",
+            "" if k else "non-brake orbits",
             f"kicked in mode {branch['mode']} (about {branch['ratio']}:1), {branch['points']} points, "
             f"{branch['stable_points']} stable, from {start['parameter']:.6g} to {end['parameter']:.6g}{unit}; slowest "
             f"instants keep up to {_percent(branch['largest_least_kinetic'])} of the energy moving",
@@ -107,10 +111,10 @@ _FOLLOWED = {
 }
 
 
-def _thesis(s: Mapping[str, Any], told: str) -> Iterator[Row]:
+def _thesis(s: Mapping[str, Any]) -> Iterator[Row]:
     end = s["end"]
     yield (
-        "thesis's method",
+        "relaxed minimisation",
         f"{s['steps_reached']} of {s['steps']} steps to stiffness factor {end['parameter']:.6g}, functional up to "
         f"{s['largest_functional']:.2g} (tolerance {s['tolerance']:g})",
     )
@@ -132,5 +136,3 @@ def _thesis(s: Mapping[str, Any], told: str) -> Iterator[Row]:
         f"{s['shooting_passages']} motions, {s['shooting_processor_time_s']:.3g} s "
         f"(ratio {s['cost_ratio']:.2g})",
     )
-    if s["status"] not in ("complete", told):
-        yield "", s["status"]

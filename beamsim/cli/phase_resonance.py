@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from beamsim.analyses.nnm.result import PhaseResonanceResult
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
-def phase_resonance_rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Label and text of every row, from the summary's ``phase_resonance``."""
+def phase_resonance_rows(summary: dict[str, Any], result: PhaseResonanceResult) -> Iterator[tuple[str, str]]:
+    """Label and text of every row, from the summary's ``phase_resonance`` and the result's."""
     unit = summary["unit"]
     for k, s in enumerate(summary["levels"]):
         head = f"{_level(s['level'], unit)}: "
@@ -28,8 +31,9 @@ def phase_resonance_rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
             off = s["level_for_amplitude"] / s["level"] - 1.0
             yield "", f"level predicted for the amplitude found {_level(s['level_for_amplitude'], unit)} ({off:+.2%})"
         yield "", f"peak of the response {s['peak_amplitude_m']:.4g} m at {s['peak_frequency_hz']:.6g} Hz"
-        if not s["curve"].startswith("complete"):
-            yield "", f"response curve {s['curve']}"
+        curve = result.motions[k].curve
+        if curve is not None and not curve.outcome.complete:
+            yield "", f"response curve {curve.outcome}"
     for k, s in enumerate(summary["levels"]):
         if s["periods"]:
             yield (

@@ -31,7 +31,7 @@ TABLE = {
         "beamsim.plots.sweep:save_sweep_plots",
     ),
     "continuation": Stored(
-        "beamsim.store.continuation:write_frequency_response", "beamsim.cli.continuation:response_rows",
+        "beamsim.store.results:write_frequency_response", "beamsim.cli.continuation:response_rows",
         "beamsim.plots.continuation:save_response_plots",
     ),
     "designs": Stored(
@@ -42,7 +42,7 @@ TABLE = {
         "beamsim.store.results:write_identification", "beamsim.cli.identification_report:identification_rows",
         "beamsim.plots.identification:save_identification_plots",
     ),
-    "nnm": Stored("beamsim.store.nnm:write_nnm", "beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"),
+    "nnm": Stored("beamsim.store.results:write_nnm", "beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"),
     "compare": Stored(
         "beamsim.store.results:write_comparison", "beamsim.cli.identification_report:comparison_rows",
         "beamsim.plots.comparison:save_comparison_plots",

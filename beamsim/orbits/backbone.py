@@ -1,9 +1,10 @@
 """The backbone of a nonlinear normal mode, through the tongues of its internal resonances.
 
 Where n times the mode's frequency meets another mode's, the branch of periodic motions turns off into a *tongue*: its
-energy goes over to the other mode, and the parameter turns back. The backbone is then not connected. It is followed
-here at fixed parameters; a tongue is traced as a branch of its own, and the backbone begun again beyond it from the
-motion dominated by the mode asked for. Such jumps are kept: nothing carries on from a point that has not converged.
+energy is transferred to the other mode, and the parameter turns back. The backbone is then not connected. It is
+followed here at fixed parameters; a tongue is traced as a branch of its own, and the backbone begun again beyond it
+from the motion dominated by the mode asked for. Such jumps are kept: nothing carries on from a point that has not
+converged.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, correct
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
+from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.orbits.tongues import Tongue, Tongues, resonance_between
+from beamsim.orbits.tongues import Tongues, resonance_between
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
@@ -46,7 +49,7 @@ class Jump:
 
 @dataclass
 class Backbone:
-    """Iterate over it for the backbone's points; tongues, jumps and the status are kept beside.
+    """Iterate over it for the backbone's points; tongues, jumps and the outcome are kept beside.
 
     Parameters
     ----------
@@ -68,8 +71,8 @@ class Backbone:
     largest_ratio: int = 20
     tongue_points: int = 40
     settings: Settings = field(default_factory=lambda: Settings(iterations=6))
-    status: str = "not begun"
-    tongues: list[Tongue] = field(default_factory=list)
+    outcome: Outcome = NOT_BEGUN
+    tongues: list[OrbitBranch] = field(default_factory=list)
     jumps: list[Jump] = field(default_factory=list)
     _clear: list[BranchPoint] = field(default_factory=list, repr=False)
     _recent: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
@@ -80,11 +83,10 @@ class Backbone:
 
     def share(self, point: BranchPoint) -> float:
         """Share of the energy in the mode asked for."""
-        q, _, factor, _ = self.orbits.split(point.u)
-        return float(self.orbits.share(q, factor)[self.mode])
+        return float(self.orbits.share_at(point)[self.mode])
 
     def __iter__(self) -> Iterator[BranchPoint]:
-        self.status = INTERRUPTED
+        self.outcome = INTERRUPTED
         begin = self.start.parameter
         forward = 1.0 if self.end > begin else -1.0
         full = abs(self.end - begin) / self.points
@@ -105,9 +107,8 @@ class Backbone:
             if b is None:
                 b = self._beyond(a, clean, full, forward)
                 if b is None:
-                    self.status = (
-                        f"stopped at parameter {a.parameter:.9g}: no motion dominated by mode {self.mode + 1} was "
-                        f"found within {LONGEST_JUMP} steps beyond"
+                    self.outcome = Outcome.of(
+                        OutcomeCode.MODE_LOST, parameter=a.parameter, mode=self.mode + 1, steps=LONGEST_JUMP
                     )
                     return
             else:
@@ -119,7 +120,7 @@ class Backbone:
             if self.share(b) > 0.5 * (1.0 + LEAST_SHARE):
                 clean = b
                 self._clear.append(b)
-        self.status = f"complete: reached {self.end:.9g}"
+        self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.end)
 
     def _shorter(self, a: BranchPoint, step: float, left: float, forward: float) -> tuple[BranchPoint | None, float]:
         """A much shorter step, for strong nonlinearity far from any tongue."""
@@ -239,7 +240,7 @@ class Backbone:
         _, _, factor, _ = self.orbits.split(known[0])
         rest = getattr(self.orbits.family, "rest", None)
         still = np.zeros_like(pure) if rest is None else rest(factor)
-        own = float(self.orbits.omega[self.mode])
+        omega = float(self.orbits.omega[self.mode])
         size = float(self.orbits.vectors[:, self.mode] @ (pure - still))
         best: BranchPoint | None = None
         for period in np.geomspace(0.98 * periods.min(), 1.02 * periods.max(), SEARCHED_PERIODS):
@@ -247,7 +248,7 @@ class Backbone:
                 if other == self.mode or self.orbits.omega[other] <= 0:
                     continue
                 for part in SEARCHED_PARTS:
-                    lent = part * abs(size) * own / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
+                    lent = part * abs(size) * omega / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
                     b = self._solve(self.orbits.unknowns(shape, period, value), value, FURTHEST_SEARCH, forward)
                     if b is not None and (best is None or self.share(b) > self.share(best)):
@@ -280,17 +281,17 @@ class Backbone:
 
     def _known(self, mode: int, ratio: int, parameter: float) -> bool:
         near = SAME_TONGUE * abs(self.end - self.start.parameter) / self.points
-        return any((t.mode, t.ratio) == (mode, ratio) and abs(t.parameter - parameter) < near for t in self.tongues)
+        return any((t.mode, t.ratio) == (mode, ratio) and abs(t.origin - parameter) < near for t in self.tongues)
 
     def _crossed(self, a: BranchPoint, b: BranchPoint, forward: float) -> None:
         """Trace the tongues of low order that lie between two neighbours."""
         for mode in range(self.orbits.n):
-            if mode == self.mode or self.orbits.own(a, mode) * self.orbits.own(b, mode) > 0:
+            if mode == self.mode or self.orbits.mode_slope(a, mode) * self.orbits.mode_slope(b, mode) > 0:
                 continue
             if self._order(a, mode) > self.largest_ratio + 0.5:
                 continue
             tongue = self._search.between(a, b, mode)
-            if tongue is not None and not self._known(mode, tongue.ratio, tongue.parameter):
+            if tongue is not None and not self._known(mode, tongue.ratio, tongue.origin):
                 self.tongues.append(tongue)
                 self.jumps.append(Jump(a.parameter, b.parameter, mode, tongue.ratio))
 

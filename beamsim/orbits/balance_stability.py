@@ -21,18 +21,18 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.hill import hill_multipliers
-from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.shooting import STABLE, ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
-    from beamsim.orbits.continuation import BranchPoint
     from beamsim.orbits.harmonic_balance import HarmonicMotion
 
-Finder = Callable[[ForcedOrbits], "BranchPoint | None"]
+Finder = Callable[[ForcedOrbits], BranchPoint | None]
 
 MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept
 SMALL = 8  # coordinates that are kept as they are
@@ -144,6 +144,12 @@ class BalancedOrbits(ForcedBalance):
             if point is not None:
                 return point
         return solve_at(self, self.linear_guess(value), settings, value, forward)
+
+    def orbit(self, point: BranchPoint) -> Orbit:
+        """What a converged point means."""
+        motion, mu = point.data, self.multipliers(point)
+        stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
+        return Orbit(point.parameter, motion.states(np.zeros(1))[0], motion.period, mu, stable, point.residual)
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
         """Sums of harmonics have no corners."""

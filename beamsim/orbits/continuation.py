@@ -16,9 +16,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
-INTERRUPTED = "interrupted"  # the status of what is left before its end
 UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
 SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale as it is
 CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
@@ -30,7 +31,7 @@ RING = 0.1  # of a step, how far beside it the first point may lie that it goes 
 FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
 
-class Problem(Protocol):
+class ContinuationProblem(Protocol):
     """A residual with its Jacobian."""
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, Any]:
@@ -58,24 +59,6 @@ class Settings:
     smallest_cosine: float = 0.9  # between neighbouring tangents, unless the step is short: corners exist
     most_points: int = 10_000
     stall: int = 150  # points within which the branch must get ahead by a largest step
-
-
-@dataclass(frozen=True)
-class BranchPoint:
-    """A converged point of a branch."""
-
-    u: Floats
-    tangent: Floats  # unit vector in scaled unknowns
-    scale: Floats  # of the unknowns, to which the tangent refers
-    residual: float  # largest, against its scale
-    orientation: float  # sign of det [J; tangent]
-    iterations: int
-    data: Any  # what the problem computed there
-
-    @property
-    def parameter(self) -> float:
-        """The last unknown."""
-        return float(self.u[-1])
 
 
 @cache
@@ -122,7 +105,7 @@ def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats | None:
 
 
 def correct(
-    problem: Problem,
+    problem: ContinuationProblem,
     guess: Floats,
     row: Floats,
     target: float,
@@ -183,7 +166,11 @@ def correct(
 
 
 def solve_at(
-    problem: Problem, guess: Floats, settings: Settings, parameter: float | None = None, forward: float = 1.0
+    problem: ContinuationProblem,
+    guess: Floats,
+    settings: Settings,
+    parameter: float | None = None,
+    forward: float = 1.0,
 ) -> BranchPoint | None:
     """The solution at a fixed parameter, its tangent pointing to larger (``forward`` > 0) or smaller values."""
     scale = problem.scale(guess)[0]
@@ -234,7 +221,7 @@ def _extrapolated(a: BranchPoint, b: BranchPoint, scale: Floats, tb: Floats, ds:
 
 
 def between(
-    problem: Problem,
+    problem: ContinuationProblem,
     a: BranchPoint,
     b: BranchPoint,
     s: float,
@@ -260,7 +247,7 @@ def between(
 
 
 def locate(
-    problem: Problem,
+    problem: ContinuationProblem,
     a: BranchPoint,
     b: BranchPoint,
     test: Callable[[BranchPoint], float],
@@ -343,7 +330,7 @@ def _passes(a: BranchPoint, b: BranchPoint, start: BranchPoint) -> bool:
 
 @dataclass
 class Branch:
-    """Iterate over it to follow a branch; ``status`` then says why it ended.
+    """Iterate over it to follow a branch; ``outcome`` then says how it ended.
 
     Parameters
     ----------
@@ -356,18 +343,18 @@ class Branch:
         determinant, which no corner changes, orients the tangent.
     """
 
-    problem: Problem
+    problem: ContinuationProblem
     start: BranchPoint
     low: float
     high: float
     settings: Settings = field(default_factory=Settings)
     same_kind: Callable[[BranchPoint, BranchPoint], bool] = lambda a, b: True
-    status: str = "not begun"
+    outcome: Outcome = NOT_BEGUN
     rejected: int = 0
 
     def __iter__(self) -> Iterator[BranchPoint]:
         s = self.settings
-        self.status = INTERRUPTED
+        self.outcome = INTERRUPTED
         point, before = self.start, None
         yield point
         ds = s.step
@@ -380,9 +367,8 @@ class Branch:
                     self.rejected += 1
                     ds *= 0.4
                     if ds < s.smallest_step:
-                        self.status = (
-                            f"stopped at parameter {point.parameter:.9g} after {count} points: no solution within the "
-                            f"smallest step of {s.smallest_step:g}; a smaller one or another starting point may go on"
+                        self.outcome = Outcome.of(
+                            OutcomeCode.STEP_TOO_SMALL, parameter=point.parameter, points=count, step=s.smallest_step
                         )
                         return
             if not self.low <= new.parameter <= self.high:
@@ -390,26 +376,25 @@ class Branch:
                 last = self._at_edge(point, new, edge)
                 if last is not None:
                     yield last
-                self.status = f"complete: reached {edge:.9g}"
+                self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=edge)
                 return
             if count > FEWEST_IN_A_RING and _passes(point, new, self.start):
                 yield self.start
-                self.status = "complete: closed curve"
+                self.outcome = Outcome.of(OutcomeCode.CLOSED_CURVE)
                 return
             before = point if self.same_kind(point, new) else None
             point = new
             yield point
             steps.append(ds)
             if sum(steps[-s.stall :]) < s.largest_step and len(steps) >= s.stall:
-                self.status = (
-                    f"stopped at parameter {point.parameter:.9g}: the last {s.stall} steps together are shorter than "
-                    f"the largest step of {s.largest_step:g}; it is not smooth here (grazing, or a fold beside it)"
+                self.outcome = Outcome.of(
+                    OutcomeCode.NOT_SMOOTH, parameter=point.parameter, steps=s.stall, step=s.largest_step
                 )
                 return
             ds = min(
                 s.largest_step, ds * float(np.clip((s.wanted_iterations + 0.5) / (point.iterations + 0.5), 0.5, 1.6))
             )
-        self.status = f"stopped after {s.most_points} points, the most allowed"
+        self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=point.parameter, points=s.most_points)
 
     def _step(self, point: BranchPoint, before: BranchPoint | None, ds: float) -> BranchPoint | None:
         s = self.settings

@@ -19,8 +19,9 @@ from typing import Literal
 import numpy as np
 
 from beamsim.flow.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
-from beamsim.orbits.continuation import BranchPoint, Problem, Settings, solve_at
-from beamsim.orbits.grazing import SpecialPoint, extremum
+from beamsim.orbits.branch import BranchPoint, SpecialPoint
+from beamsim.orbits.continuation import ContinuationProblem, Settings, solve_at
+from beamsim.orbits.grazing import extremum
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Floats
 
@@ -149,7 +150,7 @@ class GrazingCurve(TwoParameterCurve):
         return scale, residual
 
 
-def _start(curve: Problem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
+def _start(curve: ContinuationProblem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
     """The first point of a curve, at a value of the second parameter, from what was located on a branch."""
     settings = Settings(tolerance=1e-9, iterations=12)
     return solve_at(curve, np.append(begun.point.u, value), settings, value, forward)

@@ -1,4 +1,4 @@
-"""Periodic motions of the undamped, unforced system that need never be at rest: shooting over a whole period.
+"""Periodic motions of the undamped, unforced system that need not be brake orbits: shooting over a whole period.
 
 Unknowns are the state (2n), the period and a parameter. To ``y(T) - y(0) = 0`` come the energy and a phase condition,
 Poincaré's
@@ -15,9 +15,11 @@ from typing import Any, Literal
 import numpy as np
 
 from beamsim.flow.variational import Passage, floquet_multipliers
-from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.grazing import cyclic
-from beamsim.orbits.reversible import BrakeOrbits, Conservative, HalfPeriod
+from beamsim.orbits.reversible import BrakeOrbits, Conservative, HalfPeriod, on_unit_circle
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
@@ -108,11 +110,12 @@ class FreeOrbits:
         N = 2 * self.n
         return floquet_multipliers(point.data.passage.transition[:N, :N])
 
-    @staticmethod
-    def stable(multipliers: Complexes) -> bool:
-        """Whether every pair of multipliers lies on the unit circle, where (mu + 1/mu)/2 is real and within [-1, 1]."""
-        a = 0.5 * (multipliers + 1.0 / multipliers)
-        return bool(np.all(np.abs(a.imag) < STABLE) and np.all(np.abs(a.real) < 1.0 + STABLE))
+    def orbit(self, point: BranchPoint) -> Orbit:
+        """What a converged point means."""
+        y, period, _, _ = self.split(point.u)
+        mu = self.multipliers(point)
+        stable = on_unit_circle(0.5 * (mu + 1.0 / mu), STABLE)
+        return Orbit(point.parameter, y, period, mu, stable, point.residual, point.data.energy)
 
 
 def slowest_instant(flow: Any, passage: Passage, n: int) -> tuple[float, float]:
@@ -137,7 +140,7 @@ class FullPeriodPath:
 
     The half-period path hands over the parameters to stop at and, beyond its jumps, where to begin again. In between
     the full-period path goes its own way, each point predicted from its own last two. Iterate over it for the points;
-    ``differences`` from the half-period path and the status are kept beside.
+    ``differences`` from the half-period path and the outcome are kept beside.
 
     Parameters
     ----------
@@ -150,7 +153,7 @@ class FullPeriodPath:
     points: Sequence[BranchPoint]
     gaps: Collection[float] = ()
     settings: Settings = field(default_factory=lambda: Settings(iterations=15))
-    status: str = "not begun"
+    outcome: Outcome = NOT_BEGUN
     differences: list[float] = field(default_factory=list)  # largest of period and scaled state, relative
     orbits: FreeOrbits = field(init=False)
 
@@ -163,33 +166,30 @@ class FullPeriodPath:
         )  # fmt: skip
 
     def __iter__(self) -> Iterator[BranchPoint]:
-        self.status = INTERRUPTED
-        own: list[BranchPoint] = []
+        self.outcome = INTERRUPTED
+        last: list[BranchPoint] = []
         for known in self.points:
-            new = self._solved(known, own)
+            new = self._solved(known, last)
             if new is None:
-                self.status = (
-                    f"stopped at parameter {known.parameter:.9g}: over the whole period Newton's method does not "
-                    "converge beside the half-period solution"
-                )
+                self.outcome = Outcome.of(OutcomeCode.FULL_PERIOD_DIVERGED, parameter=known.parameter)
                 return
             self.differences.append(self._difference(new, known))
             yield new
-            own = [*own[-1:], new] if known.parameter not in self.gaps else []
-        self.status = f"complete: reached {self.points[-1].parameter:.9g}"
+            last = [*last[-1:], new] if known.parameter not in self.gaps else []
+        self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.points[-1].parameter)
 
-    def _solved(self, known: BranchPoint, own: list[BranchPoint]) -> BranchPoint | None:
-        at_rest = np.concatenate([known.u[: self.brake.n], np.zeros(self.brake.n), known.u[-2:]])
+    def _solved(self, knlast: BranchPoint, last: list[BranchPoint]) -> BranchPoint | None:
+        at_rest = np.concatenate([knlast.u[: self.brake.n], np.zeros(self.brake.n), knlast.u[-2:]])
         self.orbits.hold(at_rest)
         guesses = [at_rest]
-        if len(own) == 2 and own[1].parameter != own[0].parameter:
-            reach = (known.parameter - own[1].parameter) / (own[1].parameter - own[0].parameter)
-            guesses.insert(0, own[1].u + reach * (own[1].u - own[0].u))
-        elif own:
-            guesses.insert(0, own[-1].u.copy())
+        if len(last) == 2 and last[1].parameter != last[0].parameter:
+            reach = (knlast.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
+            guesses.insert(0, last[1].u + reach * (last[1].u - last[0].u))
+        elif last:
+            guesses.insert(0, last[-1].u.copy())
         for guess in guesses:
-            point = solve_at(self.orbits, guess, self.settings, known.parameter)
-            if point is not None and self._difference(point, known) < SAME:
+            point = solve_at(self.orbits, guess, self.settings, knlast.parameter)
+            if point is not None and self._difference(point, knlast) < SAME:
                 return point
         return None
 

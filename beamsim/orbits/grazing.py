@@ -7,16 +7,14 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from beamsim.flow.variational import Passage, VariationalFlow
-from beamsim.orbits.continuation import BranchPoint, Problem, Settings, between, locate
+from beamsim.orbits.branch import BranchPoint, SpecialPoint
+from beamsim.orbits.continuation import ContinuationProblem, Settings, between, locate
 from beamsim.typing import Floats
-
-Kind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "grazing"]
 
 MOST_HALVINGS = 40
 MOST_MIDDLES = 200  # motions looked at between two neighbours
@@ -26,19 +24,7 @@ BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of
 TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has truly vanished
 
 
-@dataclass(frozen=True)
-class SpecialPoint:
-    """Where a branch changes."""
-
-    kind: Kind
-    parameter: float
-    point: BranchPoint
-    contact: int = -1  # for a grazing: which contact
-    time: float = np.nan  # s, for a grazing: when in the period
-    closing: bool = True  # a closed phase appears or vanishes (else an open one)
-
-
-class Cyclic(Problem, Protocol):
+class ContactProblem(ContinuationProblem, Protocol):
     """A continuation problem whose points are periodic motions with contacts."""
 
     def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
@@ -59,12 +45,12 @@ def _shortest_phase(passage: Passage, few: Passage) -> tuple[int, bool, float] |
     other."""
     best: tuple[float, int, bool, float] | None = None
     for j in np.unique(passage.event_contact):
-        own = np.flatnonzero(passage.event_contact == j)
-        if own.size <= np.count_nonzero(few.event_contact == j):
+        events = np.flatnonzero(passage.event_contact == j)
+        if events.size <= np.count_nonzero(few.event_contact == j):
             continue
-        times = passage.event_time[own]
+        times = passage.event_time[events]
         following = np.append(times[1:], times[0] + passage.duration)
-        for t, e, closing in zip(times, following, passage.event_closing[own], strict=True):
+        for t, e, closing in zip(times, following, passage.event_closing[events], strict=True):
             if best is None or e - t < best[0]:
                 best = (float(e - t), int(j), bool(closing), float(0.5 * (t + e)))
     if best is None:
@@ -115,13 +101,13 @@ def extremum(flow: VariationalFlow, passage: Passage, j: int, top: bool, near: f
     return np.nan, np.nan
 
 
-def grazings(problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
+def grazings(problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
     """Grazing points between two neighbours of a branch whose events differ, in the order of the branch."""
     yield from _within(problem, a, b, settings, 0, iter(range(MOST_MIDDLES)))
 
 
 def _within(
-    problem: Cyclic, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, left: Iterator[int]
+    problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, left: Iterator[int]
 ) -> Iterator[SpecialPoint]:
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
@@ -156,7 +142,7 @@ def _within(
     yield from _within(problem, middle, b, settings, depth + 1, left)
 
 
-def _explains(problem: Cyclic, a: BranchPoint, found: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
+def _explains(problem: ContactProblem, a: BranchPoint, found: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
     """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
 
     The point itself has the events of one side; the other side is looked at.

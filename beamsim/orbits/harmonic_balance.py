@@ -28,7 +28,7 @@ from beamsim.typing import Complexes, Floats
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
     from beamsim.flow.variational import PeriodicForcing
-    from beamsim.orbits.continuation import BranchPoint
+    from beamsim.orbits.branch import BranchPoint
     from beamsim.system.equations import PiecewiseLinearSystem
 
 

@@ -31,7 +31,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.orbits.continuation import BranchPoint, Settings, correct
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import Settings, correct
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:

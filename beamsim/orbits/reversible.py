@@ -21,8 +21,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from beamsim.flow.variational import ContactDirection, Passage, VariationalFlow, moved_system
-from beamsim.orbits.continuation import Branch, BranchPoint, Settings, locate
-from beamsim.orbits.grazing import SpecialPoint, grazings
+from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
+from beamsim.orbits.continuation import Branch, Settings, locate
+from beamsim.orbits.grazing import grazings
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
@@ -152,8 +153,8 @@ class ContactStiffness:
         delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
         push = c.stiffness * delta
         gradient = s.stiffness * q - s.constant_load - factor * (c.shape.T @ (c.sign * push))
-        own = 0.5 * float(push @ delta)
-        return float(0.5 * q @ (s.stiffness * q) - s.constant_load @ q) + factor * own, gradient, own
+        in_contacts = 0.5 * float(push @ delta)
+        return float(0.5 * q @ (s.stiffness * q) - s.constant_load @ q) + factor * in_contacts, gradient, in_contacts
 
     def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
         """Potential energy from static equilibrium, its gradient, and its derivative by the factor."""
@@ -171,36 +172,6 @@ class HalfPeriod:
     passage: Passage
     energy: float  # J
     flow: Any
-
-
-@dataclass(frozen=True)
-class NormalMode:
-    """A periodic motion of the undamped, unforced system."""
-
-    shape: Floats  # (n,) coordinates at rest
-    period: float  # s
-    factor: float
-    energy: float  # J
-    share: Floats  # (n,) of the energy in each linear mode at the instant of rest
-    half_traces: Complexes  # (n,) (mu + 1/mu)/2 of each pair of multipliers, from the furthest outside [-1, 1]
-    residual: float
-
-    @property
-    def frequency(self) -> float:
-        """Hz."""
-        return 1.0 / self.period
-
-    @property
-    def stable(self) -> bool:
-        """Every pair of multipliers on the unit circle."""
-        a = self.half_traces
-        return bool(np.all(np.abs(a.imag) < STABLE) and np.all(np.abs(a.real) < 1.0 + STABLE))
-
-    @property
-    def multipliers(self) -> Complexes:
-        """(2n,) Floquet multipliers."""
-        root = np.sqrt(self.half_traces**2 - 1.0)
-        return np.concatenate([self.half_traces + root, self.half_traces - root])
 
 
 @dataclass
@@ -246,7 +217,7 @@ class BrakeOrbits:
         """Velocities after half a period, and the energy's excess."""
         n = self.n
         if self.parameter == "energy" and not abs(u[-1]) < LARGEST_LOG:
-            raise ArithmeticError("the energy left the numbers there are")
+            raise ArithmeticError("the energy is outside the floating-point range")
         q, period, factor, energy = self.split(u)
         if not (np.isfinite(period) and period > 0):
             raise ArithmeticError("the period became negative")
@@ -292,7 +263,7 @@ class BrakeOrbits:
         parts = (self.omega * (self.vectors.T @ x)) ** 2
         return np.asarray(parts / max(float(parts.sum()), 1e-300))
 
-    def own(self, point: BranchPoint, mode: int) -> float:
+    def mode_slope(self, point: BranchPoint, mode: int) -> float:
         """Derivative of a linear mode's velocity after half a period by its amplitude at the start, over its frequency.
 
         (The lowest frequency takes the place of a rigid-body mode's.)
@@ -301,18 +272,30 @@ class BrakeOrbits:
         pace = self.omega[mode] if self.omega[mode] > 0 else self.omega[self.omega > 0].min()
         return float(e @ (point.data.passage.transition[n : 2 * n, :n] + self.idle) @ e / pace)
 
-    def mode(self, point: BranchPoint) -> NormalMode:
-        """What a converged point means."""
-        q, period, factor, _ = self.split(point.u)
+    def share_at(self, point: BranchPoint) -> Floats:
+        """(n,) share of each linear mode in the strain energy of a point's motion at rest."""
+        q, _, factor, _ = self.split(point.u)
+        return self.share(q, factor)
+
+    def half_traces(self, point: BranchPoint) -> Complexes:
+        """(n,) (mu + 1/mu)/2 of each pair of multipliers, from the furthest outside [-1, 1]."""
+        period = self.split(point.u)[1]
         P, n = point.data.passage.transition, self.n
         w = np.maximum(self.family.omega, 2 * np.pi / period * 0.1)
         b = P[:n, n : 2 * n] * w[:, None] * w  # symplectic scaling: b in units where q and q'/omega are alike
         c = P[n : 2 * n, :n] / w[:, None] / w
         a = 1.0 + 2.0 * np.linalg.eigvals(b.T @ c).astype(complex)
-        a = a[np.argsort(-np.maximum(np.abs(a.real) - 1.0, np.abs(a.imag)))]
-        return NormalMode(
-            q.copy(), period, factor, point.data.energy, self.share(q, factor), np.asarray(a), point.residual
-        )
+        return np.asarray(a[np.argsort(-np.maximum(np.abs(a.real) - 1.0, np.abs(a.imag)))])
+
+    def orbit(self, point: BranchPoint) -> Orbit:
+        """What a converged point means."""
+        q, period, _, _ = self.split(point.u)
+        a = self.half_traces(point)
+        root = np.sqrt(a**2 - 1.0)
+        return Orbit(
+            point.parameter, np.concatenate([q, np.zeros(self.n)]), period, np.concatenate([a + root, a - root]),
+            on_unit_circle(a, STABLE), point.residual, point.data.energy,
+        )  # fmt: skip
 
     def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
         """The flow at a point, and its motion over a whole period."""
@@ -323,6 +306,11 @@ class BrakeOrbits:
         """Whether two motions have the same order of contacts over half a period, from the same contacts at rest."""
         pa, pb = a.data.passage, b.data.passage
         return bool(pa.signature == pb.signature)
+
+
+def on_unit_circle(half_traces: Complexes, tolerance: float) -> bool:
+    """Whether every pair of multipliers lies on the unit circle, where (mu + 1/mu)/2 is real and within [-1, 1]."""
+    return bool(np.all(np.abs(half_traces.imag) < tolerance) and np.all(np.abs(half_traces.real) < 1.0 + tolerance))
 
 
 def _idle(family: Conservative) -> Floats:

@@ -23,8 +23,9 @@ from beamsim.flow.variational import (
     VariationalFlow,
     floquet_multipliers,
 )
-from beamsim.orbits.continuation import Branch, BranchPoint, Settings, between, correct, locate, solve_at
-from beamsim.orbits.grazing import SpecialPoint, cyclic, grazings
+from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
+from beamsim.orbits.continuation import Branch, Settings, between, correct, locate, solve_at
+from beamsim.orbits.grazing import cyclic, grazings
 from beamsim.orbits.paths import DampingPath
 from beamsim.typing import Complexes, Floats
 
@@ -36,24 +37,6 @@ EARLY = 30  # periods of a transient before the path of falling damping is tried
 MOST_DAMPED = 400  # points of that path
 GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
 REMEMBERED = 4  # points whose multipliers are kept: neighbours ask for the same
-
-
-@dataclass(frozen=True)
-class Orbit:
-    """A converged periodic motion."""
-
-    z: Floats  # (N + m,) state and faces at t = 0
-    omega: float  # rad/s
-    level: float
-    period: float  # s
-    passage: Passage
-    multipliers: Complexes  # largest first
-    residual: float  # largest component of z(T) - z(0), against the motion's size
-
-    @property
-    def stable(self) -> bool:
-        """No multiplier outside the unit circle."""
-        return bool(np.abs(self.multipliers[0]) <= 1.0 + STABLE)
 
 
 @dataclass
@@ -163,17 +146,9 @@ class ForcedOrbits:
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
-        flow, _ = self.flow_at(point.parameter)
-        passage: Passage = point.data
-        return Orbit(
-            self.full(point.u),
-            flow.omega,
-            flow.level,
-            passage.duration,
-            passage,
-            self.multipliers(point),
-            point.residual,
-        )
+        mu = self.multipliers(point)
+        stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
+        return Orbit(point.parameter, self.full(point.u), point.data.duration, mu, stable, point.residual)
 
     def monodromy(self, point: BranchPoint) -> Floats:
         """The monodromy matrix over the free unknowns."""

@@ -1,4 +1,4 @@
-"""Where motions that are never at rest leave a family of motions that are (brake orbits), and how to follow them.
+"""Where non-brake orbits leave a family of brake orbits, and how to follow them.
 
 A brake orbit runs back the way it came. With the half period's transition matrix
 :math:`\\Phi = \\begin{pmatrix} a & b \\\\ c & d \\end{pmatrix}` a pair of multipliers meets at +1 where c or b is
@@ -16,9 +16,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.orbits.continuation import INTERRUPTED, Branch, BranchPoint, Settings, correct, locate
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
+from beamsim.orbits.continuation import Branch, Settings, correct, locate
 from beamsim.orbits.free_orbits import FreeOrbits, slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 KERNEL = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
@@ -30,7 +32,7 @@ NEAR_REST = 0.3  # of the largest slowest speed so far: here a reversal of the m
 
 @dataclass(frozen=True)
 class SymmetryBreaking:
-    """A brake orbit from which motions leave that are never at rest."""
+    """A brake orbit from which non-brake orbits leave."""
 
     point: BranchPoint
     parameter: float
@@ -61,7 +63,7 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
 def breaking_between(
     orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings, largest_ratio: int = 12
 ) -> SymmetryBreaking | None:
-    """The point between two neighbours of a branch where motions that are never at rest leave; None without one.
+    """The point between two neighbours of a branch where non-brake orbits leave; None without one.
 
     Resonances of a higher order than ``largest_ratio`` are left out.
     """
@@ -90,7 +92,7 @@ def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, fl
 
 
 @dataclass
-class Wandering:
+class NonBrakeBranch:
     """Iterate over it to follow the motions that leave at a symmetry-breaking point; ``status`` says why it ended.
 
     The first point is the first beside the brake orbit. The two directions of the kick give motions that are each
@@ -109,7 +111,7 @@ class Wandering:
     low: float
     high: float
     settings: Settings = field(default_factory=lambda: Settings(step=0.01, largest_step=0.05, most_points=120))
-    status: str = "not begun"
+    outcome: Outcome = NOT_BEGUN
 
     def __post_init__(self) -> None:
         q = self.brake.split(self.origin.point.u)[0]
@@ -122,10 +124,10 @@ class Wandering:
     def __iter__(self) -> Iterator[BranchPoint]:
         start = self._first()
         if start is None:
-            self.status = "not begun: no motion was found beside the one at rest"
+            self.outcome = Outcome.of(OutcomeCode.NO_ORBIT_BESIDE)
             return
         branch = Branch(self.orbits, start, self.low, self.high, self.settings, self.orbits.same_events)
-        self.status = INTERRUPTED
+        self.outcome = INTERRUPTED
         before, fastest = None, 0.0
         for count, point in enumerate(branch):
             slowest = self._slowest(point)
@@ -133,15 +135,14 @@ class Wandering:
             fastest = max(fastest, speed)
             turned = before is not None and speed < NEAR_REST * fastest and float(slowest @ before) < 0
             if speed < AT_REST or turned:
-                self.status = (
-                    "complete: came back to motions that are at rest" if count > 1 else
-                    "not begun: these motions are at rest too, at another instant"
-                )  # fmt: skip
+                self.outcome = Outcome.of(
+                    OutcomeCode.BACK_TO_BRAKE_ORBITS if count > 1 else OutcomeCode.BRAKE_ORBIT_ITSELF
+                )
                 return
             yield point
             before = slowest
             self.orbits.hold(point.u)
-        self.status = branch.status
+        self.outcome = branch.outcome
 
     def _slowest(self, point: BranchPoint) -> Floats:
         """(n,) velocities at the slowest instant, over sqrt(2 E)."""

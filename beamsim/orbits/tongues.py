@@ -1,7 +1,7 @@
-"""Tongues of internal resonance: which mode a backbone loses its energy to, and the branch on which it goes over.
+"""Tongues of internal resonance: which mode a backbone loses its energy to, and the branch on which it does.
 
 Close to ``n omega = omega_r`` motions of one period exist that hold any share of the energy in mode r. They are entered
-here by asking for a share instead of a parameter, and followed until the energy has gone over.
+here by asking for a share instead of a parameter, and followed until the energy has been transferred.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from beamsim.orbits.continuation import BranchPoint, Settings, correct
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 FIRST_AMPLITUDES = (0.3, 0.4)  # of the other mode, against all the energy in it, at which a tongue is entered
@@ -20,24 +22,13 @@ INWARD = (0.2, 0.1)  # the same amplitudes on the way back to the backbone
 STEPS = (1.0, 0.6, 1.7, 0.3)  # of the step, tried in turn: over the thinner tongues of third modes
 SHORTEST, LONGEST = 1e-3, 0.12  # steps in scaled unknowns
 BACKGROUND = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
-GONE_OVER = 0.02  # of the energy left in the mode asked for ends a tongue's tracing
+TRANSFERRED = 0.02  # of the energy left in the mode asked for ends a tongue's tracing
 LEAST_SHARE = 0.5  # of the energy in the mode asked for: a tongue has less somewhere
 RIGID = 1e-6  # of the frequency of the mode asked for: a slower mode is a rigid-body mode
 MOST_FAILURES = 12  # attempts without a motion, in one tongue
 ITERATIONS = 12  # of Newton's method on the way in
 SAMPLES_A_TURN = 8  # of the fastest coordinate
 MOST_HARMONICS = 1024
-
-
-@dataclass(frozen=True)
-class Tongue:
-    """A branch of internal resonance."""
-
-    mode: int  # the other mode, from 0
-    ratio: int  # n: the other mode makes n oscillations in a period
-    parameter: float  # where it leaves the backbone
-    points: list[BranchPoint]
-    status: str
 
 
 def harmonics(orbits: BrakeOrbits, point: BranchPoint, count: int) -> Floats:
@@ -104,10 +95,9 @@ class Tongues:
 
     def share(self, point: BranchPoint) -> Floats:
         """(n,) share of the energy in each mode."""
-        q, _, factor, _ = self.orbits.split(point.u)
-        return self.orbits.share(q, factor)
+        return self.orbits.share_at(point)
 
-    def between(self, a: BranchPoint, b: BranchPoint, other: int) -> Tongue | None:
+    def between(self, a: BranchPoint, b: BranchPoint, other: int) -> OrbitBranch | None:
         """The tongue of another mode that a step of the backbone from a to b goes over; None where none is found.
 
         A disturbance of the shape in the other mode alone comes to rest again after half a period where
@@ -116,7 +106,7 @@ class Tongues:
         """
         if self.orbits.omega[other] < RIGID * self.orbits.omega[self.mode]:
             return None
-        left, right = self.orbits.own(a, other), self.orbits.own(b, other)
+        left, right = self.orbits.mode_slope(a, other), self.orbits.mode_slope(b, other)
         at = left / (left - right) if left * right < 0 else 0.5
         u = a.u + at * (b.u - a.u)
         towards = np.copysign(1.0, self.amplitude(a.u, other) - self.amplitude(b.u, other))
@@ -126,7 +116,7 @@ class Tongues:
                 return self._traced(points, other, float(u[-1]))
         return None
 
-    def from_within(self, points: list[BranchPoint], other: int) -> Tongue | None:
+    def from_within(self, points: list[BranchPoint], other: int) -> OrbitBranch | None:
         """The tongue that the last points of a backbone have already entered."""
         return self._traced(points, other, points[-1].parameter)
 
@@ -167,14 +157,14 @@ class Tongues:
             points.insert(0, point)
         return points
 
-    def _traced(self, begin: list[BranchPoint], other: int, parameter: float) -> Tongue | None:
+    def _traced(self, begin: list[BranchPoint], other: int, parameter: float) -> OrbitBranch | None:
         """Follow a tongue over the thinner tongues of third modes that cross it."""
         points = list(begin)
         scale = self.orbits.scale(points[-1].u)[0]
         ds = LONGEST if len(begin) > 2 else float(np.linalg.norm((points[-1].u - points[-2].u) / scale))
         ds = min(max(ds, SHORTEST), LONGEST)
         failures = 0
-        status = f"stopped after {self.most_points} points, the most asked for"
+        outcome = Outcome.of(OutcomeCode.POINT_LIMIT, points=self.most_points)
         third = self._third(points[-1], other)
         while len(points) < self.most_points:
             new = None
@@ -186,20 +176,22 @@ class Tongues:
             if new is None:
                 ds *= 0.4
                 if ds < SHORTEST or failures > MOST_FAILURES:
-                    status = "stopped: no further motion of these two modes alone was found"
+                    outcome = Outcome.of(OutcomeCode.NO_FURTHER_MOTION)
                     break
                 continue
             points.append(new)
             third = 0.5 * (third + self._third(new, other))
-            if self.share(new)[self.mode] < GONE_OVER:
-                status = "complete: the energy has gone over to the other mode"
+            if self.share(new)[self.mode] < TRANSFERRED:
+                outcome = Outcome.of(OutcomeCode.ENERGY_TRANSFERRED)
                 break
             ds = min(LONGEST, 1.4 * ds) if part == 1.0 else min(ds, max(part, 0.5) * ds)
         shares = [float(self.share(p)[self.mode]) for p in points]
         if min(shares) > LEAST_SHARE:
             return None
         deepest = points[int(np.argmin(shares))]
-        return Tongue(other, self.order(deepest, other), parameter, points, status)
+        return OrbitBranch(
+            self.orbits, points, outcome, kind="tongue", mode=other, ratio=self.order(deepest, other), origin=parameter
+        )
 
     def _third(self, point: BranchPoint, other: int) -> float:
         share = self.share(point)

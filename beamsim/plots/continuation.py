@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.response.result import FrequencyResponse, ResponseBranch
+from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.plots.branches import MARKS, figure_of, stretches
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for
@@ -24,25 +25,25 @@ MANY = 80  # special points, from which their marks are small
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
 STRETCHES = 400  # of frequency, over which a sweep's cycles are drawn as one point
 _DASHED = (0, (3, 1.5))
-_LAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves they lie under
+_OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves they lie under
 _NAMES = {"neimark_sacker": "Neimark–Sacker"}
 _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": "Position"}
 
 
 def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
-    """Peak displacement: stable full, unstable dashed, special points marked, sweeps laid under the curve."""
-    laid = [o for o in result.overlay.values() if probe in o.curve.displacement]
+    """Peak displacement: stable full, unstable dashed, special points marked, sweeps drawn under the curve."""
+    laid = [o for o in result.overlay.values() if probe in o.displacement]
     scale = scale_for(
-        "m", *(b.peak_displacement[probe] for b in result.branches), *(o.curve.displacement[probe].peak for o in laid)
+        "m", *(b.peak_displacement[probe] for b in result.branches), *(o.displacement[probe].peak for o in laid)
     )
     for k, o in enumerate(laid):
-        f, peak = _envelope(o.curve.frequency_hz, o.curve.displacement[probe].peak)
-        named = f"{'swept' if o.curve.steady is None else 'stepped'} {o.curve.direction}"
-        label = f"{named}, {_level(result, o.curve.level)}" if _levels(result) or len(laid) > 2 else named
-        line: dict[str, Any] = (
-            {"linestyle": "none", "marker": ".", "markersize": 4} if o.curve.steady is not None else {}
+        f, peak = _envelope(o.frequency_hz, o.displacement[probe].peak)
+        named = f"{'swept' if o.steady is None else 'stepped'} {o.direction}"
+        label = f"{named}, {_level(result, o.level)}" if _levels(result) or len(laid) > 2 else named
+        line: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 4} if o.steady is not None else {}
+        ax.plot(
+            f, peak * scale.factor, color=_OVERLAID[k % len(_OVERLAID)], linewidth=2.2, label=label, zorder=1, **line
         )
-        ax.plot(f, peak * scale.factor, color=_LAID[k % len(_LAID)], linewidth=2.2, label=label, zorder=1, **line)
     _curves(result, ax, lambda b: b.peak_displacement[probe], scale)
     finish(ax, _axis(result), f"Peak displacement of {probe} ({scale.unit})")
     _legend(ax)
@@ -51,12 +52,12 @@ def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes
 
 def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
     """Peak contact force, as :func:`plot_response_curve`."""
-    laid = [o for o in result.overlay.values() if snubber in o.curve.force]
+    laid = [o for o in result.overlay.values() if snubber in o.force]
     scale = scale_for("N", *(b.peak_force[snubber] for b in result.branches))
     for k, o in enumerate(laid):
-        f, peak = _envelope(o.curve.frequency_hz, o.curve.force[snubber].peak)
-        named = f"{'swept' if o.curve.steady is None else 'stepped'} {o.curve.direction}"
-        ax.plot(f, peak * scale.factor, color=_LAID[k % len(_LAID)], linewidth=2.2, label=named, zorder=1)
+        f, peak = _envelope(o.frequency_hz, o.force[snubber].peak)
+        named = f"{'swept' if o.steady is None else 'stepped'} {o.direction}"
+        ax.plot(f, peak * scale.factor, color=_OVERLAID[k % len(_OVERLAID)], linewidth=2.2, label=named, zorder=1)
     _curves(result, ax, lambda b: b.peak_force[snubber], scale, logarithmic=False)
     finish(ax, _axis(result), f"Peak contact force of {snubber} ({scale.unit})")
     _legend(ax)
@@ -193,7 +194,7 @@ def _marked(result: FrequencyResponse, kind: str, values: Any) -> Iterator[tuple
                 yield event.parameter, _height(branch, values(branch), event.parameter)
 
 
-def _height(branch: ResponseBranch, y: Floats, at: float) -> float:
+def _height(branch: BranchResult, y: Floats, at: float) -> float:
     """On the curve at a special point, which is one of its points."""
     return float(y[int(np.argmin(np.abs(branch.parameter - at)))])
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
+from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.plots.branches import MARKS, stretches
 from beamsim.plots.labels import put_names
 from beamsim.plots.style import curve_style, finish, scale_for
@@ -25,9 +26,9 @@ DECADE = 10.0  # the same of the energies: a logarithmic axis has no room for it
 BRANCH_NAMES = {
     "backbone": "backbone",
     "tongue": "tongue of internal resonance",
-    "never_at_rest": "motions never at rest",
+    "non_brake": "non-brake orbits",
 }
-_STYLES = {"backbone": (0, 1.4), "tongue": (1, 1.0), "never_at_rest": (2, 1.4)}  # colour, width
+_STYLES = {"backbone": (0, 1.4), "tongue": (1, 1.0), "non_brake": (2, 1.4)}  # colour, width
 
 
 def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
@@ -82,7 +83,7 @@ def _branches(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> None:
     _name_tongues(ax, result, curves)
 
 
-def _at(branch: ModeBranch, parameter: float) -> int:
+def _at(branch: BranchResult, parameter: float) -> int:
     """The point of a branch closest to a parameter."""
     return int(np.argmin(np.abs(branch.parameter - parameter)))
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from beamsim.analyses.nnm.result import ExpansionComparison
     from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
+    from beamsim.structures.stations import Stations
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
 
@@ -59,7 +60,7 @@ def comparison_figure(comparison: ExpansionComparison) -> Figure:
     return figure
 
 
-def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes) -> Axes:
+def plot_initial_vectors(comparison: ExpansionComparison, stations: Stations, ax: Axes) -> Axes:
     """Deflection at rest, linear, to both orders and exact, at the largest factor with an exact motion."""
     path, exact = comparison.path, comparison.exact
     known = np.flatnonzero(np.isfinite(exact.frequency_hz))
@@ -67,20 +68,20 @@ def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes) -> Axes:
     shapes = path.initial_displacement[k]
     scale = scale_for("m", shapes, exact.initial_displacement[k])
     measured = exact.initial_displacement[k] * scale.factor
-    plot_along(ax, path.stations, measured, "exact", color="0.7", linewidth=4.0, marker="")
+    plot_along(ax, stations, measured, "exact", color="0.7", linewidth=4.0, marker="")
     for order, name in enumerate(("linear mode", "first order", "second order")):
-        plot_along(ax, path.stations, shapes[order] * scale.factor, name, **curve_style((2, 0, 1)[order]))
-    finish_along(ax, path.stations, f"Deflection at rest ({scale.unit})")
+        plot_along(ax, stations, shapes[order] * scale.factor, name, **curve_style((2, 0, 1)[order]))
+    finish_along(ax, stations, f"Deflection at rest ({scale.unit})")
     ax.set_title(f"Mode {path.mode}, stiffness factor {path.factor[k]:.3g}", fontsize="medium")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 
 
-def comparison_figures(comparison: ExpansionComparison) -> dict[str, Figure]:
+def comparison_figures(comparison: ExpansionComparison, stations: Stations) -> dict[str, Figure]:
     """Both pictures of a mode by multiple scales, by name; the second needs an exact motion."""
     figures = {"multiple_scales": comparison_figure(comparison)}
     if np.any(np.isfinite(comparison.exact.frequency_hz)):
-        figures["multiple_scales_initial"] = figure_of("", lambda ax: plot_initial_vectors(comparison, ax))
+        figures["multiple_scales_initial"] = figure_of("", lambda ax: plot_initial_vectors(comparison, stations, ax))
     return figures
 
 

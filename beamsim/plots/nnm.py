@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import ModeBranch, NormalModeResult
+from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.plots.branches import figure_of
 from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
 from beamsim.plots.multiple_scales import comparison_figures
@@ -56,7 +57,7 @@ def _shapes(result: NormalModeResult, ax: Axes, curves: tuple[tuple[Floats, str]
     legend(ax, len(curves), len(curves), "shapes")
 
 
-def _shown(result: NormalModeResult) -> ModeBranch:
+def _shown(result: NormalModeResult) -> BranchResult:
     return result.branches[result.motion_branch]
 
 
@@ -113,8 +114,8 @@ def plot_phase_portrait(result: NormalModeResult, ax: Axes) -> Axes:
 
 
 def plot_configuration(result: NormalModeResult, ax: Axes) -> Axes:
-    """Displacements over one another: a line for a linear mode, a curve for a nonlinear one, a loop where the motion is
-    never at rest. The probes over the first of them; with a single probe the nodes over the one that moves most."""
+    """Displacements over one another: a line for a linear mode, a curve for a nonlinear one, a loop for a non-brake
+    orbit. The probes over the first of them; with a single probe the nodes over the one that moves most."""
     motion = result.motion
     if len(motion.displacement) > 1:
         named = dict(motion.displacement)
@@ -125,7 +126,7 @@ def plot_configuration(result: NormalModeResult, ax: Axes) -> Axes:
     scale = scale_for("m", *named.values())
     others = [name for name in named if name != across] or [across]
     # a motion at rest twice a period goes back the way it came: drawn over itself its dashes would run into one line
-    brake = _shown(result).kind != "never_at_rest"
+    brake = _shown(result).kind != "non_brake"
     part = slice((motion.time.size + 1) // 2 if brake else None)
     for k, name in enumerate(others[:MOST_CURVES]):
         ax.plot(named[across][part] * scale.factor, named[name][part] * scale.factor, label=name, **curve_style(k))
@@ -196,7 +197,7 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     if result.parameter != "stiffness_factor":
         figures["frequency_energy"] = figure_of(result.title, lambda ax: plot_frequency_energy(result, ax))
     if result.expansion is not None:
-        figures |= comparison_figures(result.expansion)
+        figures |= comparison_figures(result.expansion, result.stations)
     if result.relaxed is not None:
         figures["thesis"] = thesis_figure(result)
     if result.phase_resonance is not None:

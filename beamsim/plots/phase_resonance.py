@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from beamsim.analyses.nnm.result import HeldMotion, PhaseResonance
+    from beamsim.analyses.nnm.result import HeldMotion, PhaseResonanceResult
     from beamsim.structures.stations import Stations
 
 _STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -24,17 +24,17 @@ _HIGHEST_ORDER = 20.5
 _RIDGE: dict[str, Any] = {"color": "0.55", "linewidth": 2.6, "solid_capstyle": "round", "zorder": 1}
 
 
-def _level_scale(result: PhaseResonance) -> Scale:
+def _level_scale(result: PhaseResonanceResult) -> Scale:
     """Levels of acceleration in g, others with an SI prefix."""
     if result.quantity == "acceleration":
         return Scale(1.0 / _STANDARD_GRAVITY, "g")
     return scale_for(result.unit, np.array([m.level for m in result.motions]))
 
 
-def plot_resonances(result: PhaseResonance, ax: Axes) -> Axes:
+def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
     """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
     name, level = result.probe, _level_scale(result)
-    curves = [m.curve.amplitude[name] for m in result.motions if m.curve is not None]
+    curves = [m.curve.peak_displacement[name] for m in result.motions if m.curve is not None]
     found = np.array([[m.predicted_amplitude[name], m.amplitude[name]] for m in result.motions])
     scale = scale_for("m", found, *curves)
     ridge = result.predicted
@@ -45,7 +45,7 @@ def plot_resonances(result: PhaseResonance, ax: Axes) -> Axes:
     for k, m in enumerate(result.motions):
         colour = curve_style(k)["color"]
         if m.curve is not None:
-            x, y = m.curve.frequency_hz, m.curve.amplitude[name] * scale.factor
+            x, y = m.curve.frequency_hz, m.curve.peak_displacement[name] * scale.factor
             ax.plot(*stretches(x, y, m.curve.stable, True), color=colour, linewidth=1.2)
             ax.plot(*stretches(x, y, m.curve.stable, False), color=colour, linewidth=0.9, linestyle=dashes)
             top = int(np.argmax(y))
@@ -73,7 +73,7 @@ def _level_text(value: float, level: Scale) -> str:
     return f"{value * level.factor:.4g} {level.unit}"
 
 
-def plot_levels(result: PhaseResonance, ax: Axes) -> Axes:
+def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
     """The level predicted against the amplitude, and the exact motions."""
     name, level = result.probe, _level_scale(result)
     amplitude = np.array([m.amplitude[name] for m in result.motions])
@@ -129,7 +129,7 @@ def plot_held_spectrum(held: HeldMotion, ax: Axes) -> Axes:
     return ax
 
 
-def plot_departure(result: PhaseResonance, ax: Axes) -> Axes:
+def plot_departure(result: PhaseResonanceResult, ax: Axes) -> Axes:
     """Distance from the mode in every period, for all levels; those that make no difference (z = 0) as one curve."""
     level = _level_scale(result)
     groups: list[tuple[np.ndarray, list[str]]] = []
@@ -148,7 +148,7 @@ def plot_departure(result: PhaseResonance, ax: Axes) -> Axes:
     return ax
 
 
-def phase_resonance_figures(result: PhaseResonance, title: str, stations: Stations) -> dict[str, Figure]:
+def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: Stations) -> dict[str, Figure]:
     """Every picture of a held mode, by name; shapes and spectrum are those of the last level."""
     figures = {
         "phase_resonance": figure_of(title, lambda ax: plot_resonances(result, ax)),

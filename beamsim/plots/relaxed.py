@@ -29,7 +29,7 @@ def plot_relaxed_frequency(result: NormalModeResult, ax: Axes) -> Axes:
     """Frequency over the factor: shooting's backbone and tongues, the thesis's steps by what they are beside."""
     relaxed = result.relaxed
     assert relaxed is not None
-    for k, branch in enumerate(b for b in result.branches if b.kind != "never_at_rest"):
+    for k, branch in enumerate(b for b in result.branches if b.kind != "non_brake"):
         colour = curve_style(0)["color"] if branch.kind == "backbone" else "0.6"
         label = {0: "shooting", 1: "shooting, tongues"}.get(k, "_nolegend_")
         every = np.ones(branch.stable.size, dtype=bool)

@@ -16,6 +16,8 @@ from beamsim.store.stored import KINDS, LazyScenario, creating, kind_of, reading
 if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.identify.result import IdentificationResult
+    from beamsim.analyses.nnm.result import NormalModeResult
+    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.analyses.result import Result
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
@@ -64,7 +66,7 @@ def _stored(cls: Any) -> Any:
     return type(f"Stored{cls.__name__}", (LazyScenario, cls), {"__doc__": f"A `{cls.__name__}` read from a file."})
 
 
-write_run = write_sweep = write_identification = write_comparison = write_result
+write_run = write_sweep = write_frequency_response = write_identification = write_nnm = write_comparison = write_result
 
 
 def open_run(path: Path | str) -> RunResult:
@@ -75,6 +77,16 @@ def open_run(path: Path | str) -> RunResult:
 def open_sweep(path: Path | str) -> SweepResult:
     """Read a file written by ``beamsim sweep`` of one design, swept or stepped; see `open_result`."""
     return open_result(path, "sweep")  # type: ignore[no-any-return]
+
+
+def open_response(path: Path | str) -> FrequencyResponse:
+    """Read a file written by ``beamsim sweep`` of kind continuation; see `open_result`."""
+    return open_result(path, "continuation")  # type: ignore[no-any-return]
+
+
+def open_nnm(path: Path | str) -> NormalModeResult:
+    """Read a file written by ``beamsim nnm``; see `open_result`."""
+    return open_result(path, "nnm")  # type: ignore[no-any-return]
 
 
 def open_identification(path: Path | str) -> IdentificationResult:

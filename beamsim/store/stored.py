@@ -31,13 +31,15 @@ class Kind(NamedTuple):
 KINDS = {
     "run": Kind("run", "the result of `beamsim run`", "beamsim.analyses.run.result", "RunResult"),
     "sweep": Kind("sweep", "a sweep of one design by `beamsim sweep`", "beamsim.analyses.sweep.result", "SweepResult"),
-    "continuation": Kind("sweep", "a continuation by `beamsim sweep`", "beamsim.store.continuation", "open_response"),
+    "continuation": Kind(
+        "sweep", "a continuation by `beamsim sweep`", "beamsim.analyses.response.result", "FrequencyResponse"
+    ),
     "designs": Kind("sweep", "a design study by `beamsim sweep`", "beamsim.store.designs", "open_designs"),
     "identify-stiffness": Kind(
         "identify-stiffness", "the result of `beamsim identify-stiffness`", "beamsim.analyses.identify.result",
         "IdentificationResult",
     ),
-    "nnm": Kind("nnm", "the result of `beamsim nnm`", "beamsim.store.nnm", "open_nnm"),
+    "nnm": Kind("nnm", "the result of `beamsim nnm`", "beamsim.analyses.nnm.result", "NormalModeResult"),
     "compare": Kind("compare", "the result of `beamsim compare`", "beamsim.analyses.compare.result", "Comparison"),
 }  # fmt: skip
 

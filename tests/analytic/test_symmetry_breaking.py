@@ -11,6 +11,7 @@ from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
+from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 
 CUBIC = {
@@ -74,8 +75,8 @@ def integrated(result, branch, k, kick=0.0):
 
 def test_two_masses_between_stops_are_never_at_rest(stops):
     """Closed after a period, and moving all along, for an integrator that knows nothing of contacts."""
-    assert len(stops.never_at_rest) >= 1
-    for branch in stops.never_at_rest:
+    assert len(stops.non_brake) >= 1
+    for branch in stops.non_brake:
         assert (branch.mode, branch.ratio) == (2, 2)
         assert branch.residual.max() < 1e-10
         k = int(np.argmax(branch.least_kinetic))
@@ -86,11 +87,11 @@ def test_two_masses_between_stops_are_never_at_rest(stops):
         assert kinetic.min() == pytest.approx(branch.least_kinetic[k], abs=1e-6)
         assert kinetic.min() > 0.2
         assert branch.least_kinetic.min() < 0.02  # it leaves, and comes back to, motions at rest
-        assert branch.status == "complete: came back to motions that are at rest"
+        assert branch.outcome.code is OutcomeCode.BACK_TO_BRAKE_ORBITS
 
 
 def test_the_integrator_would_see_a_motion_that_is_not_periodic(stops):
-    branch = stops.never_at_rest[0]
+    branch = stops.non_brake[0]
     y0, end, _ = integrated(stops, branch, int(np.argmax(branch.least_kinetic)), kick=1e-3)
     assert np.abs(end - y0).max() > 1e-4
 
@@ -114,7 +115,7 @@ def test_a_branch_in_the_stiffness_factor(request):
         "reduction": {"modes": 4},
     }
     result = nnm(load_scenario(request.config.rootpath / "configs" / "nnm_first.yaml", changes))
-    (branch,) = result.never_at_rest
+    (branch,) = result.non_brake
     assert (branch.mode, branch.ratio) == (2, 6)
     assert branch.residual.max() < 1e-10
     assert branch.least_kinetic.max() > 1e-3
@@ -131,8 +132,8 @@ def test_full_period_shooting_would_see_a_wrong_half_period(make_system):
     points = list(Backbone(orbits, start, 0.2, 0, points=10))
     right = FullPeriodPath(orbits, points)
     assert len(list(right)) == len(points)
-    assert right.status.startswith("complete")
+    assert right.outcome.complete
     off = np.append(np.full(3, 1.0 + 1e-4), 1.0)  # shape and period, at the same factor
     wrong = FullPeriodPath(orbits, [replace(p, u=p.u * off) for p in points])
     assert list(wrong) == []
-    assert wrong.status.startswith("stopped")
+    assert wrong.outcome.code is OutcomeCode.FULL_PERIOD_DIVERGED

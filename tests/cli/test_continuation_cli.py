@@ -15,10 +15,10 @@ from beamsim.analyses.response.overlay import with_overlay
 from beamsim.analyses.response.paths import response_model
 from beamsim.cli.app import app
 from beamsim.errors import ResultFileError, ScenarioError
+from beamsim.outcomes import Outcome
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.continuation import open_response, write_frequency_response
-from beamsim.store.results import open_sweep
+from beamsim.store.results import open_response, open_sweep, write_frequency_response
 from beamsim.store.stored import holds
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -116,10 +116,10 @@ def test_the_sweep_rides_on_the_stable_motions(results):
     result = results["continuation_overlay"]
     assert list(result.overlay) == ["up_0", "down_0"]
     (main,) = [b for b in result.branches if b.period_multiple == 1]
-    tops = {name: o.curve.displacement["tip"].peak.max() for name, o in result.overlay.items()}
+    tops = {name: o.displacement["tip"].peak.max() for name, o in result.overlay.items()}
     for top in tops.values():
         assert top == pytest.approx(main.peak_displacement["tip"].max(), rel=0.02)
-    up = result.overlay["up_0"].curve
+    up = result.overlay["up_0"]
     assert up.level == main.level
     assert up.frequency_hz.min() > 75.0
     assert up.frequency_hz.max() < 95.0
@@ -184,11 +184,13 @@ def test_the_file_is_read_back_whole(results, tmp_path):
         np.testing.assert_equal(_plain(stored.modes), _plain(result.modes))
         assert list(stored.overlay) == list(result.overlay)
         for key, laid in result.overlay.items():
-            np.testing.assert_equal(_plain(stored.overlay[key].curve.displacement), _plain(laid.curve.displacement))
+            np.testing.assert_equal(_plain(stored.overlay[key].displacement), _plain(laid.displacement))
         frequency_response_figures(stored)
 
 
 def _plain(value):
+    if isinstance(value, Outcome):
+        return value.as_dict()
     if isinstance(value, (tuple, list)):
         return [_plain(v) for v in value]
     if isinstance(value, dict):
@@ -227,7 +229,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     stored = open_response(tmp_path / "curve.h5")
     assert list(stored.overlay) == ["up_0", "down_0", "up_1"]
     assert [o.source for o in stored.overlay.values()] == ["swept.h5", "swept.h5", "stepped.h5"]
-    steady = stored.overlay["up_1"].curve
+    steady = stored.overlay["up_1"]
     main = stored.branches[0]
     expected = np.interp(steady.frequency_hz, main.frequency_hz, main.peak_displacement["tip"])
     np.testing.assert_allclose(steady.displacement["tip"].peak, expected, rtol=2e-3)

@@ -19,8 +19,7 @@ from beamsim.outcomes import COMPLETE
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.continuation import open_response
-from beamsim.store.nnm import open_nnm
+from beamsim.store.results import open_nnm, open_response
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MODE, RESPONSE = CONFIGS / "nnm_chain_mass_5.yaml", CONFIGS / "chain_two_dof.yaml"
@@ -71,12 +70,12 @@ def test_a_response_keeps_the_points_it_has(response, points):
 
 def test_what_was_not_begun_is_named():
     part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), stop=after(2))
-    assert part.status.endswith("not begun: level 0.2, level 0.3")
+    assert part.status.startswith("interrupted; not begun: level 0.2, level 0.3")
     scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
     points = nnm(scenario).backbone.parameter.size
-    assert nnm(scenario, stop=after(points + 1)).status == "interrupted before the thesis's method"
+    assert nnm(scenario, stop=after(points + 1)).status == "interrupted before relaxed minimisation"
     part = nnm(scenario, stop=after(points + 4))
-    assert part.status.endswith("in the thesis's method")
+    assert part.status.endswith("during relaxed minimisation")
     assert 1 <= part.relaxed.factor.size < scenario.nnm.solver.steps
 
 

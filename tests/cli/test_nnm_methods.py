@@ -17,7 +17,7 @@ from beamsim.cli.nnm_report import nnm_rows
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.nnm import open_nnm, write_nnm
+from beamsim.store.results import open_nnm, write_nnm
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN = CONFIGS / "nnm_chain_mass_5.yaml"
@@ -146,7 +146,7 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     done = invoke("nnm", CONFIGS / "nnm_thesis_mode_1.yaml", "--set", "nnm.method=thesis", "--set",
                   "reduction.modes=5", "-o", tmp_path, "--no-plots")  # fmt: skip
     assert done.exit_code == 3
-    assert "the thesis's method stopped at stiffness factor 0.1" in done.stderr
+    assert "relaxed minimisation stopped at stiffness factor 0.1" in done.stderr
     assert "nnm.method." in done.stderr
     stored = open_nnm(tmp_path / "nnm_thesis_mode_1.h5")
     assert not stored.complete
@@ -200,12 +200,12 @@ def test_an_unstable_motion_drifts_from_its_period(compared):
     scenario = load_scenario(ENERGY, {"nnm.continue_in.to": "65 uJ"})
     system = conservative_system(scenario)
     followed = mode_path(scenario, system).follow(None)
-    modes = [followed.orbits.mode(point) for point in followed.points]
+    points = followed.backbone.points
+    modes = [followed.problem.orbit(point) for point in points]
     growth = [np.abs(m.multipliers).max() for m in modes]
     k = int(np.argmax(growth))
     assert growth[k] > 1.4
-    state = np.concatenate([modes[k].shape, np.zeros(system.dynamics.size)])
-    motion = orbit_motion(system, followed.points[k].data.flow, state, modes[k].period)
+    motion = orbit_motion(system, points[k].data.flow, modes[k].state, modes[k].period)
     assert motion.drift > 1e-6
     told = dataclasses.replace(compared, summary={**compared.summary, "motion_drift": motion.drift})
     assert "it is unstable" in dict(nnm_rows(told))["spectrum"]
@@ -228,7 +228,7 @@ def test_jumps_that_nothing_explains(beam):
 def test_python(compared):
     """The result says in Python what it holds."""
     assert compared.backbone is compared.branches[0]
-    assert compared.tongues == compared.never_at_rest == ()
+    assert compared.tongues == compared.non_brake == ()
     assert compared.method == "thesis"
     assert compared.title == compared.scenario.title
     with pytest.raises(ValueError, match="no comparison"):

@@ -16,7 +16,7 @@ from beamsim.cli.phase_resonance import phase_resonance_rows
 from beamsim.errors import ScenarioError
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.phase_resonance import read_phase_resonance
+from beamsim.store.results import open_nnm
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BACKBONE = CONFIGS / "nnm_forced_backbone.yaml"
@@ -74,8 +74,8 @@ def test_response_rides_the_backbone(held):
 
     peaks = []
     for m in held.phase_resonance.motions:
-        k = int(np.argmax(m.curve.amplitude["tip"]))
-        peaks.append((m.curve.frequency_hz[k], m.curve.amplitude["tip"][k]))
+        k = int(np.argmax(m.curve.peak_displacement["tip"]))
+        peaks.append((m.curve.frequency_hz[k], m.curve.peak_displacement["tip"][k]))
         assert m.curve.frequency_hz[0] == pytest.approx(0.94 * m.frequency_hz, rel=1e-9)
         assert abs(beside(*peaks[-1])) < 2e-3 * peaks[-1][0]
     assert abs(beside(peaks[0][0], peaks[1][1])) > abs(beside(*peaks[1]))
@@ -190,14 +190,14 @@ def test_a_force_at_a_node_is_refused():
 
 def test_pictures_and_table(held):
     result = held.phase_resonance
-    figures = phase_resonance_figures(result, held.title, held.position, of_beam=True)
+    figures = phase_resonance_figures(result, held.title, held.stations)
     held_pictures = {"held_departure", "held_shapes", "held_spectrum"}
     assert set(figures) == {"phase_resonance", "phase_resonance_level"} | held_pictures
     ax = figures["phase_resonance"].axes[0]
     assert {"nonlinear mode", "predicted", "phase resonance"} <= {line.get_label() for line in ax.lines}
     assert [text.get_text() for text in ax.texts] == ["0.8 g", "1.4 g"]  # at the curves' peaks
     assert figures["phase_resonance_level"].axes[0].get_ylabel() == "Level (g)"
-    rows = list(phase_resonance_rows(held.summary["phase_resonance"]))
+    rows = list(phase_resonance_rows(held.summary["phase_resonance"], held.phase_resonance))
     assert [label for label, _ in rows if label] == ["phase resonance", "held"]
     assert "(stable)" in rows[0][1]
 
@@ -212,12 +212,11 @@ def test_command(tmp_path):
     assert level["found"]
     assert level["periods"] == 6
     with h5py.File(tmp_path / "nnm_forced_backbone.h5") as file:
-        stored = read_phase_resonance(file)
         predicted = file["phase_resonance/predicted"]
         assert predicted["level"].attrs["units"] == "m/s^2"
         assert predicted["level"].dims[0][0] == predicted["point"]
         assert file["phase_resonance/levels/0/held/shapes"].dims[1][0] == file["position"]
-    m = stored.motions[0]
+    m = open_nnm(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
     assert m.frequency_hz == level["frequency_hz"]
     assert m.curve.stable.dtype == bool
     assert m.held.displacement["tip"].size == m.held.time.size

@@ -13,7 +13,7 @@ from beamsim.analyses.response.forced_expansion import compare_forced_expansion
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.multiple_scales import read_forced_expansion
+from beamsim.store.results import open_response
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 OSCILLATOR = CONFIGS / "ms_forced_oscillator.yaml"
@@ -105,8 +105,8 @@ def test_command(tmp_path):
     names = {Path(f).name for f in summary["files"]}
     assert {"ms_forced_oscillator_multiple_scales_mass.png", "ms_forced_oscillator_multiple_scales_orders.png"} <= names
     with h5py.File(tmp_path / "ms_forced_oscillator.h5") as file:
-        (stored,) = read_forced_expansion(file)
         assert file["multiple_scales/0/difference"].dims[0][0] == file["multiple_scales/0/factor"]
+    (stored,) = open_response(tmp_path / "ms_forced_oscillator.h5").expansion
     assert stored.first["mass"].max() == level["largest_first_order_m"]["mass"]
     assert stored.stability_agrees.all()
 

@@ -82,7 +82,7 @@ def exact_harmonics(system, motion, omega=OMEGA, count=4096):
 def test_published_amplitudes(curve, at_omega):
     """NLvib example 03 with 21 harmonics at 0.7541: 1.32695, Q3 0.09319, Q5 0.02634; unstable."""
     problem, branch, _ = curve
-    assert branch.status == "complete: reached 0.5"
+    assert branch.outcome.text == "complete: reached parameter 0.5"
     assert len(at_omega) == 3
     largest = at_omega[-1]
     np.testing.assert_allclose(largest.data.amplitudes(V[0])[[1, 3, 5]], [1.32695, 0.09319, 0.02634], rtol=2e-3)
@@ -205,7 +205,7 @@ def test_bilinear_oscillator_free(make_system, even):
         start = solve_at(problem, problem.linear_guess(0, 0.0), Settings(), 0.0)
         branch = Branch(problem, start, 0.0, 1.0, Settings(largest_step=0.2))
         points = list(branch)
-        assert branch.status == "complete: reached 1"
+        assert branch.outcome.text == "complete: reached parameter 1"
         assert points[-1].data.energy == pytest.approx(1.0, rel=1e-9)
         errors.append(abs(points[-1].data.fundamental - 4.0 / 3.0))
     assert errors[-1] < 1e-10
@@ -221,7 +221,7 @@ def test_duffing_backbone_in_energy(make_system):
     start = solve_at(problem, problem.linear_guess(0, np.log(0.01)), Settings(iterations=15), np.log(0.01))
     branch = Branch(problem, start, np.log(0.01), np.log(5.0), Settings(largest_step=0.1))
     points = list(branch)
-    assert branch.status.startswith("complete")
+    assert branch.outcome.complete
     for point in points[:: max(1, len(points) // 6)]:
         a2 = np.sqrt(1.0 + 4.0 * np.exp(point.parameter)) - 1.0  # E = a²/2 + a⁴/4
         m = a2 / (2.0 * (1.0 + a2))
@@ -240,16 +240,16 @@ def test_six_masses_against_half_period_shooting(make_system):
         start = solve_at(problem, problem.linear_guess(3, 0.0, float(np.sign(modes[4, 3]))), Settings(), 0.0)
         branch = Branch(problem, start, 0.0, 1.0, Settings(largest_step=0.1))
         point = list(branch)[-1]
-        assert branch.status == "complete: reached 1"
+        assert branch.outcome.text == "complete: reached parameter 1"
         frequencies.append(point.data.fundamental)
         shapes.append(point.data.states(np.zeros(1))[0, :6])
     orbits = BrakeOrbits(ContactStiffness(system), energy=1.0)
     exact = solve_at(
         orbits, orbits.unknowns(shapes[-1], 2 * np.pi / frequencies[-1], 1.0), Settings(iterations=15), 1.0
     )
-    mode = orbits.mode(exact)
+    mode = orbits.orbit(exact)
     assert mode.period == pytest.approx(4.011, abs=2e-3)  # thesis, chapter 3
     errors = [abs(f - 2 * np.pi / mode.period) for f in frequencies]
     assert errors[-1] < 1e-7
     assert errors[-1] < 1e-2 * errors[0]
-    np.testing.assert_allclose(shapes[-1], mode.shape, atol=1e-5)
+    np.testing.assert_allclose(shapes[-1], mode.state[:6], atol=1e-5)

@@ -192,7 +192,7 @@ def test_relaxed_minimisation(make_system):
     start = linear_mode(orbits, 3, 0.0, V[4])
     steps = list(relaxed_path(orbits, start, np.linspace(0.0, 1.0, 8), tolerance=1e-8))
     assert all(s.reached for s in steps)
-    exact = orbits.mode(solve_at(orbits, linear_mode(orbits, 3, 1.0, V[4]), Settings(iterations=25), 1.0))
+    exact = orbits.orbit(solve_at(orbits, linear_mode(orbits, 3, 1.0, V[4]), Settings(iterations=25), 1.0))
     assert steps[-1].period == pytest.approx(exact.period, rel=1e-3)
     assert steps[-1].period != pytest.approx(exact.period, rel=1e-9)
     assert sum(s.passages for s in steps) > 8

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
-from beamsim.analyses.nnm.multiple_scales import compare_expansion, expansion_path, nothing_near
+from beamsim.analyses.nnm.multiple_scales import compare_expansion, expansion_path
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -69,7 +69,6 @@ def test_the_thesis_factors_are_not_small_for_the_beam():
     assert path.frequency_hz[0, 1] == pytest.approx(321.5, abs=0.5)
     assert path.reach < 0.05
     assert np.all(np.isnan(compare_expansion(system, path).exact.frequency_hz))
-    assert "smaller factors" in nothing_near(path)
     soft = expansion_path(system, 1, factors=[689.0 / 107e3])
     assert soft.frequency_hz[0, 2] == pytest.approx(57.62, abs=0.02)
 

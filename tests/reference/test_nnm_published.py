@@ -14,6 +14,7 @@ from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.free_orbits import FreeOrbits
 from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, follow_modes, linear_mode, mode_points
+from beamsim.outcomes import OutcomeCode
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 
@@ -55,10 +56,10 @@ def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy
 def test_bilinear_oscillator(make_system, k):
     """2 w1 w2 / (w1 + w2), to 1e-12, all along the way."""
     orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20)
-    assert backbone.status == "complete: reached 1"
+    assert backbone.outcome.text == "complete: reached parameter 1"
     for p in points:
         w2 = np.sqrt(1.0 + k * p.parameter)
-        assert 2 * np.pi / orbits.mode(p).period == pytest.approx(2 * w2 / (1 + w2), rel=1e-12)
+        assert 2 * np.pi / orbits.orbit(p).period == pytest.approx(2 * w2 / (1 + w2), rel=1e-12)
 
 
 @pytest.mark.parametrize(("mass", "period"), [(5, 4.0098), (1, 3.9697)])
@@ -66,8 +67,8 @@ def test_six_masses_with_a_unilateral_spring(make_system, mass, period):
     """Thesis chapter 3, epsilon = 0.5: 4.011 s and 3.97 s printed (computed apart: 4.0098 and 3.9697 s)."""
     w2, V = np.linalg.eigh(CHAIN)
     orbits, backbone, points = backbone_of(make_system, np.sqrt(w2), V[mass - 1], 0.5, mode=3, points=66)
-    assert backbone.status == "complete: reached 1"
-    assert orbits.mode(points[-1]).period == pytest.approx(period, abs=6e-5)
+    assert backbone.outcome.text == "complete: reached parameter 1"
+    assert orbits.orbit(points[-1]).period == pytest.approx(period, abs=6e-5)
 
 
 def test_six_masses_with_a_cubic_spring(make_system):
@@ -79,15 +80,15 @@ def test_six_masses_with_a_cubic_spring(make_system):
     start = solve_at(orbits, linear_mode(orbits, 3, 0.0), Settings(), 0.0)
     backbone = Backbone(orbits, start, 1.0, 3, points=75)
     points = list(backbone)
-    assert backbone.status == "complete: reached 1"
+    assert backbone.outcome.text == "complete: reached parameter 1"
     assert len(points) >= 75
     assert max(p.residual for p in points) < 1e-10
     higher = BrakeOrbits(family, "energy", factor=1.0)
     q = points[-1].u
     up = solve_at(higher, np.append(q[:-1], np.log(0.5)), Settings(), np.log(0.5))
     growing = Backbone(higher, up, np.log(20.0), 3, points=40)
-    periods = [higher.mode(p).period for p in growing]
-    assert growing.status.startswith("complete")
+    periods = [higher.orbit(p).period for p in growing]
+    assert growing.outcome.complete
     assert np.all(np.diff(periods) < 0)
     assert periods[-1] < 3.93 < periods[0]
 
@@ -99,7 +100,7 @@ def test_duffing_oscillator(make_system, energy):
     system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
     orbits = BrakeOrbits(CubicStiffness(system, np.eye(1), np.array([g])), energy=energy)
     start = solve_at(orbits, linear_mode(orbits, 0, 0.0), Settings(), 0.0)
-    last = orbits.mode(list(Backbone(orbits, start, 1.0, 0, points=50))[-1])
+    last = orbits.orbit(list(Backbone(orbits, start, 1.0, 0, points=50))[-1])
     a2 = (-1 + np.sqrt(1 + 4 * g * energy)) / g
     m = g * a2 / (2 * (1 + g * a2))
     assert last.shape[0] ** 2 == pytest.approx(a2, rel=1e-11)
@@ -115,7 +116,7 @@ def beam_backbone(make_system):
 def test_first_mode_of_the_beam(beam_backbone):
     """75 points or more, each converged and with most of its energy in mode 1, past its tongues."""
     orbits, backbone, points = beam_backbone
-    assert backbone.status == "complete: reached 1"
+    assert backbone.outcome.text == "complete: reached parameter 1"
     assert len(points) >= 75
     assert max(p.residual for p in points) < 1e-10
     assert min(backbone.share(p) for p in points) > 0.5
@@ -123,7 +124,7 @@ def test_first_mode_of_the_beam(beam_backbone):
     assert np.all(np.diff(factors) > 0)
     assert factors[0] == 0.0
     assert factors[-1] == 1.0
-    frequency = np.array([orbits.mode(p).frequency for p in points])
+    frequency = np.array([orbits.orbit(p).frequency_hz for p in points])
     assert frequency[0] == pytest.approx(52.4, abs=0.1)
     assert 81 < frequency[-1] < 83
     w = orbits.family.omega
@@ -181,29 +182,29 @@ def test_first_mode_of_figure_3_16(make_system):
     """The thesis's figure 3.16: 10 elements, every degree of freedom, 107 kN/m, 75 steps; 20 hours in 2010."""
     omega, tip, k = cantilever()
     orbits, backbone, points = backbone_of(make_system, omega, tip, k, points=75)
-    assert backbone.status == "complete: reached 1"
+    assert backbone.outcome.text == "complete: reached parameter 1"
     assert len(points) >= 75
     assert max(p.residual for p in points) < 1e-10
-    assert orbits.mode(points[0]).frequency == pytest.approx(56.0, abs=0.1)
+    assert orbits.orbit(points[0]).frequency_hz == pytest.approx(56.0, abs=0.1)
 
 
 def test_second_mode_of_the_beam(make_system):
     """epsilon = 0.1: the bare beam's second mode; the frequency lies within its linear bounds."""
     omega, tip, k = cantilever()
     orbits, backbone, points = backbone_of(make_system, omega, tip, k, mode=1, end=0.1)
-    assert backbone.status.startswith("complete")
-    assert orbits.mode(points[0]).frequency == pytest.approx(351.0, abs=1.0)
-    assert orbits.mode(points[-1]).frequency == pytest.approx(354.91, rel=0.005)
+    assert backbone.outcome.complete
+    assert orbits.orbit(points[0]).frequency_hz == pytest.approx(351.0, abs=1.0)
+    assert orbits.orbit(points[-1]).frequency_hz == pytest.approx(354.91, rel=0.005)
 
 
 def test_motion_is_periodic_for_the_transient_solver(beam_backbone, no_forcing):
     """The end of the path, run for a period by the other solver, comes back."""
     orbits, _, points = beam_backbone
-    mode = orbits.mode(points[-1])
+    mode = orbits.orbit(points[-1])
     system = orbits.family.system
-    start = np.concatenate([mode.shape, np.zeros(7)])
+    start = np.concatenate([mode.state[:7], np.zeros(7)])
     end = simulate(ExactFlow(system, no_forcing(7), mode.period), start).final_y
-    np.testing.assert_allclose(end[:7] * system.stiffness**0.5, mode.shape * system.stiffness**0.5, atol=1e-9)
+    np.testing.assert_allclose(end[:7] * system.stiffness**0.5, mode.state[:7] * system.stiffness**0.5, atol=1e-9)
     np.testing.assert_allclose(end[7:], 0.0, atol=1e-9)
 
 
@@ -215,7 +216,7 @@ def test_stability_from_half_a_period(make_system):
         flow, whole = orbits.cycle(p)
         mu = np.linalg.eigvals(whole.transition[:12, :12])
         half = np.sort(np.abs(0.5 * (mu + 1 / mu)))
-        expected = np.sort(np.abs(np.repeat(orbits.mode(p).half_traces, 2)))
+        expected = np.sort(np.abs(np.repeat(orbits.half_traces(p), 2)))
         np.testing.assert_allclose(half, expected, atol=1e-6)
         assert flow.reversible
 
@@ -231,9 +232,9 @@ def test_energy_dependence_with_backlash(make_system, no_forcing):
     start = solve_at(orbits, linear_mode(orbits, 0, first, V[5]), Settings(), first)
     backbone = Backbone(orbits, start, last, 0, points=120)
     points = list(backbone)
-    assert backbone.status.startswith("complete")
-    energies = np.array([orbits.mode(p).energy for p in points])
-    frequency = np.array([2 * np.pi * orbits.mode(p).frequency for p in points])
+    assert backbone.outcome.complete
+    energies = np.array([orbits.orbit(p).energy for p in points])
+    frequency = np.array([2 * np.pi * orbits.orbit(p).frequency_hz for p in points])
     touching = 0.5 * w2[0] * (gap / V[5, 0]) ** 2
     linear = energies < touching
     np.testing.assert_allclose(frequency[linear], np.sqrt(w2[0]), rtol=1e-12)
@@ -262,9 +263,9 @@ def test_prestress_starts_from_the_closed_modes(make_system):
     start = solve_at(orbits, linear_mode(orbits, 0, first), Settings(), first)
     points = list(Backbone(orbits, start, np.log(1.0), 0, points=60))
     closed = np.sqrt(np.linalg.eigvalsh(np.diag(w2) + k * np.outer(V[5], V[5])))[0]
-    assert orbits.mode(points[0]).frequency * 2 * np.pi == pytest.approx(closed, rel=1e-12)
-    assert orbits.mode(points[0]).energy == pytest.approx(1e-6, rel=1e-10)
-    assert orbits.mode(points[-1]).frequency * 2 * np.pi < closed * 0.999
+    assert orbits.orbit(points[0]).frequency_hz * 2 * np.pi == pytest.approx(closed, rel=1e-12)
+    assert orbits.orbit(points[0]).energy == pytest.approx(1e-6, rel=1e-10)
+    assert orbits.orbit(points[-1]).frequency_hz * 2 * np.pi < closed * 0.999
 
 
 def test_continuation_in_frequency(make_system):
@@ -282,11 +283,11 @@ def test_continuation_in_frequency(make_system):
     begin = solve_at(orbits, orbits.unknowns(contacting.u[:6], contacting.u[-2], w), Settings(), w)
     branch = follow_modes(orbits, begin, 0.0, 2 * np.pi / later.u[-2])
     last = list(branch)[-1]
-    assert branch.status.startswith("complete: reached")
+    assert branch.outcome.code is OutcomeCode.REACHED_END
     assert last.data.energy == pytest.approx(np.exp(later.parameter), rel=1e-6)
 
 
-def test_motion_that_is_never_at_rest(make_system):
+def test_a_non_brake_orbit(make_system):
     """Three cubic springs 60 degrees apart make an isotropic potential: circles, omega^2 = 1 + 9/8 g r^2 in closed
     form."""
     system = make_system([1.0, 1.0], np.zeros(2), shape=np.zeros((0, 2)), stiffness=[])
@@ -305,7 +306,7 @@ def test_motion_that_is_never_at_rest(make_system):
     start = solve_at(orbits, near, Settings(iterations=12), 0.3)
     branch = Branch(orbits, start, 0.1, 1.0, Settings(step=0.05, largest_step=0.1))
     points = list(branch)
-    assert branch.status == "complete: reached 1"
+    assert branch.outcome.text == "complete: reached parameter 1"
     for point in points:
         y, period, g, _ = orbits.split(point.u)
         r, w = circle(g)

@@ -13,6 +13,7 @@ import beamsim
 from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
+from beamsim.outcomes import OutcomeCode
 from beamsim.system.build import build_system
 
 CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
@@ -36,7 +37,7 @@ def walk(problem, low, high, forward, **settings):
     before = problem.flow.passages
     branch = follow_orbits(problem, start, 2 * np.pi * low, 2 * np.pi * high, Settings(**settings))
     points = list(branch)
-    assert branch.status.startswith("complete: reached")
+    assert branch.outcome.code is OutcomeCode.REACHED_END
     carried = problem.flow.passages - before
     found = [s for a, b in itertools.pairwise(points) for s in special_points(problem, a, b, branch.settings)]
     return points, found, carried, problem.flow.passages - before - carried

@@ -19,6 +19,7 @@ from beamsim.orbits.shooting import (
     special_points,
     switch_at_period_doubling,
 )
+from beamsim.outcomes import OutcomeCode
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)
@@ -65,7 +66,7 @@ def harmonics(problem, point, count=6, samples=2048):
 
 def test_the_branch_is_whole(curve):
     _, branch, points, _ = curve
-    assert branch.status == "complete: reached 0.5"
+    assert branch.outcome.text == "complete: reached parameter 0.5"
     assert points[0].parameter == 0.8
     assert points[-1].parameter == 0.5
     assert max(p.residual for p in points) < 1e-11
@@ -168,7 +169,7 @@ def test_fold_followed_in_the_level(flow_of, curve):
     folds, start = start_of_fold_curve(problem, fold, "level", 1.0, forward=-1)
     branch = Branch(folds, start, 0.6, 1.5, Settings(tolerance=1e-9))
     last = list(branch)[-1]
-    assert branch.status == "complete: reached 0.6"
+    assert branch.outcome.text == "complete: reached parameter 0.6"
     other = ForcedOrbits(VariationalFlow(problem.flow.system, problem.flow.forcing, 0.8, 0.6))
     _, _, found = walk(other)
     assert min(abs(s.parameter - last.u[-2]) for s in found if s.kind == "fold") < 1e-6
@@ -197,7 +198,7 @@ def test_grazing_followed_in_the_level(curve):
     curve_of_grazings, start = start_of_grazing_curve(problem, grazing, "level", 1.0, forward=-1)
     branch = Branch(curve_of_grazings, start, 0.6, 1.5, Settings(tolerance=1e-9))
     points = list(branch)
-    assert branch.status == "complete: reached 0.6"
+    assert branch.outcome.text == "complete: reached parameter 0.6"
     assert len(points) < 40
     for p in points:
         omega, level = p.u[-2:]
@@ -239,7 +240,7 @@ def test_with_a_dashpot(flow_of, law):
     """The force jumps at contact: the branch has corners at grazing and is followed through them."""
     problem = ForcedOrbits(flow_of(**law))
     branch, points, special = walk(problem)
-    assert branch.status == "complete: reached 0.5"
+    assert branch.outcome.text == "complete: reached parameter 0.5"
     grazing = [s.parameter for s in special if s.kind == "grazing"]
     np.testing.assert_allclose(grazing, [0.6534401404, 0.5818996390], atol=1e-8)
     contacting = [p for p in points if p.data.event_time.size and problem.orbit(p).stable]
@@ -274,7 +275,7 @@ def test_followed_in_a_contact_parameter(flow_of, what):
     branch = follow_orbits(problem, start, -0.5, 1.0, Settings(largest_step=0.1))
     problem.omega = 0.7
     last = list(branch)[-1]
-    assert branch.status.startswith("complete")
+    assert branch.outcome.complete
     moved = flow.moved(direction, last.parameter)
     moved.set(omega=0.7)
     z = problem.full(last.u)
@@ -285,10 +286,10 @@ def test_a_branch_that_ends_says_why(flow_of):
     problem = ForcedOrbits(flow_of())
     branch, points, _ = walk(problem, most_points=7)
     assert len(points) == 7
-    assert "7 points" in branch.status
+    assert branch.outcome.numbers["points"] == 7
     impossible, points, _ = walk(problem, tolerance=1e-30)
     assert len(points) == 1
-    assert "no solution within the smallest step" in impossible.status
+    assert impossible.outcome.code is OutcomeCode.STEP_TOO_SMALL
 
 
 def test_it_is_fast(flow_of):

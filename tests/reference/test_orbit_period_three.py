@@ -16,6 +16,7 @@ from beamsim.flow.variational import PeriodicForcing, VariationalFlow
 from beamsim.orbits import continuation
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
+from beamsim.outcomes import OutcomeCode
 from beamsim.system.build import build_system
 
 CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
@@ -84,7 +85,7 @@ def test_independent_integration_comes_back(orbits, found):
 
 def test_curve_is_closed_and_the_same_both_ways(orbits, found, ring):
     branch, points, special = ring
-    assert branch.status == "complete: closed curve"
+    assert branch.outcome.code is OutcomeCode.CLOSED_CURVE
     assert points[-1] is points[0]
     assert max(p.residual for p in points) < 1e-11
     # an isolated curve: it comes near the motions of a single period (multipliers close to the cube roots of one

@@ -35,24 +35,12 @@ KNOWN_MODULE_CIRCLES: list[set[str]] = [
 ]
 KNOWN_PACKAGE_CIRCLES: list[set[str]] = []
 KNOWN_STRUCTURE_TESTS: set[str] = set()
-KNOWN_STATUS_COMPARISONS: set[str] = {
-    "beamsim.analyses.nnm.analysis",
-    "beamsim.analyses.nnm.full_period",
-    "beamsim.analyses.nnm.paths",
-    "beamsim.analyses.nnm.phase_resonance",
-    "beamsim.analyses.nnm.result",
-    "beamsim.analyses.response.analysis",
-    "beamsim.cli.nnm_report",
-}
+KNOWN_STATUS_COMPARISONS: set[str] = set()
 KNOWN_SHARED_CLASS_NAMES: set[str] = {
     "Axis",
-    "Followed",
-    "PhaseResonance",
-    "Problem",
     "Profile",
     "Table",
     "_NumberOrText",
-    "_Work",
 }
 KNOWN_UNDESCRIBED_PACKAGES: set[str] = set()
 

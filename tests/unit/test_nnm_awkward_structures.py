@@ -10,6 +10,7 @@ from beamsim.analyses.nnm.paths import mode_path
 from beamsim.orbits import grazing
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import load_scenario
 
 
@@ -28,8 +29,8 @@ def test_two_stops_that_touch_one_point_take_turns():
     scenario = load_scenario(case)
     system = conservative_system(scenario)
     followed = mode_path(scenario, system).follow(None)
-    assert followed.status.startswith("complete")
-    for point in followed.points:
+    assert followed.backbone.outcome.complete
+    for point in followed.backbone.points:
         passage = point.data.passage
         for contact in (0, 1):
             own = passage.event_time[passage.event_contact == contact]
@@ -152,9 +153,11 @@ def test_a_mode_that_gives_its_energy_away_says_so():
     ):
         scenario = load_scenario({"chain": PRESSED, "nnm": {"mode": 1} | section})
         path = mode_path(scenario, conservative_system(scenario))
-        assert text in path._remedy(0.51)
-        assert "51 % of the energy was left" in path._remedy(0.51)
-        assert "a nearer nnm.continue_in.to" in path._remedy(0.9)
+        lost = Outcome.of(OutcomeCode.MODE_LOST, parameter=0.1, mode=1, steps=64)
+        assert text in path._lost(lost, 0.51).remedy
+        assert "51% of the energy was left" in path._lost(lost, 0.51).message
+        assert "a nearer nnm.continue_in.to" in path._lost(lost, 0.9).remedy
+        assert "of the energy was left" not in path._lost(lost, 0.9).message
 
 
 def test_energies_beyond_all_numbers_are_no_motions():

@@ -70,7 +70,7 @@ def test_branches_in_energy(result):
     assert plot.get_xlabel() == "Energy (J)"
     for ax in (curve, plot):
         labels = set(ax.get_legend_handles_labels()[1])
-        assert {"backbone", "tongue of internal resonance", "motions never at rest", "jump over a tongue", "grazing",
+        assert {"backbone", "tongue of internal resonance", "non-brake orbits", "jump over a tongue", "grazing",
                 "symmetry breaking"} <= labels  # fmt: skip
         assert [text.get_text() for text in ax.texts] == ["2:1, mode 2"]
     marks = next(line for line in plot.lines if line.get_label() == "symmetry breaking")

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.response.branches import Budget, covered, missing, progress_that_grows, reach_of, trace_range
-from beamsim.orbits.continuation import BranchPoint, Settings
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import Settings
+from beamsim.outcomes import Outcome, OutcomeCode
 
 
 def point(value, x=0.0):
     return BranchPoint(np.array([x, value]), np.array([0.0, 1.0]), np.ones(2), 0.0, 1.0, 0, None)
+
+
+def a_corner(end):
+    return Outcome.of(OutcomeCode.NOT_SMOOTH, parameter=end, steps=150, step=0.05)
 
 
 class Walk:
@@ -18,8 +24,8 @@ class Walk:
 
     settings = Settings()
 
-    def __init__(self, points, status):
-        self.points, self.status = points, status
+    def __init__(self, points, outcome):
+        self.points, self.outcome = points, outcome
 
     def __iter__(self):
         yield from self.points
@@ -47,8 +53,8 @@ class Lines:
         count = max(2, int(abs(end - start.parameter) / self.step) + 1)
         points = [point(v, float(k)) for v in np.linspace(start.parameter, end, count)]
         inside = 0.0 < end < 1.0
-        status = f"stopped at parameter {end:.9g}: a corner" if inside else f"complete: reached {end:.9g}"
-        return Walk(points[: settings.most_points], status)
+        outcome = a_corner(end) if inside else Outcome.of(OutcomeCode.REACHED_END, parameter=end)
+        return Walk(points[: settings.most_points], outcome)
 
     def special(self, a, b, settings):
         return []
@@ -67,7 +73,7 @@ def test_a_branch_that_ends_is_met_from_the_other_end():
     found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
     assert tracer.begun == [0.0, 1.0]
     assert missing(found, 0.0, 1.0) == []
-    assert "a corner" in found[0].status
+    assert found[0].outcome == a_corner(0.4)
 
 
 def test_the_middle_of_what_is_left_is_begun_both_ways():
@@ -76,7 +82,7 @@ def test_the_middle_of_what_is_left_is_begun_both_ways():
     assert tracer.begun == [1.0, 0.0, pytest.approx(0.45)]
     assert missing(found, 1.0, 0.0) == []
     assert found[2].span == (0.2, 0.7)
-    assert "the other way" in found[2].status
+    assert "the other way" in found[2].outcome.text
 
 
 def test_a_hole_is_tried_a_bounded_number_of_times_and_told():
@@ -99,12 +105,12 @@ def test_points_are_bounded():
 def test_a_branch_that_runs_into_a_known_one_ends_there():
     """The second begins at the far end, in the same stretch: it ends after two coincidences, not at the start."""
     tracer = Lines((0.0, 1.0))
-    stopped = Walk([point(v) for v in np.linspace(0.0, 0.6, 13)], "stopped at parameter 0.6: a corner")
+    stopped = Walk([point(v) for v in np.linspace(0.0, 0.6, 13)], a_corner(0.6))
     first = {"walks": [stopped]}
     follow = tracer.branch
     tracer.branch = lambda start, settings: first["walks"].pop() if first["walks"] else follow(start, settings)
     found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
-    assert found[1].status.startswith("complete: joined another branch")
+    assert found[1].outcome.code is OutcomeCode.JOINED_BRANCH
     assert 0.5 < found[1].span[0] < 0.6
 
 

@@ -22,8 +22,8 @@ WRITERS = {
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 # What may differ: the scenario's text has the form of the version that writes it.
 UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
-# What later versions write in addition: attributes.
-ADDED = {"outcome", "outcome_numbers"}
+# What later versions write in addition: attributes, the kind on every branch.
+ADDED = {"outcome", "outcome_numbers", "kind"}
 # Long names that were reworded: those of earlier files, and what stands there today.
 _PARTS = (", real part", ", imaginary part")
 _HARMONICS = (
@@ -31,13 +31,13 @@ _HARMONICS = (
     "harmonic predicted with the scenario's values",
     "harmonic predicted with the estimated values",
 )
+_FREQUENCIES = ("excitation frequency", "excitation frequency of the fold", "frequency of the motion")
+_RESPONSES = ("displacement per unit of excitation, without snubbers", "absolute acceleration per unit of excitation")
 REWORDED = {
-    text: [f"{text}{part}" for part in _PARTS]
-    for text in (
-        "displacement per unit of excitation, without snubbers",
-        "absolute acceleration per unit of excitation",
-    )
-} | {f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS}
+    **{text: [f"{text}{part}" for part in _PARTS] for text in _RESPONSES},
+    **{f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS},
+    **{text: ["frequency of the excitation, or of a free motion"] for text in _FREQUENCIES},
+}
 
 
 def described(path):

@@ -9,39 +9,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.branch import BranchResult, SpecialPointResult
 from beamsim.analyses.interruption import Stop, never
-from beamsim.analyses.nnm.full_period import FreePath, follow_free
+from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
     exact_points,
     expansion_path,
     modes_of,
-    nothing_near,
 )
 from beamsim.analyses.nnm.orbits import (
-    brake_branch,
-    free_branch,
+    branch_result,
     mode_shape,
     orbit_motion,
     special_points,
 )
-from beamsim.analyses.nnm.paths import Followed, ModePath, alike, mode_path
+from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode, phase_resonance_summary
 from beamsim.analyses.nnm.relaxed import compare_relaxed
 from beamsim.analyses.nnm.result import (
     ExpansionComparison,
-    ModeBranch,
     NormalModeResult,
-    PhaseResonance,
+    PhaseResonanceResult,
     RelaxedComparison,
 )
 from beamsim.analyses.nnm.summary import expansion_summary, full_period_summary, nnm_summary, relaxed_summary
-from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.errors import Problem, ScenarioError
-from beamsim.orbits.continuation import INTERRUPTED, Settings, solve_at
+from beamsim.orbits.branch import OrbitBranch
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.relaxed_minimisation import CountedFamily
 from beamsim.orbits.reversible import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm_method import FullPeriodMethod, ThesisMethod
 from beamsim.system.build import build_system
@@ -83,7 +81,7 @@ def nnm(
     ----------
     scenario : with a section ``nnm``.
     progress : is told the share of the path that is done.
-    compare : other methods to lay beside it: any of :data:`COMPARISONS`.
+    compare : other methods to compare with it: any of :data:`COMPARISONS`.
     stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
 
     Raises
@@ -98,24 +96,25 @@ def nnm(
     system = conservative_system(scenario)
     job = mode_path(scenario, system)
     work = _followed(scenario, system, job, compare, progress, stop)
-    followed, free = work.followed, work.free
-    branches = _branches(system, job, followed, free)
+    followed, full = work.followed, work.full_period
+    branches = _branches(system, job, followed, full)
     shown, point = _shown(branches)
     branch = branches[shown]
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
     motion = orbit_motion(system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]))
+    branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
     held = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
         held = hold_mode(
-            scenario, followed.orbits, followed.points, alike=alike(system), progress=progress, stop=stop
-        )  # fmt: skip
-    status = _status(work, held)
+            scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
+        )
+    outcome = _outcome(work, held)
     summary = nnm_summary(
-        job, branches, followed.jumps, status, work.processor_time_s, followed.orbits.omega[job.mode] / (2 * np.pi),
-        motion,
+        job, branches, followed.jumps, outcome.text, work.processor_time_s,
+        followed.problem.omega[job.mode] / (2 * np.pi), motion,
     )  # fmt: skip
-    if free is not None:
-        summary["full_period"] = full_period_summary(branches, free.differences)
+    if full is not None:
+        summary["full_period"] = full_period_summary(branches)
     if work.expansion is not None:
         summary["multiple_scales"] = expansion_summary(work.expansion)
     if work.relaxed is not None:
@@ -127,17 +126,15 @@ def nnm(
         mode=job.mode + 1,
         parameter=job.parameter,
         method=scenario.nnm.solver.kind,
-        outcome=COMPLETE if status == "complete" else Outcome.of(OutcomeCode.STOPPED, text=status),
+        outcome=outcome,
         branches=branches,
         jumps=followed.jumps,
         stations=system.stations,
-        linear_shape=mode_shape(system.deflection, followed.orbits.vectors[:, job.mode], motion.at_rest[0]),
-        motion=motion,
+        linear_shape=mode_shape(system.deflection, followed.problem.vectors[:, job.mode], motion.at_rest[0]),
         motion_branch=shown,
         motion_point=point,
         modes=system.modes,
         phase_resonance=held,
-        half_period_difference=None if free is None else free.differences,
         expansion=work.expansion,
         relaxed=work.relaxed,
         summary=summary,
@@ -147,15 +144,15 @@ def nnm(
 
 
 @dataclass
-class _Work:
+class _MethodResults:
     """What the methods asked for have found."""
 
-    followed: Followed
+    followed: ModeBranches
     processor_time_s: float  # of the exact motions
-    free: FreePath | None = None
+    full_period: FullPeriodBranches | None = None
     expansion: ExpansionComparison | None = None
     relaxed: RelaxedComparison | None = None
-    relaxing: bool = False  # whether the thesis's method is what was asked for, not a comparison
+    relaxing: bool = False  # whether relaxed minimisation is what was asked for, not a comparison
     left_out: list[str] = field(default_factory=list)  # what was not begun any more
 
     def goes_on(self, to: str, stop: Stop) -> bool:
@@ -167,11 +164,10 @@ class _Work:
 
     def flow_of(self, branch: int, point: int) -> Any:
         """The flow of a point of the result's branches."""
-        if self.free is None:
-            return self.followed.points[point].data.flow
-        tongues = len(self.followed.tongues)
-        points = self.free.points if branch == 0 else self.free.branches[branch - 1 - tongues].points
-        return points[point].data.flow
+        branches = [self.followed.backbone, *self.followed.tongues]
+        if self.full_period is not None:
+            branches = [self.full_period.backbone, *self.followed.tongues, *self.full_period.non_brake]
+        return branches[branch].points[point].data.flow
 
 
 def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
@@ -189,7 +185,7 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
             )
     if scenario.nnm.solver.kind == "multiple_scales" and "thesis" in compare:
         raise ScenarioError(
-            Problem("nnm.method", "= multiple_scales follows no backbone to lay the thesis's method beside",
+            Problem("nnm.method", "= multiple_scales follows no backbone to compare relaxed minimisation with",
                     "use method: shooting; both can be compared with it")
         )  # fmt: skip
 
@@ -201,8 +197,8 @@ def _followed(
     compare: Collection[str],
     progress: Progress | None,
     stop: Stop,
-) -> _Work:
-    """Exact motions first, then what is to be laid beside them."""
+) -> _MethodResults:
+    """Exact motions first, then what is compared with them."""
     assert scenario.nnm is not None
     solver = scenario.nnm.solver
     begin = clock.process_time()
@@ -210,12 +206,12 @@ def _followed(
         return _near_expansion(scenario, system, job)
     relaxing = solver if isinstance(solver, ThesisMethod) else ThesisMethod() if "thesis" in compare else None
     counted = CountedFamily(job.family)
-    work = _Work((job if relaxing is None else replace(job, family=counted)).follow(progress, stop), 0.0)
+    work = _MethodResults((job if relaxing is None else replace(job, family=counted)).follow(progress, stop), 0.0)
     work.relaxing = isinstance(solver, ThesisMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
-        work.free = follow_free(job, work.followed, solver, progress, stop)
+        work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
     work.processor_time_s = clock.process_time() - begin
-    if relaxing is not None and work.goes_on("the thesis's method", stop):
+    if relaxing is not None and work.goes_on("relaxed minimisation", stop):
         work.relaxed = compare_relaxed(
             job, work.followed, counted, work.processor_time_s, relaxing, system.deflection, progress, stop
         )  # fmt: skip
@@ -225,7 +221,7 @@ def _followed(
     return work
 
 
-def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath) -> _Work:
+def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath) -> _MethodResults:
     """The expansion at small factors and the exact motions beside it, from the linear mode on."""
     assert scenario.nnm is not None
     path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
@@ -238,65 +234,53 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
         raise ScenarioError(Problem("nnm.mode", f"= {job.mode + 1} gives no motion to begin with", "ask for another"))
     small = path.factor <= path.small  # beyond, that no exact motion is near is no surprise
     missed = [float(f) for f, p, s in zip(path.factor, found, small, strict=True) if p is None and s]
-    status = "complete" if rising else nothing_near(path)
-    if rising and missed:
-        status = (
-            f"no exact motion was found near the expansion at the factors {', '.join(f'{f:.4g}' for f in missed)}: "
-            "tongues of internal resonance; the others are compared"
-        )
+    outcome = COMPLETE
+    if not rising:
+        outcome = Outcome.of(OutcomeCode.NOTHING_NEAR_EXPANSION, mode=path.mode, reach=path.reach)
+    elif missed:
+        outcome = Outcome.of(OutcomeCode.PARTLY_NEAR_EXPANSION, factors=missed)
     spent = clock.process_time() - begin
     comparison = compare_expansion(system, path, modes_of(system, path, orbits, found))
-    return _Work(Followed(orbits, points, status), spent, expansion=comparison)
+    backbone = OrbitBranch(orbits, points, outcome, kind="backbone")
+    return _MethodResults(ModeBranches(backbone), spent, expansion=comparison)
 
 
 def _branches(
-    system: StructuralSystem, job: ModePath, followed: Followed, free: FreePath | None
-) -> tuple[ModeBranch, ...]:
-    special = special_points(system, job, followed, (jump.start for jump in followed.jumps))
-    orbits = followed.orbits
-    if free is None:
-        backbone = brake_branch(
-            system, job, orbits, followed.points, followed.status, kind="backbone", special=special
-        )  # fmt: skip
+    system: StructuralSystem, job: ModePath, followed: ModeBranches, full: FullPeriodBranches | None
+) -> tuple[BranchResult, ...]:
+    special = special_points(system, job, followed)
+    brake = followed.problem
+    if full is None:
+        backbone = branch_result(system, job, brake, followed.backbone, special=special)
     else:
         special += tuple(
-            OrbitEvent("symmetry_breaking", job.shown(b.parameter), 1.0 / orbits.split(b.point.u)[1])
-            for b in free.breakings
+            SpecialPointResult("symmetry_breaking", job.shown(b.parameter), 1.0 / brake.split(b.point.u)[1])
+            for b in full.breakings
         )
-        backbone = free_branch(
-            system, job, orbits, free.orbits, free.points, free.status, turned=False, kind="backbone", special=special
-        )  # fmt: skip
-    tongues = (
-        brake_branch(system, job, orbits, t.points, t.status, kind="tongue", mode=t.mode + 1, ratio=t.ratio)
-        for t in followed.tongues
-    )
-    wandering = () if free is None else (
-        free_branch(
-            system, job, orbits, b.orbits, b.points, b.status, turned=True, kind="never_at_rest",
-            mode=b.origin.mode + 1, ratio=b.origin.ratio,
+        backbone = branch_result(
+            system, job, brake, full.backbone, special=special, half_period_difference=full.differences
         )
-        for b in free.branches
-    )  # fmt: skip
-    return backbone, *tongues, *wandering
+    others = (*followed.tongues, *(() if full is None else full.non_brake))
+    return backbone, *(branch_result(system, job, brake, branch) for branch in others)
 
 
-def _shown(branches: tuple[ModeBranch, ...]) -> tuple[int, int]:
+def _shown(branches: tuple[BranchResult, ...]) -> tuple[int, int]:
     """Branch and point of the motion to be shown: the backbone's last, or the furthest from rest where there is one."""
     for k, branch in enumerate(branches):
-        if branch.kind == "never_at_rest":
+        if branch.kind == "non_brake":
             return k, int(np.argmax(branch.least_kinetic))
     return 0, branches[0].parameter.size - 1
 
 
-def _status(work: _Work, held: PhaseResonance | None) -> str:
-    """ "complete", or why the first of the methods that didn't end well didn't."""
-    ends = [work.followed.status]
+def _outcome(work: _MethodResults, held: PhaseResonanceResult | None) -> Outcome:
+    """How the first of the methods that did not end well ended."""
+    ends = [work.followed.backbone.outcome]
     if work.left_out:
-        ends.append(f"{INTERRUPTED} before {', '.join(work.left_out)}")
-    if work.free is not None:
-        ends.append(work.free.status)
-    if work.relaxed is not None and (work.relaxing or work.relaxed.status.startswith(INTERRUPTED)):
-        ends.append(work.relaxed.status)
+        ends.append(Outcome.of(OutcomeCode.INTERRUPTED, before=work.left_out))
+    if work.full_period is not None:
+        ends.append(work.full_period.outcome)
+    if work.relaxed is not None and (work.relaxing or work.relaxed.outcome.interrupted):
+        ends.append(work.relaxed.outcome)
     if held is not None:
-        ends.append("complete" if held.complete else held.status)
-    return next((end for end in ends if not end.startswith("complete")), "complete")
+        ends.append(held.outcome)
+    return combined(ends)

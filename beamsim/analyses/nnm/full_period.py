@@ -1,4 +1,4 @@
-"""A nonlinear normal mode by shooting over the whole period, and the motions never at rest that leave it."""
+"""A nonlinear normal mode by shooting over the whole period, and the non-brake orbits that leave it."""
 
 from __future__ import annotations
 
@@ -10,86 +10,90 @@ import numpy as np
 
 from beamsim.analyses.interruption import Stop, never, until
 from beamsim.errors import NotTrustedError
-from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings
-from beamsim.orbits.free_orbits import FreeOrbits, FullPeriodPath
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.continuation import Settings
+from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits, follow_modes
-from beamsim.orbits.symmetry_breaking import SymmetryBreaking, Wandering, breaking_between
+from beamsim.orbits.symmetry_breaking import NonBrakeBranch, SymmetryBreaking, breaking_between
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from beamsim.analyses.nnm.paths import Followed, ModePath
+    from beamsim.analyses.nnm.paths import ModeBranches, ModePath
     from beamsim.scenario.nnm_method import FullPeriodMethod
 
-FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a branch never at rest, in scaled unknowns
+FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
 BACK = 60  # points followed back into a tongue from beyond a jump
 SAME = 1e-5  # scaled distance of two that are one
 NEAR = 0.2  # scaled distance between a branch's end and a symmetry breaking that is the other end of it
 
 
 @dataclass(frozen=True)
-class FreeBranch:
-    """Motions that are never at rest, from where they leave the others."""
-
-    origin: SymmetryBreaking
-    orbits: FreeOrbits
-    points: list[BranchPoint]
-    status: str
-
-
-@dataclass(frozen=True)
-class FreePath:
+class FullPeriodBranches:
     """A backbone over the whole period and what leaves it."""
 
-    orbits: FreeOrbits
-    points: list[BranchPoint]
-    status: str
+    backbone: OrbitBranch
     differences: Floats  # (np,) relative, from half-period shooting
     breakings: list[SymmetryBreaking]  # along the backbone and its tongues
-    branches: list[FreeBranch]
+    non_brake: list[OrbitBranch]
+    unfinished: bool  # whether it was time to end before all of them were followed
+
+    @property
+    def outcome(self) -> Outcome:
+        """How all of it ended."""
+        if self.backbone.outcome.complete and self.unfinished:
+            return Outcome.of(OutcomeCode.INTERRUPTED, during="the search for non-brake orbits")
+        return self.backbone.outcome
 
 
-def follow_free(
+def follow_full_period(
     job: ModePath,
-    followed: Followed,
+    branches: ModeBranches,
     settings: FullPeriodMethod,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
-) -> FreePath:
+) -> FullPeriodBranches:
     """Follow again, over the whole period, what half-period shooting has followed, and branch off where it can't."""
-    gaps = {p.parameter for p in followed.points if any(job.shown(p.parameter) == j.start for j in followed.jumps)}
-    path = FullPeriodPath(followed.orbits, followed.points, gaps)
-    points: list[BranchPoint] = []
+    points = branches.backbone.points
+    gaps = {p.parameter for p in points if any(job.shown(p.parameter) == j.start for j in branches.jumps)}
+    path = FullPeriodPath(branches.problem, points, gaps)
+    reached: list[BranchPoint] = []
     for point in until(path, stop):
-        points.append(point)
+        reached.append(point)
         if progress is not None:
-            progress(len(points) / len(followed.points))
-    if not points:
-        raise NotTrustedError(f"full-period shooting found no motion to begin with: {path.status}")
-    breakings = list(_breakings(followed, gaps)) if settings.branches and not stop() else []
-    low, high = sorted((followed.points[0].parameter, followed.points[-1].parameter))
-    branches: list[FreeBranch] = []
+            progress(len(reached) / len(points))
+    if not reached:
+        raise NotTrustedError(f"full-period shooting found no motion to begin with: {path.outcome}")
+    breakings = list(_breakings(branches, gaps)) if settings.branches and not stop() else []
+    low, high = sorted((points[0].parameter, points[-1].parameter))
+    found: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)
     for origin in breakings:
-        if len(branches) == settings.branches or any(_arrives(branch, origin) for branch in branches):
+        if len(found) == settings.branches or any(_arrives(branch, origin) for branch in found):
             continue
         if stop():
             break
-        wandering = Wandering(followed.orbits, origin, low, high, steps)
-        own = list(until(wandering, stop))
-        if own:
-            branches.append(FreeBranch(origin, wandering.orbits, own, job.told(wandering.status, own[-1])))
-    status = job.told(path.status, points[-1])
-    if status.startswith("complete") and settings.branches and stop():
-        status = f"{INTERRUPTED} beside the backbone, among the motions that are never at rest"
-    return FreePath(path.orbits, points, status, np.array(path.differences), breakings, branches)
+        leaving = NonBrakeBranch(branches.problem, origin, low, high, steps)
+        beside = list(until(leaving, stop))
+        if beside:
+            found.append(
+                OrbitBranch(
+                    leaving.orbits, beside, job.ended(leaving.outcome, beside[-1]), kind="non_brake", mode=origin.mode,
+                    ratio=origin.ratio, origin=origin.parameter,
+                )
+            )  # fmt: skip
+    backbone = OrbitBranch(path.orbits, reached, job.ended(path.outcome, reached[-1]), kind="backbone")
+    return FullPeriodBranches(
+        backbone, np.array(path.differences), breakings, found, bool(settings.branches and stop())
+    )  # fmt: skip
 
 
-def _breakings(followed: Followed, gaps: set[float]) -> list[SymmetryBreaking]:
+def _breakings(branches: ModeBranches, gaps: set[float]) -> list[SymmetryBreaking]:
     """Along the backbone, its tongues, and the ways back into a tongue from beyond a jump; each once."""
-    orbits, found = followed.orbits, list[SymmetryBreaking]()
-    for points in _paths(followed, gaps):
+    orbits, found = branches.problem, list[SymmetryBreaking]()
+    for points in _paths(branches, gaps):
         for a, b in pairwise(points):
             origin = breaking_between(orbits, a, b, Settings())
             if origin is not None and not any(_alike(orbits, origin, known) for known in found):
@@ -97,23 +101,23 @@ def _breakings(followed: Followed, gaps: set[float]) -> list[SymmetryBreaking]:
     return found
 
 
-def _paths(followed: Followed, gaps: set[float]) -> Iterator[list[BranchPoint]]:
-    low, high = sorted((followed.points[0].parameter, followed.points[-1].parameter))
+def _paths(branches: ModeBranches, gaps: set[float]) -> Iterator[list[BranchPoint]]:
+    low, high = sorted((branches.backbone.points[0].parameter, branches.backbone.points[-1].parameter))
     stretch: list[BranchPoint] = []
-    for point in followed.points:
+    for point in branches.backbone.points:
         stretch.append(point)
         if point.parameter in gaps:
             yield stretch
             stretch = []
     yield stretch
-    for tongue in followed.tongues:
+    for tongue in branches.tongues:
         yield list(tongue.points)
-    for a, b in pairwise(followed.points):
+    for a, b in pairwise(branches.backbone.points):
         if a.parameter in gaps:
             towards = float(np.sign(a.parameter - b.parameter))
             turned = b.tangent[-1] * towards < 0
             start = replace(b, tangent=-b.tangent, orientation=-b.orientation) if turned else b
-            yield list(follow_modes(followed.orbits, start, low, high, Settings(most_points=BACK)))
+            yield list(follow_modes(branches.problem, start, low, high, Settings(most_points=BACK)))
 
 
 def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:
@@ -126,14 +130,14 @@ def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> boo
     return any(float(np.linalg.norm((u[: orbits.n] - q) / scale)) < SAME for q in ends)
 
 
-def _arrives(branch: FreeBranch, origin: SymmetryBreaking) -> bool:
+def _arrives(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
     """Whether a branch that has been followed ends where another begins: it would be the same one backwards."""
-    if not branch.status.startswith("complete: came back"):
+    if branch.outcome.code is not OutcomeCode.BACK_TO_BRAKE_ORBITS:
         return False
-    n, last, there = branch.orbits.n, branch.points[-1].u, origin.point.u
+    n, last, there = branch.problem.n, branch.points[-1].u, origin.point.u
     if abs(float(last[-2] / there[-2]) - 1.0) > NEAR:
         return False
-    scale = branch.orbits.scale(last)[0][:n]
+    scale = branch.problem.scale(last)[0][:n]
     passage = branch.points[-1].data.passage
     times = np.linspace(0.0, passage.duration, 257)
     q = branch.points[-1].data.flow.states_at(passage, times)[:, :n]

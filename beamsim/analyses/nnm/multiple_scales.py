@@ -12,7 +12,8 @@ from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.smooth_flow import CubicStiffness
-from beamsim.orbits.continuation import BranchPoint, Settings, solve_at
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import (
     HARMONICS,
     ModeExpansion,
@@ -185,7 +186,6 @@ def expansion_path(
         frequency_hz=frequency,
         coordinates=shape,
         initial_displacement=shape @ structure.deflection.T,
-        stations=structure.stations,
         partner=linear.partner + 1,
         harmonic=linear.harmonic,
         reach=linear.reach,
@@ -212,9 +212,9 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[Brak
         point = solve_at(orbits, orbits.unknowns(guess, period, factor), Settings(iterations=15), factor)
         if point is None:
             continue
-        mode = orbits.mode(point)
-        far = np.linalg.norm(weight * (mode.shape - guess)) > FURTHEST * np.linalg.norm(weight * mode.shape)
-        if not far and mode.share[case.mode] > LEAST_SHARE:
+        q = point.u[: orbits.n]
+        far = np.linalg.norm(weight * (q - guess)) > FURTHEST * np.linalg.norm(weight * q)
+        if not far and orbits.share_at(point)[case.mode] > LEAST_SHARE:
             found[i] = point
     return orbits, found
 
@@ -228,17 +228,9 @@ def modes_of(
     shape = np.full((count, orbits.n), np.nan)
     for i, point in enumerate(points):
         if point is not None:
-            mode = orbits.mode(point)
-            frequency[i], shape[i], residual[i] = mode.frequency, mode.shape, mode.residual
-    return ExactModes(path.factor, frequency, shape, shape @ structure.deflection.T, residual)
-
-
-def nothing_near(path: ExpansionPath) -> str:
-    """What to say where no exact motion was found beside an expansion."""
-    return (
-        f"no exact motion was found near the expansion of mode {path.mode}; "
-        f"use smaller factors, well below {path.reach:.3g}"
-    )
+            orbit = orbits.orbit(point)
+            frequency[i], shape[i], residual[i] = orbit.frequency_hz, orbit.state[: orbits.n], orbit.residual
+    return ExactModes(frequency, shape, shape @ structure.deflection.T, residual)
 
 
 def compare_expansion(
@@ -250,7 +242,7 @@ def compare_expansion(
     expansion).
     """
     found = modes_of(structure, path, *exact_points(structure, path)) if exact is None else exact
-    if found.factor.shape != path.factor.shape or not np.allclose(found.factor, path.factor, rtol=1e-12, atol=0.0):
+    if found.frequency_hz.shape != path.factor.shape:
         raise ValueError("the exact motions belong to other factors than the expansion")
     weight = np.sqrt(structure.dynamics.stiffness)
     frequency = np.abs(path.frequency_hz / found.frequency_hz[:, None] - 1.0)
@@ -267,5 +259,13 @@ def compare_expansion(
     uniform = away(path.uniform_coordinates, found.coordinates)
     expected = away(path.coordinates, path.uniform_coordinates[:, 2])
     return ExpansionComparison(
-        path, found, frequency, initial, orders(frequency), orders(initial), orders(expected), uniform, orders(uniform)
+        path=path,
+        exact=found,
+        frequency_difference=frequency,
+        initial_difference=initial,
+        frequency_orders=orders(frequency),
+        initial_orders=orders(initial),
+        expected_orders=orders(expected),
+        uniform_difference=uniform,
+        uniform_orders=orders(uniform),
     )

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import ModeBranch, OrbitMotion
-from beamsim.analyses.orbit_events import OrbitEvent
-from beamsim.orbits.continuation import BranchPoint, Settings
-from beamsim.orbits.free_orbits import FreeOrbits, slowest_instant
+from beamsim.analyses.branch import BranchResult, OrbitMotion, SpecialPointResult
+from beamsim.analyses.nnm.result import UNITS
+from beamsim.orbits.branch import OrbitBranch
+from beamsim.orbits.continuation import Settings
+from beamsim.orbits.free_orbits import slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits, mode_points
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.analyses.nnm.paths import Followed, ModePath
+    from beamsim.analyses.nnm.paths import ModeBranches, ModePath
     from beamsim.system.structural import StructuralSystem
 
 SAMPLES = 1024  # of a period, in the stored motion
@@ -32,65 +33,52 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     )
 
 
-def brake_branch(
-    system: StructuralSystem, job: ModePath, orbits: BrakeOrbits, points: list[BranchPoint], status: str, **kind: Any
-) -> ModeBranch:
-    """Motions at rest twice a period."""
-    modes = [orbits.mode(point) for point in points]
-    shapes = np.array([m.shape for m in modes])
-    return ModeBranch(
-        status=status,
-        parameter=np.array([job.shown(p.parameter) for p in points]),
-        frequency_hz=np.array([m.frequency for m in modes]),
-        energy=np.array([m.energy for m in modes]),
-        share=np.array([m.share[job.mode] for m in modes]),
-        residual=np.array([m.residual for m in modes]),
-        coordinates=shapes,
-        coordinate_velocities=np.zeros_like(shapes),
-        least_kinetic=np.zeros(len(modes)),
-        initial_displacement=shapes @ system.deflection.T,
-        stable=np.array([m.stable for m in modes]),
-        floquet_multipliers=np.array([m.multipliers for m in modes]),
-        **kind,
-    )
-
-
-def free_branch(
+def branch_result(
     system: StructuralSystem,
     job: ModePath,
     brake: BrakeOrbits,
-    orbits: FreeOrbits,
-    points: list[BranchPoint],
-    status: str,
-    *,
-    turned: bool,
-    **kind: Any,
-) -> ModeBranch:
-    """Motions found over the whole period, begun where their phase was held, or ``turned`` to the slowest instant."""
-    n = orbits.n
-    states = np.empty((len(points), 2 * n))
-    least, share = np.empty(len(points)), np.empty(len(points))
-    for k, point in enumerate(points):
-        time, kinetic = slowest_instant(point.data.flow, point.data.passage, n)
-        begun = np.array([time if turned else 0.0])
-        states[k] = point.data.flow.states_at(point.data.passage, begun)[0, : 2 * n]
-        least[k] = kinetic / point.data.energy
-        share[k] = _share(brake, states[k], orbits.split(point.u)[2])[job.mode]
-    multipliers = [orbits.multipliers(point) for point in points]
-    return ModeBranch(
-        status=status,
-        parameter=np.array([job.shown(p.parameter) for p in points]),
-        frequency_hz=np.array([1.0 / float(p.u[-2]) for p in points]),
-        energy=np.array([p.data.energy for p in points]),
-        share=share,
-        residual=np.array([p.residual for p in points]),
+    branch: OrbitBranch,
+    special: tuple[SpecialPointResult, ...] = (),
+    **more: Any,
+) -> BranchResult:
+    """A branch in SI numbers; ``brake`` is the problem of the backbone, ``more`` are further fields.
+
+    Brake orbits, and those found over the whole period with their phase held, are given as they begin; a non-brake
+    orbit at its slowest instant.
+    """
+    n, orbits = brake.n, branch.orbits
+    states = np.array([orbit.state[: 2 * n] for orbit in orbits])
+    least = np.zeros(len(orbits))
+    if branch.problem is brake:
+        shares = [brake.share_at(point) for point in branch.points]
+    else:
+        for k, point in enumerate(branch.points):
+            time, kinetic = slowest_instant(point.data.flow, point.data.passage, n)
+            begun = np.array([time if branch.kind == "non_brake" else 0.0])
+            states[k] = point.data.flow.states_at(point.data.passage, begun)[0, : 2 * n]
+            least[k] = kinetic / point.data.energy
+        factors = [branch.problem.split(point.u)[2] for point in branch.points]
+        shares = [_share(brake, state, factor) for state, factor in zip(states, factors, strict=True)]
+    return BranchResult(
+        outcome=branch.outcome,
+        kind=branch.kind,
+        mode=branch.mode + 1,
+        ratio=branch.ratio,
+        parameter=np.array([job.shown(p.parameter) for p in branch.points]),
+        unit=UNITS[job.parameter],
+        parameter_meaning=job.parameter.replace("_", " "),
+        frequency_hz=np.array([orbit.frequency_hz for orbit in orbits]),
+        energy=np.array([orbit.energy for orbit in orbits]),
+        share=np.array([share[job.mode] for share in shares]),
+        residual=np.array([orbit.residual for orbit in orbits]),
         coordinates=states[:, :n],
         coordinate_velocities=states[:, n:],
         least_kinetic=least,
         initial_displacement=states[:, :n] @ system.deflection.T,
-        stable=np.array([orbits.stable(m) for m in multipliers]),
-        floquet_multipliers=np.array(multipliers),
-        **kind,
+        stable=np.array([orbit.stable for orbit in orbits]),
+        floquet_multipliers=np.array([orbit.multipliers for orbit in orbits]),
+        special=special,
+        **more,
     )
 
 
@@ -102,20 +90,18 @@ def _share(brake: BrakeOrbits, state: Floats, factor: float) -> Floats:
     return np.asarray(parts / max(float(parts.sum()), 1e-300))
 
 
-def special_points(
-    system: StructuralSystem, job: ModePath, followed: Followed, gaps: Iterable[float]
-) -> tuple[OrbitEvent, ...]:
-    """Folds, branch points and grazings along a backbone; ``gaps`` are the parameters that jumps begin at."""
-    special: list[OrbitEvent] = []
-    names = system.contact_names
-    cut, settings = set(gaps), Settings(iterations=10)
-    for a, b in zip(followed.points[:-1], followed.points[1:], strict=True):
-        if job.shown(a.parameter) in cut or followed.orbits.same_events(a, b):
+def special_points(system: StructuralSystem, job: ModePath, branches: ModeBranches) -> tuple[SpecialPointResult, ...]:
+    """Folds, branch points and grazings along a backbone, but not across its jumps."""
+    special: list[SpecialPointResult] = []
+    names, orbits = system.contact_names, branches.problem
+    cut, settings = {jump.start for jump in branches.jumps}, Settings(iterations=10)
+    for a, b in pairwise(branches.backbone.points):
+        if job.shown(a.parameter) in cut or orbits.same_events(a, b):
             continue
-        for found in mode_points(followed.orbits, a, b, settings):
-            period = followed.orbits.split(found.point.u)[1]
+        for found in mode_points(orbits, a, b, settings):
+            period = orbits.split(found.point.u)[1]
             name = names[found.contact] if found.contact >= 0 else ""
-            special.append(OrbitEvent(found.kind, job.shown(found.parameter), 1.0 / period, name, found.time))
+            special.append(SpecialPointResult(found.kind, job.shown(found.parameter), 1.0 / period, name, found.time))
     return tuple(special)
 
 
@@ -141,12 +127,12 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         harmonics[name] = c
     frequency, lines, drift = _spectrum(flow, start, period, probes, n)
     return OrbitMotion(
-        time,
-        {name: q @ shape for name, shape in probes.items()},
-        {name: v @ shape for name, shape in probes.items()},
-        {s.name: delta[:, i] for i, s in enumerate(system.snubbers)},
-        q @ system.deflection.T,
-        harmonics,
+        time=time,
+        displacement={name: q @ shape for name, shape in probes.items()},
+        velocity={name: v @ shape for name, shape in probes.items()},
+        force={s.name: delta[:, i] for i, s in enumerate(system.snubbers)},
+        stations=q @ system.deflection.T,
+        harmonics=harmonics,
         periods=PERIODS,
         spectrum_frequency_hz=frequency,
         spectrum=lines,

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never, until
-from beamsim.analyses.nnm.phase_resonance import refuse_phase_resonance
-from beamsim.analyses.nnm.result import BranchJump
+from beamsim.analyses.nnm.result import UNITS, BranchJump
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.smooth_flow import CubicStiffness
 from beamsim.orbits.backbone import LEAST_SHARE, Backbone
-from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import BrakeOrbits, Conservative, ContactStiffness, follow_modes, linear_mode
-from beamsim.orbits.tongues import Tongue
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -29,21 +29,25 @@ if TYPE_CHECKING:
 POINTS = 100  # of a backbone
 MOST_POINTS = 3000  # in frequency
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
-_PLACES = {"stiffness_factor": "stiffness factor {:.6g}", "energy": "{:.6g} J", "frequency": "{:.6g} Hz"}
+_NAMES = {"stiffness_factor": "stiffness factor"}
 START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
 START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion is linear
 LEFT_OVER = 0.6  # share of the energy at a backbone's end below which the mode has lost it bit by bit, not to a tongue
 
 
-@dataclass
-class Followed:
+@dataclass(frozen=True)
+class ModeBranches:
     """A backbone with what was found beside it."""
 
-    orbits: BrakeOrbits
-    points: list[BranchPoint]
-    status: str
-    tongues: tuple[Tongue, ...] = ()
+    backbone: OrbitBranch
+    tongues: tuple[OrbitBranch, ...] = ()
     jumps: tuple[BranchJump, ...] = ()
+
+    @property
+    def problem(self) -> BrakeOrbits:
+        """The shooting problem of the backbone and the tongues."""
+        problem: BrakeOrbits = self.backbone.problem
+        return problem
 
 
 @dataclass
@@ -59,7 +63,7 @@ class ModePath:
     basis: tuple[Floats, Floats] | None
     away_from: Floats | None
 
-    def follow(self, progress: Callable[[float], None] | None, stop: Stop = never) -> Followed:
+    def follow(self, progress: Callable[[float], None] | None, stop: Stop = never) -> ModeBranches:
         """The backbone, with what was found beside it, as far as it goes until ``stop`` says so.
 
         Raises
@@ -73,7 +77,7 @@ class ModePath:
             return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
         return self._in_frequency(progress, stop)
 
-    def _in_factor(self, progress: Callable[[float], None] | None, stop: Stop) -> Followed:
+    def _in_factor(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:
         orbits = BrakeOrbits(self.family, energy=self.energy)
         start = solve_at(orbits, linear_mode(orbits, self.mode, 0.0, self.away_from), Settings(), 0.0)
         if start is None:
@@ -83,11 +87,11 @@ class ModePath:
         if self.first != 0.0:
             way = Backbone(orbits, start, self.first, self.mode, points=40)
             start = list(way)[-1]
-            if not way.status.startswith("complete"):
+            if not way.outcome.complete:
                 raise ScenarioError(
                     Problem(
                         "nnm.continue_in.from",
-                        f"= {self.first:g} was not reached: {self.told(way.status, start)}",
+                        f"= {self.first:g} was not reached: {self.ended(way.outcome, start)}",
                         "begin at 0",
                     )
                 )
@@ -101,9 +105,9 @@ class ModePath:
             guess = linear_mode(orbits, self.mode, value, self.away_from)
             point = solve_at(orbits, guess, Settings(), value)
             if point is not None:
-                mode = orbits.mode(point)
-                shift = abs(mode.period * float(orbits.omega[self.mode]) / (2 * np.pi) - 1.0)
-                if shift < 1e-3 and float(mode.share[self.mode]) > 0.9:
+                period = orbits.split(point.u)[1]
+                shift = abs(period * float(orbits.omega[self.mode]) / (2 * np.pi) - 1.0)
+                if shift < 1e-3 and float(orbits.share_at(point)[self.mode]) > 0.9:
                     return orbits, point
             value -= np.log(10.0)
         for share in START_SHARES:
@@ -130,30 +134,32 @@ class ModePath:
             return None
         way = Backbone(by_factor, linear, 1.0, self.mode, points=POINTS)
         q, period, _, _ = by_factor.split(list(way)[-1].u)
-        if not way.status.startswith("complete"):
+        if not way.outcome.complete:
             return None
         value = float(np.log(energy))
         point = solve_at(orbits, orbits.unknowns(q, period, value), Settings(), value)
-        if point is None or float(orbits.mode(point).share[self.mode]) <= LEAST_SHARE:
+        if point is None or float(orbits.share_at(point)[self.mode]) <= LEAST_SHARE:
             return None
         return point
 
-    def _in_energy(self, first: float, last: float, progress: Callable[[float], None] | None, stop: Stop) -> Followed:
+    def _in_energy(
+        self, first: float, last: float, progress: Callable[[float], None] | None, stop: Stop
+    ) -> ModeBranches:
         orbits, start = self._small()
         if abs(start.parameter - first) > 1e-12:
             way = Backbone(orbits, start, first, self.mode, points=60)
             start = list(way)[-1]
-            if not way.status.startswith("complete"):
+            if not way.outcome.complete:
                 raise ScenarioError(
                     Problem(
                         "nnm.continue_in.from",
-                        f"was not reached: {self.told(way.status, start)}",
+                        f"was not reached: {self.ended(way.outcome, start)}",
                         "give a lower energy to begin with",
                     )
                 )
         return self._backbone(orbits, start, last, progress, stop)
 
-    def _in_frequency(self, progress: Callable[[float], None] | None, stop: Stop) -> Followed:
+    def _in_frequency(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:
         orbits, start = self._small()
         first, last = 2 * np.pi * self.first, 2 * np.pi * self.last
         low, high = sorted((first, last))
@@ -181,41 +187,41 @@ class ModePath:
             )
         branch = follow_modes(by_frequency, found, low, high, Settings(most_points=MOST_POINTS))
         points: list[BranchPoint] = []
-        status = ""
+        unbounded = False
         for point in until(_reporting(branch, found.parameter, last, progress), stop):
             points.append(point)
             if not 1.0 / MOST_ENERGY < point.data.energy / found.data.energy < MOST_ENERGY:
-                status = (
-                    f"stopped at {point.parameter / (2 * np.pi):.6g} Hz: the energy is {point.data.energy:.3g} J and "
-                    "runs away at nearly constant frequency (a tongue of internal resonance); follow the energy instead"
-                )
+                unbounded = True
                 break
-        return Followed(by_frequency, points, status or self.told(branch.status, points[-1]))
+        outcome = branch.outcome
+        if unbounded:
+            outcome = Outcome.of(OutcomeCode.ENERGY_UNBOUNDED, energy=point.data.energy, parameter=point.parameter)
+        return ModeBranches(OrbitBranch(by_frequency, points, self.ended(outcome, points[-1]), kind="backbone"))
 
     def _backbone(
         self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Callable[[float], None] | None, stop: Stop
-    ) -> Followed:
+    ) -> ModeBranches:
         backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
         points = list(until(_reporting(backbone, start.parameter, last, progress), stop))
         jumps = tuple(BranchJump(self.shown(j.start), self.shown(j.end), j.mode + 1, j.ratio) for j in backbone.jumps)
-        status = self.told(backbone.status, points[-1])
-        if not status.startswith(("complete", INTERRUPTED)):
-            status += "; " + self._remedy(float(orbits.mode(points[-1]).share[self.mode]))
-        return Followed(orbits, points, status, tuple(backbone.tongues), jumps)
+        outcome = self.ended(backbone.outcome, points[-1])
+        if outcome.code is OutcomeCode.MODE_LOST:
+            outcome = self._lost(outcome, float(orbits.share_at(points[-1])[self.mode]))
+        branch = OrbitBranch(orbits, points, outcome, kind="backbone")
+        tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
+        return ModeBranches(branch, tuple(tongues), jumps)
 
-    def _remedy(self, share: float) -> str:
-        """What may help a backbone that ended with a share of the energy left in its mode."""
+    def _lost(self, outcome: Outcome, share: float) -> Outcome:
+        """The end of a backbone with a share of the energy left in its mode, and what may help."""
         if share > LEFT_OVER:
-            return "steps are a hundredth of the range, so that a nearer nnm.continue_in.to may go on"
-        others = ""
+            remedy = "steps are a hundredth of the range, so that a nearer nnm.continue_in.to may go on"
+            return outcome.but(remedy=remedy)
+        remedy = "the rest is in others: ask for a mode that keeps its energy"
         if self.parameter == "energy":
-            others = ", or follow the frequency, which asks for no share"
+            remedy += ", or follow the frequency, which asks for no share"
         elif getattr(self.family, "equilibrium", None) is not None:
-            others = ", or follow the energy at full stiffness, where modes are those about rest, its contacts closed"
-        return (
-            f"{100 * share:.0f} % of the energy was left in that mode at the last point, the rest has gone over to "
-            f"others: ask for a mode that keeps its energy{others}"
-        )
+            remedy += ", or follow the energy at full stiffness, where modes are those about rest, its contacts closed"
+        return outcome.but(share=share, remedy=remedy)
 
     def shown(self, value: float) -> float:
         """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""
@@ -223,14 +229,11 @@ class ModePath:
             return float(np.exp(value))
         return value / (2 * np.pi) if self.parameter == "frequency" else value
 
-    def told(self, status: str, last: BranchPoint) -> str:
-        """Why a path ended, its parameter as people read it."""
-        place = _PLACES[self.parameter].format(self.shown(last.parameter))
-        if status.startswith("complete: reached"):
-            return f"complete: reached {place}"
-        if status.startswith("stopped at parameter"):
-            return f"stopped at {place}{status[status.index(':') :]}"
-        return f"{INTERRUPTED} at {place}" if status == INTERRUPTED else status
+    def ended(self, outcome: Outcome, last: BranchPoint) -> Outcome:
+        """How a path ended, its parameter as people read it."""
+        if outcome.code is OutcomeCode.INTERRUPTED:
+            outcome = outcome.but(parameter=last.parameter)
+        return outcome.shown(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
 
 
 def _at_frequency(
@@ -255,6 +258,23 @@ def _reporting(
         if progress is not None:
             progress((point.parameter - first) / (last - first))
         yield point
+
+
+def refuse_phase_resonance(parameter: str, *, alike: bool) -> None:
+    """Refuse a backbone along which the structure changes, unless its motions are alike at every amplitude.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    if parameter == "stiffness_factor" and not alike:
+        raise ScenarioError(
+            Problem(
+                "nnm.phase_resonance",
+                "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
+                "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
+            )
+        )
 
 
 def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:

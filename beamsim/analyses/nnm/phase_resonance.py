@@ -15,18 +15,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
-    PhaseResonance,
+    PhaseResonanceResult,
     PredictedLevels,
     ResonantMotion,
-    ResponseCurve,
+    ResponseAboutResonance,
 )
 from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, locate, solve_at
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import Settings, locate, solve_at
 from beamsim.orbits.phase_resonance import (
     Appropriation,
     appropriate_force,
@@ -35,6 +37,7 @@ from beamsim.orbits.phase_resonance import (
     turned_back,
 )
 from beamsim.orbits.shooting import ForcedOrbits, follow_orbits
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, both_ways
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
 from beamsim.typing import Floats
@@ -57,25 +60,8 @@ LEVEL_STEP = 0.1  # of its logarithm
 BEYOND = 1.5  # how far it is drawn over the highest level
 
 
-def refuse_phase_resonance(parameter: str, *, alike: bool) -> None:
-    """Refuse a backbone along which the structure changes, unless its motions are alike at every amplitude.
-
-    Raises
-    ------
-    ScenarioError
-    """
-    if parameter == "stiffness_factor" and not alike:
-        raise ScenarioError(
-            Problem(
-                "nnm.phase_resonance",
-                "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
-                "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
-            )
-        )
-
-
 @dataclass(frozen=True)
-class _Motion:
+class _BackboneMotion:
     """A motion of the backbone, multiplied by ``scale``, with the force that holds it."""
 
     flow: Any
@@ -101,7 +87,7 @@ class _Motion:
         out[order] = self.scale * self.flow.states_at(self.whole, inside[order])
         return out
 
-    def scaled(self, by: float) -> _Motion:
+    def scaled(self, by: float) -> _BackboneMotion:
         return replace(self, scale=self.scale * by, energy=self.energy * by**2)
 
 
@@ -119,7 +105,7 @@ class _Held:
     unit: str  # of the level
 
     @cached_property
-    def motions(self) -> list[_Motion]:
+    def motions(self) -> list[_BackboneMotion]:
         """The backbone from its lowest energy to its highest."""
         return [self.motion(p) for p in self.ascending]
 
@@ -128,7 +114,7 @@ class _Held:
         """Its points in that order."""
         return sorted(self.points, key=lambda p: float(p.data.energy))
 
-    def motion(self, point: BranchPoint) -> _Motion:
+    def motion(self, point: BranchPoint) -> _BackboneMotion:
         """The force that a motion of the backbone needs."""
         flow, whole = self.orbits.cycle(point)
         load = self.loads.at(2 * np.pi / whole.duration, 1.0)[0].sum(axis=0)
@@ -140,15 +126,15 @@ class _Held:
             raise ScenarioError(
                 Problem(
                     "nnm.phase_resonance",
-                    "has no damping to pay for: without any, every level lets the motion grow",
+                    "has no damping to balance: without any, every level lets the motion grow",
                     "give the structure or a snubber damping",
                 )
             )
         q, _, factor, _ = self.orbits.split(point.u)
         share = float(self.orbits.share(q, factor)[self.mode])
-        return _Motion(flow, whole, float(point.data.energy), share, force)
+        return _BackboneMotion(flow, whole, float(point.data.energy), share, force)
 
-    def amplitudes(self, motion: _Motion) -> dict[str, float]:
+    def amplitudes(self, motion: _BackboneMotion) -> dict[str, float]:
         """Largest deflection of a period at each probe."""
         times = motion.whole.duration * np.arange(SAMPLES) / SAMPLES
         return self.largest(motion.states(times))
@@ -160,7 +146,7 @@ class _Held:
             p.name: max(_peak(states[:, :n] @ p.shape), _peak(-states[:, :n] @ p.shape)) for p in self.damped.probes
         }
 
-    def at(self, wanted: float, measure: Callable[[_Motion], float]) -> _Motion | None:
+    def at(self, wanted: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
         """The motion with this level (or amplitude); None where the backbone has none.
 
         In the tongue of an internal resonance the level rises without end: of several motions the one that is most the
@@ -170,17 +156,17 @@ class _Held:
             one = self.motion(self.points[-1])
             return one.scaled(wanted / measure(one))
         off = [measure(m) - wanted for m in self.motions]
-        crossings: list[_Motion] = []
-        shores: list[_Motion] = []
+        crossings: list[_BackboneMotion] = []
+        edges: list[_BackboneMotion] = []
         for k, (a, b) in enumerate(pairwise(self.ascending)):
             if off[k] * off[k + 1] > 0:
                 continue
             found = self._crossing(a, b, lambda p: measure(self.motion(p)) - wanted, (off[k], off[k + 1]))
             if found is not None:
                 crossings.append(self.motion(found))
-            else:  # across a tongue there is no motion between: the nearer of its shores
-                shores.append(self.motions[k if abs(off[k]) <= abs(off[k + 1]) else k + 1])
-        return max(crossings or shores, key=lambda m: m.share, default=None)
+            else:  # across a tongue there is no motion between: the nearer of its two edges
+                edges.append(self.motions[k if abs(off[k]) <= abs(off[k + 1]) else k + 1])
+        return max(crossings or edges, key=lambda m: m.share, default=None)
 
     def _crossing(
         self, a: BranchPoint, b: BranchPoint, off: Callable[[BranchPoint], float], values: tuple[float, float],
@@ -220,7 +206,7 @@ def hold_mode(
     alike: bool,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
-) -> PhaseResonance:
+) -> PhaseResonanceResult:
     """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
 
     Parameters
@@ -256,27 +242,22 @@ def hold_mode(
             progress((index + 1) / len(levels))
         if stop():
             break
-    status = _status([m.level for m in motions if not m.found], held.unit)
+    missing = [m.level for m in motions if not m.found]
+    outcome = COMPLETE
     if len(motions) < len(levels):
-        status = f"{INTERRUPTED} after {len(motions)} of {len(levels)} levels of nnm.phase_resonance"
-    return PhaseResonance(
-        status,
-        str(excitation.quantity),
-        held.unit,
-        probe,
-        alike,
-        predicted,
-        tuple(motions),
-    )
-
-
-def _status(missing: list[float], unit: str) -> str:
-    if not missing:
-        return "complete"
-    which = f"level{'s' if len(missing) > 1 else ''} {', '.join(f'{x:.6g}' for x in missing)} {unit}"
-    return (
-        f"no forced motion at phase resonance was found for the {which} near the motion predicted: the damping is too "
-        "strong for one harmonic force to hold the mode, or an internal resonance is close; try another level"
+        outcome = Outcome.of(
+            OutcomeCode.INTERRUPTED, done=len(motions), total=len(levels), unit_of_work="levels of nnm.phase_resonance"
+        )
+    elif missing:
+        outcome = Outcome.of(OutcomeCode.NO_PHASE_RESONANCE, levels=missing, unit=unit)
+    return PhaseResonanceResult(
+        outcome=outcome,
+        quantity=str(excitation.quantity),
+        unit=unit,
+        probe=probe,
+        scales=alike,
+        predicted=predicted,
+        motions=tuple(motions),
     )
 
 
@@ -291,12 +272,12 @@ def _predicted(held: _Held, levels: list[float]) -> tuple[PredictedLevels, str]:
     amplitudes = [held.amplitudes(m) for m in motions]
     names = list(amplitudes[0])
     table = PredictedLevels(
-        np.array([m.energy for m in motions]),
-        np.array([m.frequency_hz for m in motions]),
-        np.array([m.level for m in motions]),
-        np.array([m.scale**2 * m.force.dissipated for m in motions]),
-        np.array([m.force.by_contacts / m.force.dissipated for m in motions]),
-        {name: np.array([a[name] for a in amplitudes]) for name in names},
+        energy=np.array([m.energy for m in motions]),
+        frequency_hz=np.array([m.frequency_hz for m in motions]),
+        level=np.array([m.level for m in motions]),
+        dissipated=np.array([m.scale**2 * m.force.dissipated for m in motions]),
+        contact_share=np.array([m.force.by_contacts / m.force.dissipated for m in motions]),
+        amplitude={name: np.array([a[name] for a in amplitudes]) for name in names},
     )
     return table, max(names, key=lambda name: float(table.amplitude[name].max()))
 
@@ -318,12 +299,14 @@ def _beyond(held: _Held, predicted: PredictedLevels, level: float, at: str) -> P
     )
 
 
-def _resonance(held: _Held, motion: _Motion, level: float, probe: str, span: float, periods: int) -> ResonantMotion:
+def _resonance(
+    held: _Held, motion: _BackboneMotion, level: float, probe: str, span: float, periods: int
+) -> ResonantMotion:
     """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
     problem = held.problem(level, motion.force.omega)
     point = _found(held, problem, motion, level)
     carried = _carried(held, problem, motion, periods)
-    own: dict[str, Any] = {
+    predicted: dict[str, Any] = {
         "level": level,
         "predicted_frequency_hz": motion.frequency_hz,
         "predicted_energy": motion.energy,
@@ -331,9 +314,9 @@ def _resonance(held: _Held, motion: _Motion, level: float, probe: str, span: flo
         "held": carried,
     }
     if point is None:
-        nothing = dict.fromkeys(own["predicted_amplitude"], np.nan)
+        nothing = dict.fromkeys(predicted["predicted_amplitude"], np.nan)
         return ResonantMotion(
-            **own, found=False, frequency_hz=np.nan, amplitude=nothing, level_for_amplitude=np.nan, stable=False,
+            **predicted, found=False, frequency_hz=np.nan, amplitude=nothing, level_for_amplitude=np.nan, stable=False,
             floquet_multipliers=np.zeros(0, dtype=complex), residual=np.nan, quadrature=np.nan, curve=None,
         )  # fmt: skip
     orbit = problem.orbit(point)
@@ -341,9 +324,9 @@ def _resonance(held: _Held, motion: _Motion, level: float, probe: str, span: flo
     amplitude = _forced_amplitudes(held, problem, point)
     balanced = held.at(amplitude[probe], lambda m: held.amplitudes(m)[probe])
     return ResonantMotion(
-        **own,
+        **predicted,
         found=True,
-        frequency_hz=orbit.omega / (2 * np.pi),
+        frequency_hz=point.parameter / (2 * np.pi),
         amplitude=amplitude,
         level_for_amplitude=np.nan if balanced is None else balanced.level,
         stable=orbit.stable,
@@ -354,7 +337,7 @@ def _resonance(held: _Held, motion: _Motion, level: float, probe: str, span: flo
     )
 
 
-def _found(held: _Held, problem: ForcedOrbits, motion: _Motion, level: float) -> BranchPoint | None:
+def _found(held: _Held, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
     """The exact motion at phase resonance: from the prediction, or by way of other levels of the same backbone.
 
     Damping fills thin tongues of internal resonance, in which the undamped mode is no guide.
@@ -406,31 +389,30 @@ def _forced_amplitudes(held: _Held, problem: ForcedOrbits, point: BranchPoint) -
     return held.largest(flow.states_at(passage, passage.duration * np.arange(SAMPLES) / SAMPLES))
 
 
-def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseCurve:
+def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
     """The response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     down: list[BranchPoint] = []
     up: list[BranchPoint] = []
-    status = []
+    outcomes = []
     first = point if point.tangent[-1] < 0 else turned_back(point)
     for side, start in ((down, first), (up, turned_back(first))):
         branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
         side += list(branch)
-        if branch.status == "complete: closed curve":
+        outcomes.append(branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"))
+        if branch.outcome.code is OutcomeCode.CLOSED_CURVE:
             break
-        if not branch.status.startswith("complete"):
-            status.append(branch.status)
     points = [*reversed(down), *up[1:]]
     rows = [_forced_amplitudes(held, problem, p) for p in points]
-    return ResponseCurve(
-        "; ".join(status) or "complete",
-        np.array([p.parameter for p in points]) / (2 * np.pi),
-        {name: np.array([row[name] for row in rows]) for name in rows[0]},
-        np.array([problem.orbit(p).stable for p in points]),
+    return ResponseAboutResonance(
+        outcome=COMPLETE if all(o.complete for o in outcomes) else both_ways(outcomes[0], outcomes[-1]),
+        frequency_hz=np.array([p.parameter for p in points]) / (2 * np.pi),
+        peak_displacement={name: np.array([row[name] for row in rows]) for name in rows[0]},
+        stable=np.array([problem.orbit(p).stable for p in points]),
     )
 
 
-def _carried(held: _Held, problem: ForcedOrbits, motion: _Motion, periods: int) -> HeldMotion | None:
+def _carried(held: _Held, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
     problem.flow.set(motion.force.omega, motion.level)
     system = held.damped.dynamics
@@ -458,14 +440,14 @@ def _carried(held: _Held, problem: ForcedOrbits, motion: _Motion, periods: int) 
     whole = states.reshape(count, 2 * n)[:, :n]
     displacement = {p.name: whole @ p.shape for p in held.damped.probes}
     return HeldMotion(
-        np.arange(count) * (T / SAMPLES),
-        displacement,
-        np.arange(count // 2 + 1) / (periods * T),
-        {name: _lines(x) for name, x in displacement.items()},
-        departure,
-        (periods - 1) * T + rest,
-        last[:, :n] @ field.T,
-        motion.states(rest)[:, :n] @ field.T,
+        time=np.arange(count) * (T / SAMPLES),
+        displacement=displacement,
+        frequency_hz=np.arange(count // 2 + 1) / (periods * T),
+        amplitude={name: _lines(x) for name, x in displacement.items()},
+        departure=departure,
+        instants=(periods - 1) * T + rest,
+        shapes=last[:, :n] @ field.T,
+        mode_shapes=motion.states(rest)[:, :n] @ field.T,
     )
 
 
@@ -484,7 +466,7 @@ def _peak(x: Floats) -> float:
     return float(b) if bend >= 0 else float(b - (c - a) ** 2 / (8 * bend))
 
 
-def phase_resonance_summary(result: PhaseResonance) -> dict[str, Any]:
+def phase_resonance_summary(result: PhaseResonanceResult) -> dict[str, Any]:
     """Numbers for the table and for ``--json``."""
     return {
         "status": result.status,
@@ -495,12 +477,12 @@ def phase_resonance_summary(result: PhaseResonance) -> dict[str, Any]:
     }
 
 
-def _level_summaries(result: PhaseResonance) -> Iterator[dict[str, Any]]:
+def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
     for m in result.motions:
         peak, at = np.nan, np.nan
         if m.curve is not None:
-            k = int(np.argmax(m.curve.amplitude[result.probe]))
-            peak, at = float(m.curve.amplitude[result.probe][k]), float(m.curve.frequency_hz[k])
+            k = int(np.argmax(m.curve.peak_displacement[result.probe]))
+            peak, at = float(m.curve.peak_displacement[result.probe][k]), float(m.curve.frequency_hz[k])
         yield {
             "level": m.level,
             "predicted_frequency_hz": m.predicted_frequency_hz,

@@ -1,20 +1,22 @@
-"""The thesis's relaxed minimisation beside exact shooting: where it gets to, how close, at what cost."""
+"""Relaxed minimisation (Hazim 2010) beside exact shooting: where it gets to, how close, at what cost."""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
-from beamsim.analyses.nnm.paths import Followed, ModePath
+from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import RelaxedComparison
-from beamsim.orbits.continuation import INTERRUPTED, BranchPoint, Settings, solve_at
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.relaxed_minimisation import CountedFamily, RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ FAR = 0.25  # relative distance between neighbouring steps' exact motions that i
 
 def compare_relaxed(
     job: ModePath,
-    followed: Followed,
+    branches: ModeBranches,
     counted: CountedFamily,
     shooting_time_s: float,
     settings: ThesisMethod,
@@ -36,49 +38,47 @@ def compare_relaxed(
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
 ) -> RelaxedComparison:
-    """Take the thesis's steps along a backbone that shooting has followed, and compare.
+    """Take steps of relaxed minimisation along a backbone that shooting has followed, and compare.
 
     Parameters
     ----------
-    job, followed : the backbone in the stiffness factor; ``followed`` with the family ``counted``.
+    job, branches : the backbone in the stiffness factor; ``branches`` with the family ``counted``.
     counted : counts the motions computed so far (by shooting).
     shooting_time_s : processor time of shooting so far.
     settings : steps, tolerance and iterations.
     field : (nx, n) deflection at the stations for a unit of each coordinate.
     """
-    orbits = followed.orbits
+    orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
     begin = clock.process_time()
-    gaps = {jump.start for jump in followed.jumps}
-    exact = [_exact_at(orbits, followed.points, gaps, float(factor)) for factor in factors]
+    gaps = {jump.start for jump in branches.jumps}
+    exact = [_exact_at(orbits, points, gaps, float(factor)) for factor in factors]
     shooting_passages = counted.passages
     shooting_time_s += clock.process_time() - begin
     steps: list[RelaxedStep] = []
-    status = "complete"
-    for step in relaxed_path(orbits, followed.points[0].u, factors, settings.tolerance, settings.iterations):
+    outcome = COMPLETE
+    for step in relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations):
         steps.append(step)
         if progress is not None:
             progress(len(steps) / settings.steps)
         if not step.reached:
-            status = _why(step, settings)
+            outcome = _why(step, settings)
             break
         if stop() and len(steps) < settings.steps:
-            status = f"{INTERRUPTED} at stiffness factor {step.factor:.6g}, in the thesis's method"
+            outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="relaxed minimisation", **_place(step))
             break
-    return _compared(orbits, steps, exact[: len(steps)], settings, status, field, shooting_passages, shooting_time_s)
+    return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
 
 
-def _why(step: RelaxedStep, settings: ThesisMethod) -> str:
-    reason = "no further descent was found" if step.stalled else f"{settings.iterations} iterations were not enough"
-    remedy = (
-        "use more nnm.method.steps or a larger tolerance"
-        if step.stalled
-        else "raise nnm.method.iterations, steps or the tolerance"
-    )
-    return (
-        f"the thesis's method stopped at stiffness factor {step.factor:.6g}: its functional is {step.functional:.3g}, "
-        f"the tolerance {settings.tolerance:g}; {reason}; {remedy}"
-    )
+def _place(step: RelaxedStep) -> dict[str, Any]:
+    return {"parameter": step.factor, "name": "stiffness factor", "unit": "1"}
+
+
+def _why(step: RelaxedStep, settings: ThesisMethod) -> Outcome:
+    ended = {"functional": step.functional, "tolerance": settings.tolerance, **_place(step)}
+    if step.stalled:
+        return Outcome.of(OutcomeCode.NO_DESCENT, **ended)
+    return Outcome.of(OutcomeCode.TOO_FEW_ITERATIONS, iterations=settings.iterations, **ended)
 
 
 def _exact_at(
@@ -101,7 +101,7 @@ def _compared(
     steps: list[RelaxedStep],
     exact: list[BranchPoint | None],
     settings: ThesisMethod,
-    status: str,
+    outcome: Outcome,
     field: Floats,
     shooting_passages: int,
     shooting_time_s: float,
@@ -127,7 +127,7 @@ def _compared(
     return RelaxedComparison(
         steps=settings.steps,
         tolerance=settings.tolerance,
-        status=status,
+        outcome=outcome,
         factor=np.array([s.factor for s in steps]),
         frequency_hz=frequency,
         functional=np.array([s.functional for s in steps]),

@@ -1,13 +1,25 @@
-"""What ``beamsim nnm`` hands back: branches of nonlinear normal modes and a motion."""
+"""What ``beamsim nnm`` hands back: branches of nonlinear normal modes, a motion, and what is compared with them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from beamsim.analyses.orbit_events import OrbitEvent
+from beamsim.analyses.branch import BranchResult, OrbitMotion
 from beamsim.analyses.result import Result
+from beamsim.fields import (
+    Counter,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    ending,
+    group,
+    numbered,
+    per_probe,
+    stored,
+    table,
+)
+from beamsim.outcomes import Outcome
 from beamsim.structures.stations import Stations
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -19,164 +31,137 @@ FATES = {
     "none": "there is no periodic motion near it",
     "between": "the backbone has no motion there (a tongue cuts it)",
 }
+UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}
+
+_POINT = (Counter("point", "number of the point along the branch"),)
+_FACTOR = ("factor",)
+_ORDER = ("factor", Counter("order", "order of the expansion", 0))
+_STEP = (Counter("step", "number of the step"), _ORDER[1])
+_STATIONS = ("instants", "position")
 
 
-@dataclass(frozen=True)
+@declared
 class BranchJump:
     """A gap in a backbone where an internal resonance cuts it."""
 
-    start: float  # parameter
-    end: float
-    mode: int  # the other mode, from 1; 0 where it isn't known
-    ratio: int  # n of n:1; 0 where it isn't known
+    start: float = dataset("{unit}", "parameter of the last point before")
+    end: float = dataset("{unit}", "parameter of the first point beyond")
+    mode: int = dataset("1", "the other mode, from 1; 0 where unknown")
+    ratio: int = dataset("1", "n of n:1; 0 where unknown")
 
 
-@dataclass(frozen=True)
-class ModeBranch:
-    """A branch of periodic motions: the backbone, a tongue of internal resonance, or motions that are never at rest.
-
-    Each motion is given at its slowest instant, which for all but the last kind is an instant of rest.
-    """
-
-    kind: str  # "backbone", "tongue" or "never_at_rest"
-    status: str
-    parameter: Floats  # (np,) stiffness factor, energy in J, or frequency in Hz
-    frequency_hz: Floats  # (np,)
-    energy: Floats  # (np,) J, from static equilibrium
-    share: Floats  # (np,) of the energy in the mode asked for, at the slowest instant
-    residual: Floats  # (np,) of the periodicity, against the motion's speed
-    coordinates: Floats  # (np, n) at the slowest instant
-    coordinate_velocities: Floats  # (np, n) the same; zero at rest
-    least_kinetic: Floats  # (np,) kinetic energy at the slowest instant, share of the energy; zero at rest
-    initial_displacement: Floats  # (np, nx) m, deflection at the slowest instant at the stations
-    stable: Bools  # (np,)
-    floquet_multipliers: Complexes  # (np, 2 n)
-    mode: int = 0  # of a tongue and of motions never at rest: the other mode, from 1
-    ratio: int = 0  # of the same: n of n:1
-    special: tuple[OrbitEvent, ...] = ()
+# --- The damped structure held on its mode ---------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class OrbitMotion:
-    """One period of one motion, from its slowest instant, and its spectrum."""
-
-    time: Floats  # (nt,) s, both ends included
-    displacement: dict[str, Floats]  # probe -> (nt,) m
-    velocity: dict[str, Floats]  # probe -> (nt,) m/s
-    force: dict[str, Floats]  # snubber -> (nt,) N
-    stations: Floats  # (nt, nx) m, deflection at the stations
-    harmonics: dict[str, Complexes]  # probe -> (21,) amplitude of e^{i k omega t}, order 0 to 20, zero to peak
-    periods: int  # that the flow was carried on for the spectrum
-    spectrum_frequency_hz: Floats  # (nf,) a step of 1 / (periods x period)
-    spectrum: dict[str, Floats]  # probe -> (nf,) m, single-sided amplitude, zero to peak
-    drift: float  # relative distance of the state from the first one after these periods
-
-    @property
-    def at_rest(self) -> Floats:
-        """(2, nx) m, deflection at the slowest instant and half a period later: the extremes of a motion at rest."""
-        return self.stations[[0, (self.time.size - 1) // 2]]
-
-    @property
-    def underway(self) -> Floats:
-        """(2, nx) m, deflection an eighth and three eighths of a period later."""
-        return self.stations[[(self.time.size - 1) // 8, 3 * (self.time.size - 1) // 8]]
-
-
-@dataclass(frozen=True)
+@declared
 class PredictedLevels:
     """The level that energy balance asks for along a backbone."""
 
-    energy: Floats  # (np,) J, from static equilibrium
-    frequency_hz: Floats  # (np,)
-    level: Floats  # (np,) SI unit of the excitation
-    dissipated: Floats  # (np,) J a period, by structure and contacts
-    contact_share: Floats  # (np,) of it that the contacts' dashpots take
-    amplitude: dict[str, Floats]  # probe -> (np,) m, largest deflection of a period
+    energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT)
+    frequency_hz: Floats = dataset("Hz", "frequency of the motion", along=_POINT)
+    level: Floats = dataset("{unit}", "level of the excitation that holds the motion", along=_POINT)
+    dissipated: Floats = dataset("J", "energy taken by damping in a period", along=_POINT)
+    contact_share: Floats = dataset("1", "share of it that the contacts' dashpots take", along=_POINT)
+    amplitude: dict[str, Floats] = per_probe("m", "largest deflection of a period", along=_POINT)
 
 
-@dataclass(frozen=True)
-class ResponseCurve:
-    """Forced periodic motions about a resonance."""
+@declared
+class ResponseAboutResonance(BranchResult):
+    """Forced periodic motions about a resonance: frequency, stability, deflection."""
 
-    status: str
-    frequency_hz: Floats  # (np,)
-    amplitude: dict[str, Floats]  # probe -> (np,) m, largest deflection of a period
-    stable: Bools  # (np,)
+    peak_displacement: dict[str, Floats] = per_probe(
+        "m", "largest deflection of a period", along=_POINT, name="amplitude", default_factory=dict
+    )
 
 
-@dataclass(frozen=True)
+@declared
 class HeldMotion:
     """The damped structure carried from the mode's own state, under the force predicted."""
 
-    time: Floats  # (nt,) s, whole periods, the end left out
-    displacement: dict[str, Floats]  # probe -> (nt,) m
-    frequency_hz: Floats  # (nf,) lines over all these periods
-    amplitude: dict[str, Floats]  # probe -> (nf,) m, zero to peak
-    departure: Floats  # (N,) largest distance from the mode in each period, in the norm of energy, against the mode's
-    instants: Floats  # (2,) s, in the last period, at which the mode is at rest
-    shapes: Floats  # (2, nx) m, deflection then
-    mode_shapes: Floats  # (2, nx) m, the mode's
+    time: Floats = axis("s", "time")  # (nt,) whole periods, the end left out
+    displacement: dict[str, Floats] = per_probe("m", "displacement", along=("time",))
+    frequency_hz: Floats = axis("Hz", "frequency of the line")  # (nf,) over all these periods
+    amplitude: dict[str, Floats] = per_probe(
+        "m", "amplitude of the line, zero to peak", along=("frequency_hz",), name="line"
+    )
+    departure: Floats = dataset(  # in the norm of energy, against the mode's
+        "1", "largest distance from the mode in a period, in energy", along=(Counter("period", "number of the period"),)
+    )
+    instants: Floats = axis("s", "instants in the last period at which the mode is at rest")  # (2,)
+    shapes: Floats = dataset("m", "deflection of the held structure then", along=_STATIONS)
+    mode_shapes: Floats = dataset("m", "deflection of the mode then", along=_STATIONS)
 
 
-@dataclass(frozen=True)
+@declared
 class ResonantMotion:
     """One level: the mode it should hold, and the forced motion that is found."""
 
-    level: float  # SI unit of the excitation
-    predicted_frequency_hz: float
-    predicted_energy: float  # J
-    predicted_amplitude: dict[str, float]  # probe -> m
-    found: bool  # whether the exact motion was found; what follows of it is nan where not
-    frequency_hz: float
-    amplitude: dict[str, float]  # probe -> m
-    level_for_amplitude: float  # level predicted for the amplitude found at `PhaseResonance.probe`
-    stable: bool
-    floquet_multipliers: Complexes  # (N,)
-    residual: float  # of the periodicity, against the motion's size
-    quadrature: float  # cosine of the lag between force and deflection
-    curve: ResponseCurve | None
-    held: HeldMotion | None
+    level: float = attribute("{unit}", "level of the excitation")
+    predicted_frequency_hz: float = attribute("Hz", "frequency of the motion predicted")
+    predicted_energy: float = attribute("J", "its energy")
+    predicted_amplitude: dict[str, float] = per_probe("m", "its largest deflection")
+    found: bool = attribute("", "whether the exact motion was found; what follows of it is NaN where not")
+    frequency_hz: float = attribute("Hz", "frequency of the exact motion")
+    amplitude: dict[str, float] = per_probe("m", "its largest deflection")
+    level_for_amplitude: float = attribute("{unit}", "level predicted for the amplitude found at the probe")
+    stable: bool = attribute("", "whether it is stable")
+    floquet_multipliers: Complexes = dataset("1", "Floquet multipliers", along=(Counter("multiplier", "number", 0),))
+    residual: float = attribute("1", "largest miss of periodicity, against the motion's size")
+    quadrature: float = attribute("1", "cosine of the lag between force and deflection")
+    curve: ResponseAboutResonance | None = group("curve")
+    held: HeldMotion | None = group("held")
 
 
-@dataclass(frozen=True)
-class PhaseResonance:
+@declared
+class PhaseResonanceResult:
     """A nonlinear mode held by a force, at several levels."""
 
-    status: str  # "complete" or what was not found
-    quantity: str  # of the level: force, acceleration, velocity or displacement
-    unit: str  # SI, of the level
-    probe: str  # whose amplitude is compared: the one that moves most
-    scales: bool  # no gap, no load: the level is proportional to the amplitude, the frequency does not change
-    predicted: PredictedLevels
-    motions: tuple[ResonantMotion, ...]  # one a level
+    outcome: Outcome = ending("whether every level's motion was found")
+    quantity: str = attribute("", "of the level: force, acceleration, velocity or displacement")
+    unit: str = attribute("", "unit of the level")
+    probe: str = attribute("", "probe whose amplitude is compared: the one that moves most")
+    # no gap, no load
+    scales: bool = attribute("", "whether the level is proportional to the amplitude at a constant frequency")
+    predicted: PredictedLevels = group("predicted")
+    motions: tuple[ResonantMotion, ...] = numbered("levels", indexed=True)
+
+    @property
+    def status(self) -> str:
+        """complete, or what was not found."""
+        return self.outcome.text
 
     @property
     def complete(self) -> bool:
         """Whether every level's motion was found."""
-        return self.status == "complete"
+        return self.outcome.complete
 
 
-@dataclass(frozen=True)
+# --- Other methods beside the exact motions --------------------------------------------------------------------------
+
+
+@declared
 class ExpansionPath:
     """Frequency and initial condition of a nonlinear normal mode against the stiffness factor, to orders 0, 1 and 2."""
 
-    mode: int  # from 1
-    energy: float  # J, from static equilibrium
-    linear_frequency_hz: float
-    first_hz: float  # change of the frequency per factor, Hz, at the linear mode's amplitude
-    second_hz: float  # per squared factor
-    factor: Floats  # (E,)
-    frequency_hz: Floats  # (E, 3) to order 0, 1, 2
-    coordinates: Floats  # (E, 3, n) initial vector: the shape at rest at t = 0
-    initial_displacement: Floats  # (E, 3, nx) m, at the stations
-    stations: Stations  # nx of them
-    partner: int  # mode (from 1) with the largest first-order component
-    harmonic: int  # and its harmonic
-    reach: float  # factors should be well below this one
-    uniform_coordinates: Floats  # (E, 3, n) initial vector of the uniform expansion
-    pole: float  # factor above which the initial vector is not yet at its asymptotic order
-    pole_mode: int  # the mode (from 1; 0 for none) whose coordinate it is
-    pole_harmonic: int  # and the harmonic that is close to it
+    mode: int = attribute("1", "number of the mode")
+    energy: float = attribute("J", "energy from static equilibrium")
+    linear_frequency_hz: float = attribute("Hz", "natural frequency")
+    first_hz: float = attribute("Hz", "change of the frequency per factor, at the linear mode's amplitude")
+    second_hz: float = attribute("Hz", "change of the frequency per squared factor")
+    factor: Floats = axis("1", "stiffness factor")
+    frequency_hz: Floats = dataset("Hz", "frequency to each order", along=_ORDER)  # (E, 3)
+    # (E, 3, n) the shape at rest at t = 0
+    coordinates: Floats = dataset("kg^0.5 m", "initial vector to each order", along=(*_ORDER, "coordinate"))
+    initial_displacement: Floats = dataset("m", "deflection at rest to each order", along=(*_ORDER, "position"))
+    partner: int = attribute("1", "mode with the largest first-order component")
+    harmonic: int = attribute("1", "its harmonic")
+    reach: float = attribute("1", "factors should be well below this one")
+    uniform_coordinates: Floats = dataset(
+        "kg^0.5 m", "initial vector of the uniform expansion to each order", along=(*_ORDER, "coordinate")
+    )
+    pole: float = attribute("1", "factor above which the initial vector is not yet at its asymptotic order")
+    pole_mode: int = attribute("1", "mode whose coordinate it is; 0 for none")
+    pole_harmonic: int = attribute("1", "harmonic that is close to it")
 
     @property
     def small(self) -> float:
@@ -184,54 +169,67 @@ class ExpansionPath:
         return self.reach / SAFELY * (1.0 + 1e-9)
 
 
-@dataclass(frozen=True)
+@declared
 class ExactModes:
     """Exact motions at the same energy (shooting); nan where none was found near the expansion."""
 
-    factor: Floats  # (E,)
-    frequency_hz: Floats  # (E,)
-    coordinates: Floats  # (E, n)
-    initial_displacement: Floats  # (E, nx) m, at the stations
-    residual: Floats  # (E,)
+    frequency_hz: Floats = dataset("Hz", "frequency by shooting", along=_FACTOR)
+    coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
+    initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
+    residual: Floats = dataset("1", "largest miss of periodicity, against the motion's size", along=_FACTOR)
 
 
-@dataclass(frozen=True)
+@declared
 class ExpansionComparison:
     """Expansion against exact motion."""
 
-    path: ExpansionPath
-    exact: ExactModes
-    frequency_difference: Floats  # (E, 3) relative to the exact frequency
-    initial_difference: Floats  # (E, 3) relative, in the norm of the linear strain energy
-    frequency_orders: Floats  # (E - 1, 3) observed, between neighbouring factors
-    initial_orders: Floats  # (E - 1, 3)
-    expected_orders: Floats  # (E - 1, 3) of the initial vector, from the uniform expansion instead of the exact motion
-    uniform_difference: Floats  # (E, 3) of the uniform expansion's initial vector
-    uniform_orders: Floats  # (E - 1, 3)
+    path: ExpansionPath = group("")
+    exact: ExactModes = group("exact")
+    frequency_difference: Floats = dataset("1", "of the frequency to each order, relative", along=_ORDER)
+    initial_difference: Floats = dataset(
+        "1", "of the initial vector to each order, in the norm of the linear strain energy", along=_ORDER
+    )
+    frequency_orders: Floats = dataset(
+        "1", "observed orders of the frequency's difference between neighbouring factors", along=_STEP
+    )
+    initial_orders: Floats = dataset("1", "the same of the initial vector", along=_STEP)
+    expected_orders: Floats = dataset("1", "those of the initial vector against the uniform expansion", along=_STEP)
+    uniform_difference: Floats = dataset("1", "of the uniform expansion's initial vector to each order", along=_ORDER)
+    uniform_orders: Floats = dataset("1", "those of the uniform expansion's initial vector", along=_STEP)
 
 
-@dataclass(frozen=True)
+@declared
 class RelaxedComparison:
     """A path of relaxed minimisation, step by step, and the exact motions at the same factors."""
 
-    steps: int  # asked for
-    tolerance: float  # of the functional
-    status: str  # "complete" or why it ended early
-    factor: Floats  # (S,) of the steps taken; the last one may not have been reached
-    frequency_hz: Floats  # (S,)
-    functional: Floats  # (S,) what was minimised, at its end
-    passages: Ints  # (S,) motions computed
-    processor_time_s: Floats  # (S,)
-    reached: Bools  # (S,) whether the functional fell below the tolerance
-    coordinates: Floats  # (S, n) shape at rest
-    initial_displacement: Floats  # (S, nx) m
-    exact_frequency_hz: Floats  # (S,) of the backbone; nan where a tongue cuts it
-    frequency_difference: Floats  # (S,) relative to the exact one
-    shape_difference: Floats  # (S,) relative, in the norm of the linear strain energy
-    fate: tuple[str, ...]  # (S,) one of FATES
-    jumped: Bools  # (S,) steps that left the motion which the step before was on
-    shooting_passages: int  # motions computed for the backbone, its tongues and the same factors
-    shooting_processor_time_s: float
+    steps: int = attribute("1", "steps asked for")
+    tolerance: float = attribute("1", "of the functional")
+    outcome: Outcome = ending("how the path ended")
+    factor: Floats = axis("1", "stiffness factor")  # (S,) of the steps taken; the last may not have been reached
+    frequency_hz: Floats = dataset("Hz", "frequency", along=_FACTOR)
+    functional: Floats = dataset("1", "the functional at the end of its minimisation", along=_FACTOR)
+    passages: Ints = dataset("1", "motions computed", along=_FACTOR)
+    processor_time_s: Floats = dataset("s", "processor time", along=_FACTOR)
+    reached: Bools = dataset("1", "whether the functional fell below the tolerance", along=_FACTOR, flags=("no", "yes"))
+    coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
+    initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
+    # nan where a tongue cuts it
+    exact_frequency_hz: Floats = dataset("Hz", "frequency of the backbone by shooting", along=_FACTOR)
+    frequency_difference: Floats = dataset("1", "from the backbone, relative", along=_FACTOR)
+    shape_difference: Floats = dataset(
+        "1", "from the backbone, relative, in the norm of the linear strain energy", along=_FACTOR
+    )
+    fate: tuple[str, ...] = dataset("1", "same, other, none or between: what exact motion it is beside", along=_FACTOR)
+    jumped: Bools = dataset(
+        "1", "whether the step left the motion that the one before was on", along=_FACTOR, flags=("no", "yes")
+    )
+    shooting_passages: int = attribute("1", "motions computed for the backbone, its tongues and the same factors")
+    shooting_processor_time_s: float = attribute("s", "processor time of shooting")
+
+    @property
+    def status(self) -> str:
+        """complete, or why it ended early."""
+        return self.outcome.text
 
     @property
     def steps_reached(self) -> int:
@@ -244,39 +242,65 @@ class RelaxedComparison:
         return float(self.processor_time_s.sum() / max(self.shooting_processor_time_s, 1e-9))
 
 
-@dataclass(frozen=True)
+# --- The result ------------------------------------------------------------------------------------------------------
+
+
+@declared
 class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
 
-    mode: int  # from 1
-    parameter: str  # stiffness_factor, energy or frequency
-    method: str  # shooting, full_period, multiple_scales or thesis
-    branches: tuple[ModeBranch, ...]  # the backbone first
-    jumps: tuple[BranchJump, ...]
-    stations: Stations  # nx of them
-    linear_shape: Floats  # (nx,) the linear mode at the same largest deflection as the motion
-    motion: OrbitMotion  # of one point of one branch:
-    motion_branch: int  # which branch: the backbone, or the first that is never at rest
-    motion_point: int  # which point: the backbone's last, or the furthest from rest
-    modes: ModeTable
-    phase_resonance: PhaseResonance | None = None  # the damped structure held on the mode, where asked for
-    half_period_difference: Floats | None = (
-        None  # (np,) full_period: relative, of the backbone from half-period shooting
+    mode: int = attribute("1", "number of the mode")
+    parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
+    method: str = attribute("", "shooting, full_period, multiple_scales or thesis (relaxed minimisation)")
+    stations: Stations = group("")  # before what is along them
+    branches: tuple[BranchResult, ...] = numbered("branches", required=True)  # the backbone first
+    jumps: tuple[BranchJump, ...] = table("jumps", Counter("jump", "number of the jump"))
+    linear_shape: Floats = dataset(
+        "m", "linear mode with the largest deflection of the motion that is drawn", along=("position",)
     )
-    expansion: ExpansionComparison | None = None  # by multiple scales, where asked for
-    relaxed: RelaxedComparison | None = None  # the thesis's method, where asked for
+    motion_branch: int = attribute("1", "branch whose motion is drawn: the backbone, or the first non-brake branch")
+    motion_point: int = attribute("1", "point of it: the last, or the furthest from rest")
+    modes: ModeTable = group("modes")
+    phase_resonance: PhaseResonanceResult | None = group(
+        "phase_resonance", default=None
+    )  # where asked for, as the rest
+    expansion: ExpansionComparison | None = group("multiple_scales", default=None)
+    relaxed: RelaxedComparison | None = group("thesis", default=None)
 
     @property
-    def backbone(self) -> ModeBranch:
+    def backbone(self) -> BranchResult:
         """The branch of the mode itself."""
         return self.branches[0]
 
     @property
-    def tongues(self) -> tuple[ModeBranch, ...]:
+    def tongues(self) -> tuple[BranchResult, ...]:
         """The branches of internal resonance."""
         return tuple(b for b in self.branches if b.kind == "tongue")
 
     @property
-    def never_at_rest(self) -> tuple[ModeBranch, ...]:
+    def non_brake(self) -> tuple[BranchResult, ...]:
         """The branches of motions that are never at rest all at once."""
-        return tuple(b for b in self.branches if b.kind == "never_at_rest")
+        return tuple(b for b in self.branches if b.kind == "non_brake")
+
+    @property
+    def motion(self) -> OrbitMotion:
+        """The motion that is drawn."""
+        motion = self.branches[self.motion_branch].motion
+        assert motion is not None
+        return motion
+
+    @property
+    def half_period_difference(self) -> Floats | None:
+        """(np,) relative, of a backbone by full-period shooting from half-period shooting."""
+        return self.backbone.half_period_difference
+
+    @property
+    def unit(self) -> str:
+        """Unit of the branches' parameter."""
+        return UNITS[self.parameter]
+
+    @property
+    @stored(axis("1", "number of the coordinate"))
+    def coordinate(self) -> Ints:
+        """(n,) from 1."""
+        return np.arange(1, self.backbone.coordinates.shape[1] + 1)

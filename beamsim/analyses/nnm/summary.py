@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import BranchJump, ExpansionComparison, ModeBranch, OrbitMotion, RelaxedComparison
+from beamsim.analyses.branch import BranchResult, OrbitMotion
+from beamsim.analyses.nnm.result import BranchJump, ExpansionComparison, RelaxedComparison
 from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 def nnm_summary(
     job: ModePath,
-    branches: tuple[ModeBranch, ...],
+    branches: tuple[BranchResult, ...],
     jumps: tuple[BranchJump, ...],
     status: str,
     processor_time_s: float,
@@ -50,7 +51,7 @@ def nnm_summary(
     }
 
 
-def _end(branch: ModeBranch, index: int) -> dict[str, float]:
+def _end(branch: BranchResult, index: int) -> dict[str, float]:
     return {
         "parameter": float(branch.parameter[index]),
         "frequency_hz": float(branch.frequency_hz[index]),
@@ -58,10 +59,10 @@ def _end(branch: ModeBranch, index: int) -> dict[str, float]:
     }
 
 
-def full_period_summary(branches: tuple[ModeBranch, ...], differences: Floats) -> dict[str, Any]:
-    """How close full-period shooting came to half-period shooting, and the motions never at rest."""
+def full_period_summary(branches: tuple[BranchResult, ...]) -> dict[str, Any]:
+    """How close full-period shooting came to half-period shooting, and the non-brake orbits."""
     return {
-        "largest_difference": float(differences.max(initial=0.0)),
+        "largest_difference": float(branches[0].half_period_difference.max(initial=0.0)),
         "symmetry_breakings": [
             {"parameter": e.parameter, "frequency_hz": e.frequency_hz}
             for e in branches[0].special
@@ -79,13 +80,13 @@ def full_period_summary(branches: tuple[ModeBranch, ...], differences: Floats) -
                 "status": b.status,
             }
             for b in branches
-            if b.kind == "never_at_rest"
+            if b.kind == "non_brake"
         ],
     }
 
 
 def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
-    """The thesis's method: how far, how close, at what cost."""
+    """Relaxed minimisation: how far, how close, at what cost."""
     known = np.isfinite(relaxed.frequency_difference)
     spent = float(relaxed.processor_time_s.sum())
     return {

@@ -2,43 +2,39 @@
 
 from __future__ import annotations
 
-import re
 import time as clock
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.branch import BranchResult, SpecialPointResult
 from beamsim.analyses.interruption import Stop, never
 from beamsim.analyses.limits import margin_of
-from beamsim.analyses.orbit_events import OrbitEvent
 from beamsim.analyses.response.branches import (
     Budget,
     ShootingTracer,
-    Traced,
     doubled,
     missing,
     progress_that_grows,
     reach_of,
     trace_range,
 )
-from beamsim.analyses.response.motion import Measured, measure, sampled_motion, sampled_orbit
+from beamsim.analyses.response.motion import MeasuredMotion, measure, sampled_motion, sampled_orbit
 from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
-from beamsim.analyses.response.result import FoldCurveResult, FrequencyResponse, ResponseBranch
+from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.errors import Problem, ScenarioError
-from beamsim.orbits.continuation import INTERRUPTED
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.orbits.branch import INTERRUPTED, OrbitBranch, SpecialPoint
+from beamsim.orbits.shooting import STABLE
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.analyses.response.paths import Followed
+    from beamsim.analyses.response.paths import FollowedParameter
     from beamsim.scenario import Scenario
 
-STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
-NAMED = 3  # of what was not begun
-_NUMBER = re.compile(r"(reached|parameter|at) (-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?=[\s:;,]|$)")
 
 
 def frequency_response(
@@ -67,9 +63,9 @@ def frequency_response(
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
-    branches: list[ResponseBranch] = []
-    folds: list[FoldCurveResult] = []
-    statuses: list[str] = []
+    branches: list[BranchResult] = []
+    folds: list[BranchResult] = []
+    outcomes: list[Outcome] = []
     halted = False
     for index, level in enumerate(levels):
         part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
@@ -79,7 +75,7 @@ def frequency_response(
         traced = _trace(model, settings, level, budget, part)
         if not traced:
             break
-        statuses.append(_status(model, traced, level if len(levels) > 1 else None))
+        outcomes.append(_outcome(model, traced, level if len(levels) > 1 else None))
         if model.second is not None:
             from beamsim.analyses.response.folds import follow_folds
 
@@ -88,11 +84,11 @@ def frequency_response(
         branches += [_response(model, t, level, limited) for t in traced]
     if not branches:
         raise KeyboardInterrupt
-    status = next((s for s in statuses if s != "complete"), "complete")
+    outcome = combined(outcomes)
     if isinstance(settings.method, HarmonicBalance):
-        status = _trusted(status, branches, settings.method.largest_error, model.followed)
+        outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
     overlay = {}
-    left = [f"level {level:.4g}" for level in levels[len(statuses) :]]
+    left = [f"level {level:.4g}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None and stop():
         left.append("sweep.overlay")
     elif settings.overlay is not None:
@@ -100,14 +96,15 @@ def frequency_response(
 
         overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY))
     if halted or left:
-        status = _interrupted(status, left)
+        parts = () if outcome is COMPLETE else (outcome,)
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=left)
     f, second = model.followed, model.second
     return FrequencyResponse(
         scenario=scenario,
-        outcome=COMPLETE if status == "complete" else Outcome.of(OutcomeCode.STOPPED, text=status),
+        outcome=outcome,
         branches=tuple(branches),
         modes=model.system.modes,
-        summary=_summary(model, settings, status, branches, folds, clock.process_time() - processor),
+        summary=_summary(model, settings, outcome, branches, folds, clock.process_time() - processor),
         warnings=(*scenario.warnings, *model.system.warnings),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
@@ -129,7 +126,7 @@ def _part(progress: Callable[[float], None], first: float, share: float) -> Call
 
 def _trace(
     model: ResponseModel, settings: Continuation, level: float, budget: Budget, report: Callable[[float], None]
-) -> list[Traced]:
+) -> list[OrbitBranch]:
     """The branches of one level, those of the excitation's own period first; none where it was time to end."""
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
@@ -141,7 +138,7 @@ def _trace(
     else:
         tracer = ShootingTracer(model.orbits(level), lambda x: model.orbits_at(float(f.outward(x)), level), reach)
         found = trace_range(tracer, first, last, budget, report)
-    if not found and budget.spent() != INTERRUPTED:
+    if not found and budget.spent() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
         raise model.scenario.located(
             ScenarioError(
@@ -155,64 +152,49 @@ def _trace(
         )
     if isinstance(settings.method, HarmonicBalance):
         return found
-    aside: list[Traced] = []
+    aside: list[OrbitBranch] = []
     for branch in found:
         aside += doubled(branch, reach, settings.longest_period, budget)
     return [*found, *aside]
 
 
-def _status(model: ResponseModel, traced: list[Traced], level: float | None) -> str:
+def _outcome(model: ResponseModel, traced: list[OrbitBranch], level: float | None) -> Outcome:
     """Complete, or what was not reached and why."""
     f = model.followed
     gaps = missing([t for t in traced if t.problem.multiple == 1], f.inward(f.first), f.inward(f.last))
     if not gaps:
-        return "complete"
-    texts = [f"{f.outward(a):.6g} to {f.outward(b):.6g} {f.unit}" for a, b in gaps]
-    why = next((t.status for t in reversed(traced) if not t.status.startswith("complete")), traced[0].status)
-    of = "" if level is None else f" at level {level:.4g}"
-    return f"not reached{of}: {', '.join(texts)}; {_told(why, f)}"
+        return COMPLETE
+    ranges = [(float(f.outward(a)), float(f.outward(b))) for a, b in gaps]
+    why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
+    of = {} if level is None else {"level": level}
+    return Outcome.of(OutcomeCode.NOT_COVERED, f.shown(why), ranges=ranges, unit=f.unit, **of)
 
 
-def _interrupted(status: str, left: list[str]) -> str:
-    """The status of what was ended early, with what was not begun."""
-    texts = [INTERRUPTED] if status == "complete" else [INTERRUPTED, status]
-    if left:
-        more = f" and {len(left) - NAMED} more" if len(left) > NAMED else ""
-        texts.append(f"not begun: {', '.join(left[:NAMED])}{more}")
-    return "; ".join(texts)
-
-
-def _told(status: str, f: Followed) -> str:
-    """A branch's status with its parameter in the user's unit."""
-    return _NUMBER.sub(lambda m: f"{m[1]} {float(f.outward(float(m[2]))):.6g} {f.unit}".rstrip(), status)
-
-
-def _trusted(status: str, branches: list[ResponseBranch], largest: float, f: Followed) -> str:
-    """The status, with a word on neglected harmonics where they are worth more than allowed."""
+def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: FollowedParameter) -> Outcome:
+    """The outcome, with a word on neglected harmonics where they are worth more than allowed."""
     worst = max(
         ((float(b.neglected_harmonics[k]), float(b.parameter[k])) for b in branches
          if b.neglected_harmonics is not None and b.neglected_harmonics.size
          for k in [int(np.argmax(b.neglected_harmonics))]), default=(0.0, 0.0),
     )  # fmt: skip
     if worst[0] <= largest:
-        return status
-    doubt = (
-        f"not to be trusted: at {worst[1]:.6g} {f.unit} the neglected harmonics are worth {100 * worst[0]:.3g} % of "
-        f"the motion (sweep.method.largest_error = {100 * largest:g} %); use more harmonics, or shooting"
+        return outcome
+    doubt = Outcome.of(
+        OutcomeCode.HARMONICS_NEGLECTED, parameter=worst[1], unit=f.unit, error=100 * worst[0], allowed=100 * largest
     )
-    return doubt if status == "complete" else f"{status}; {doubt}"
+    return doubt if outcome is COMPLETE else outcome.but(doubt)
 
 
-def _response(model: ResponseModel, traced: Traced, level: float, limited: Collection[str]) -> ResponseBranch:
+def _response(model: ResponseModel, traced: OrbitBranch, level: float, limited: Collection[str]) -> BranchResult:
     """Peaks, harmonics, forces and stability along a branch."""
     f, system, problem = model.followed, model.system, traced.problem
     by_balance = not hasattr(problem, "flow")
-    measured: list[Measured] = []
+    measured: list[MeasuredMotion] = []
     spectra = []
     for point in traced.points:
         if by_balance:
-            omega, own = problem.at(point.parameter)
-            motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, own)
+            omega, driven = problem.at(point.parameter)
+            motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, driven)
         else:
             motion = sampled_orbit(problem, point)
         measured.append(measure(system, model.loads, model.base, motion, limited))
@@ -233,10 +215,10 @@ def _response(model: ResponseModel, traced: Traced, level: float, limited: Colle
         from beamsim.analyses.response.balance import neglected
 
         from_balance = neglected(traced)
-    return ResponseBranch(
+    return BranchResult(
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
-        status=_told(traced.status, f),
+        outcome=f.shown(traced.outcome),
         frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
         peak_displacement=by_name(list(np.maximum(np.abs(high), np.abs(low))), probes),
         max_displacement=by_name(list(high), probes),
@@ -248,18 +230,21 @@ def _response(model: ResponseModel, traced: Traced, level: float, limited: Colle
         residual=np.array([p.residual for p in traced.points]),
         special=tuple(_event(model, s) for s in traced.special),
         parameter=parameter,
+        unit=f.unit,
+        parameter_meaning=f"what is followed: {f.label}",
         peak_acceleration=by_name([m.acceleration for m in measured], probes),
         contact_share=by_name([m.contact_share for m in measured], names),
-        limited={name: np.array([m.limited[name] for m in measured]) for name in measured[0].limited},
+        peak_gap={name: np.array([m.gap[name] for m in measured]) for name in measured[0].gap},
+        peak_bending_stress=None if measured[0].stress is None else np.array([m.stress for m in measured]),
         neglected_harmonics=from_balance,
     )
 
 
-def _event(model: ResponseModel, special: Any) -> OrbitEvent:
+def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
     f = model.followed
     value = float(f.outward(special.parameter))
     names = model.system.contact_names
-    return OrbitEvent(
+    return SpecialPointResult(
         special.kind, value, value if f.kind == "frequency" else model.frequency_hz,
         names[special.contact] if special.contact >= 0 else "", special.time,
     )  # fmt: skip
@@ -268,9 +253,9 @@ def _event(model: ResponseModel, special: Any) -> OrbitEvent:
 def _summary(
     model: ResponseModel,
     settings: Continuation,
-    status: str,
-    branches: list[ResponseBranch],
-    folds: list[FoldCurveResult],
+    outcome: Outcome,
+    branches: list[BranchResult],
+    folds: list[BranchResult],
     processor_time_s: float,
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
@@ -298,7 +283,7 @@ def _summary(
         ],
         "margins": _margins(model, branches),
         "processor_time_s": processor_time_s,
-        "status": status,
+        "status": outcome.text,
     }  # fmt: skip
     if model.second is not None:
         summary["second_parameter"] = model.second.kind
@@ -321,19 +306,19 @@ def _summary(
     return summary
 
 
-def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:
+def _highest(model: ResponseModel, branches: list[BranchResult]) -> list[tuple[BranchResult, str, Floats, int]]:
     """Of every level and probe the highest point of the motions of the excitation's own period."""
     found = []
     for level in dict.fromkeys(repr(b.level) for b in branches):
-        own = [b for b in branches if repr(b.level) == level and b.period_multiple == 1]
+        at_level = [b for b in branches if repr(b.level) == level and b.period_multiple == 1]
         for probe in model.system.probes:
-            best = max(own, key=lambda b: float(b.peak_displacement[probe.name].max()))
+            best = max(at_level, key=lambda b: float(b.peak_displacement[probe.name].max()))
             values = best.peak_displacement[probe.name]
             found.append((best, probe.name, values, int(np.argmax(values))))
     return found
 
 
-def _margins(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
+def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, Any]:
     """Margins against the allowables: the worst of all stable motions."""
     limits = model.scenario.limits
     if limits is None:

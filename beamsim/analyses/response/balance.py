@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.response.branches import Traced, first_orbit
+from beamsim.analyses.response.branches import first_orbit
 from beamsim.errors import locating
 from beamsim.orbits.balance_stability import BalancedOrbits
-from beamsim.orbits.continuation import Branch, BranchPoint, Settings
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import special_points
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.paths import ResponseModel
-    from beamsim.orbits.grazing import SpecialPoint
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def balance_tracer(model: ResponseModel, harmonics: int, level: float, reach: tu
     return BalanceTracer(problem, reach)
 
 
-def neglected(branch: Traced) -> Floats:
+def neglected(branch: OrbitBranch) -> Floats:
     """(np,) what the neglected harmonics are worth at each point, against the motion."""
     errors = np.empty(len(branch.points))
     for k, point in enumerate(branch.points):

@@ -10,15 +10,14 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
-from beamsim.orbits.continuation import INTERRUPTED, Branch, BranchPoint, Settings, solve_at
-from beamsim.orbits.grazing import SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import (
     ForcedOrbits,
     find_orbit,
@@ -26,9 +25,11 @@ from beamsim.orbits.shooting import (
     special_points,
     switch_at_period_doubling,
 )
+from beamsim.outcomes import Outcome, OutcomeCode, both_ways
 from beamsim.typing import Floats
 
 Report = Callable[[float], None]
+Half = tuple[list[BranchPoint], Outcome, list[SpecialPoint]]  # of a branch, followed one way
 
 MOST_BEGINNINGS = 12  # of branches of one level
 MOST_POINTS_ASIDE = 300  # of a branch of doubled period
@@ -46,37 +47,23 @@ class Budget:
     points: int
     seconds: float
     stop: Stop = never
+    used: int = 0  # points so far
     begun: float = field(default_factory=clock.monotonic)
 
-    def spent(self) -> str:
-        """Why no more work is allowed; empty while it is."""
+    def spent(self) -> Outcome | None:
+        """Why no more work is allowed; None while it is."""
         if self.stop():
             return INTERRUPTED
-        if self.points <= 0:
-            return "the most points allowed (sweep.most_points)"
+        if self.points <= self.used:
+            return Outcome.of(OutcomeCode.POINT_LIMIT, points=self.used, limit="sweep.most_points")
         if clock.monotonic() - self.begun > self.seconds:
-            return f"the longest time allowed (sweep.longest_time = {self.seconds:g} s)"
-        return ""
-
-
-@dataclass(frozen=True)
-class Traced:
-    """One branch as it was followed."""
-
-    problem: Any
-    points: tuple[BranchPoint, ...]
-    status: str
-    special: tuple[SpecialPoint, ...]
-
-    @cached_property
-    def values(self) -> Floats:
-        """(np,) the parameter."""
-        return np.array([p.parameter for p in self.points])
+            return Outcome.of(OutcomeCode.TIME_LIMIT, seconds=self.seconds, limit="sweep.longest_time")
+        return None
 
     @property
-    def span(self) -> tuple[float, float]:
-        """Lowest and highest value of the parameter."""
-        return float(self.values.min()), float(self.values.max())
+    def left(self) -> int:
+        """Points that a branch may still have: two at least."""
+        return max(self.points - self.used, 2)
 
 
 class Tracer(Protocol):
@@ -163,15 +150,15 @@ def covered(spans: Iterable[tuple[float, float]], low: float, high: float) -> li
     return gaps
 
 
-def missing(traced: Iterable[Traced], first: float, last: float) -> list[tuple[float, float]]:
+def missing(branches: Iterable[OrbitBranch], first: float, last: float) -> list[tuple[float, float]]:
     """The stretches between two values that no branch reached."""
     low, high = sorted((first, last))
-    return covered([t.span for t in traced], low, high)
+    return covered([t.span for t in branches], low, high)
 
 
 def trace_range(
     tracer: Tracer, first: float, last: float, budget: Budget, report: Report | None = None
-) -> list[Traced]:
+) -> list[OrbitBranch]:
     """Branches from the first value to the last, as many as it takes.
 
     Parameters
@@ -183,7 +170,7 @@ def trace_range(
     """
     low, high = sorted((first, last))
     grown = progress_that_grows(report)
-    found: list[Traced] = []
+    found: list[OrbitBranch] = []
     tried: list[float] = []
 
     def tell(parameter: float) -> None:
@@ -241,15 +228,15 @@ def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
 
 
 def _follow(
-    tracer: Tracer, start: BranchPoint, way: float, budget: Budget, known: list[Traced], tell: Report
-) -> tuple[list[BranchPoint], str, list[SpecialPoint]]:
-    """Points, status and special points one way from a start."""
+    tracer: Tracer, start: BranchPoint, way: float, budget: Budget, known: list[OrbitBranch], tell: Report
+) -> Half:
+    """Points, outcome and special points one way from a start."""
     if way < 0:
         start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
-    branch = tracer.branch(start, Settings(most_points=max(budget.points, 2)))
+    branch = tracer.branch(start, Settings(most_points=budget.left))
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
-    close, status = 0, ""
+    close, outcome = 0, None
     for point in branch:
         if points:
             found = along(points[-1], point, tracer.special(points[-1], point, branch.settings))
@@ -257,15 +244,15 @@ def _follow(
             points += [s.point for s in found]
         points.append(point)
         tell(point.parameter)
-        budget.points -= 1
+        budget.used += 1
         close = close + 1 if _coincides(point, known) else 0
         if close == 2:
-            status = f"complete: joined another branch at {point.parameter:.9g}"
+            outcome = Outcome.of(OutcomeCode.JOINED_BRANCH, parameter=point.parameter)
             break
         if spent := budget.spent():
-            status = f"stopped at {point.parameter:.9g}: {spent}"
+            outcome = spent.but(parameter=point.parameter)
             break
-    return points, status or branch.status, special
+    return points, outcome or branch.outcome, special
 
 
 def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
@@ -282,13 +269,13 @@ def _special(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Se
         return []
 
 
-def _coincides(point: BranchPoint, known: list[Traced]) -> bool:
+def _coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     """Whether a known branch passes through a point."""
     p = point.parameter
     for branch in known:
         off = branch.values - p
         for i in np.flatnonzero((off[:-1] * off[1:] <= 0) & (off[:-1] != off[1:])):
-            a, b = branch.points[i], branch.points[i + 1]
+            a, b = branch.points[int(i)], branch.points[int(i) + 1]
             between = a.u + off[i] / (off[i] - off[i + 1]) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
             apart = float(np.linalg.norm(((a.u - b.u) / point.scale)[:-1]))
@@ -297,55 +284,60 @@ def _coincides(point: BranchPoint, known: list[Traced]) -> bool:
     return False
 
 
-def _joined(problem: Any, halves: list[tuple[list[BranchPoint], str, list[SpecialPoint]]]) -> Traced:
+def _joined(problem: Any, halves: list[Half]) -> OrbitBranch:
     """One branch of what was followed one way or both."""
-    points, status, special = halves[0]
+    points, outcome, special = halves[0]
     if len(halves) == 2:
         back = halves[1]
         points = [*back[0][::-1][:-1], *points]
         special = [*back[2][::-1], *special]
-        if back[1] != status:
-            status = f"{back[1]}; the other way: {status}"
-    return Traced(problem, tuple(points), status, tuple(special))
+        outcome = both_ways(back[1], outcome)
+    return OrbitBranch(problem, tuple(points), outcome, tuple(special))
 
 
 def doubled(
-    branch: Traced, reach: tuple[float, float], longest: int, budget: Budget, known: list[Traced] | None = None
-) -> list[Traced]:
+    branch: OrbitBranch,
+    reach: tuple[float, float],
+    longest: int,
+    budget: Budget,
+    known: list[OrbitBranch] | None = None,
+) -> list[OrbitBranch]:
     """The branches of doubled period that leave a branch, each once, and those that leave them."""
     known = [] if known is None else known
     if 2 * branch.problem.multiple > longest:
         return known
-    own: list[Traced] = []
+    leaving: list[OrbitBranch] = []
     for event in (s for s in branch.special if s.kind == "period_doubling"):
-        if budget.spent() or any(_passes(b, event.parameter) for b in own):
+        if budget.spent() or any(_passes(b, event.parameter) for b in leaving):
             continue
         switched = switch_at_period_doubling(branch.problem, event)
         if switched is None:
             continue
-        own.append(_doubled_branch(*switched, reach, budget))
-    for branch_ in own:
+        leaving.append(_doubled_branch(*switched, reach, budget))
+    for branch_ in leaving:
         known.append(branch_)
         doubled(branch_, reach, longest, budget, known)
     return known
 
 
-def _passes(branch: Traced, value: float) -> bool:
+def _passes(branch: OrbitBranch, value: float) -> bool:
     return any(abs(p.parameter - value) < SAME_FREQUENCY * abs(value) for p in (branch.points[0], branch.points[-1]))
 
 
-def _doubled_branch(problem: ForcedOrbits, start: BranchPoint, reach: tuple[float, float], budget: Budget) -> Traced:
+def _doubled_branch(
+    problem: ForcedOrbits, start: BranchPoint, reach: tuple[float, float], budget: Budget
+) -> OrbitBranch:
     """Follow it until its two halves are alike again: there it is back on the branch it left."""
-    branch = follow_orbits(problem, start, *reach, Settings(most_points=min(MOST_POINTS_ASIDE, max(budget.points, 2))))
+    branch = follow_orbits(problem, start, *reach, Settings(most_points=min(MOST_POINTS_ASIDE, budget.left)))
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
     last: Floats | None = None
-    status = ""
+    outcome = None
     for point in branch:
         unlike = _unlike(problem, point)
         if last is not None and float(last @ unlike) < 0:
             # beyond it every motion comes again, half its period later
-            status = f"complete: back to period {problem.multiple // 2}"
+            outcome = Outcome.of(OutcomeCode.BACK_TO_PERIOD, multiple=problem.multiple // 2)
             break
         last = unlike
         if points:
@@ -353,11 +345,11 @@ def _doubled_branch(problem: ForcedOrbits, start: BranchPoint, reach: tuple[floa
             special += found
             points += [s.point for s in found]
         points.append(point)
-        budget.points -= 1
+        budget.used += 1
         if spent := budget.spent():
-            status = f"stopped at {point.parameter:.9g}: {spent}"
+            outcome = spent.but(parameter=point.parameter)
             break
-    return Traced(problem, tuple(points), status or branch.status, tuple(special))
+    return OrbitBranch(problem, tuple(points), outcome or branch.outcome, tuple(special))
 
 
 def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:

@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.motion import measure, sampled_orbit
-from beamsim.analyses.response.result import FoldCurveResult
-from beamsim.orbits.continuation import Branch, BranchPoint, Settings
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.outcomes import Outcome, OutcomeCode, both_ways
 from beamsim.structures.assembly import snubber_site
 
 if TYPE_CHECKING:
-    from beamsim.analyses.response.branches import Budget, Traced
-    from beamsim.analyses.response.paths import ResponseModel
-    from beamsim.orbits.grazing import SpecialPoint
+    from beamsim.analyses.response.branches import Budget
+    from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
 
 SETTINGS = Settings(tolerance=1e-9)
 MOST_POINTS = 600  # of one curve, each way
@@ -25,21 +26,21 @@ SAME = 1e-6  # relative distance within which a fold lies on a curve that is kno
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
 
 
-def follow_folds(model: ResponseModel, traced: list[Traced], level: float, budget: Budget) -> list[FoldCurveResult]:
+def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[BranchResult]:
     """One curve for every fold of the branches of the excitation's own period, each fold on one curve only."""
-    found: list[FoldCurveResult] = []
+    found: list[BranchResult] = []
     for index, branch in enumerate(traced):
         if branch.problem.multiple != 1:
             continue
         for fold in (s for s in branch.special if s.kind == "fold"):
-            if budget.spent() or any(_holds(curve, fold.parameter, _own(model, level)) for curve in found):
+            if budget.spent() or any(_holds(curve, fold.parameter, _present(model, level)) for curve in found):
                 continue
             touching = _grazing_at(branch, fold)
             found.append(_curve(model, branch.problem, fold, touching, level, index, budget))
     return found
 
 
-def _grazing_at(branch: Traced, fold: SpecialPoint) -> SpecialPoint | None:
+def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
     """The grazing on which a fold lies: a stiff stop turns the curve back where it is first touched."""
     for other in branch.special:
         if other.kind == "grazing" and abs(other.parameter - fold.parameter) <= CORNER * fold.parameter:
@@ -49,7 +50,7 @@ def _grazing_at(branch: Traced, fold: SpecialPoint) -> SpecialPoint | None:
     return None
 
 
-def _own(model: ResponseModel, level: float) -> float:
+def _present(model: ResponseModel, level: float) -> float:
     """The scenario's own value of the second parameter."""
     second = model.second
     assert second is not None
@@ -63,9 +64,9 @@ def _own(model: ResponseModel, level: float) -> float:
     return float((contacts.gap if second.kind == "gap" else contacts.stiffness)[second.moved.index])
 
 
-def _holds(curve: FoldCurveResult, omega: float, own: float) -> bool:
+def _holds(curve: BranchResult, omega: float, present: float) -> bool:
     """Whether a curve passes a frequency at the scenario's own value of the second parameter."""
-    p, f = curve.parameter - own, curve.frequency_hz
+    p, f = curve.parameter - present, curve.frequency_hz
     crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
     for i in crossing:
         share = 0.0 if p[i] == p[i + 1] else p[i] / (p[i] - p[i + 1])
@@ -84,35 +85,35 @@ def _curve(
     level: float,
     branch: int,
     budget: Budget,
-) -> FoldCurveResult:
+) -> BranchResult:
     second = model.second
     assert second is not None
-    own = _own(model, level)
+    present = _present(model, level)
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
     ways: list[list[BranchPoint]] = []
-    statuses: list[str] = []
+    outcomes: list[Outcome] = []
     for way in (1.0, -1.0):
         edge = high if way > 0 else low
-        if abs(second.inward(own) - edge) < 1e-9 * max(abs(edge), 1.0):
+        if abs(second.inward(present) - edge) < 1e-9 * max(abs(edge), 1.0):
             continue
         begun: tuple[TwoParameterCurve, BranchPoint] | None
         try:
             if touching is None:
-                begun = start_of_fold_curve(orbits, fold, path, second.inward(own), way)
+                begun = start_of_fold_curve(orbits, fold, path, second.inward(present), way)
             else:
-                begun = start_of_grazing_curve(orbits, touching, path, second.inward(own), way)
+                begun = start_of_grazing_curve(orbits, touching, path, second.inward(present), way)
         except (ArithmeticError, np.linalg.LinAlgError):
             begun = None
         if begun is None:
-            statuses.append("does not begin: the fold lies too close to a corner of the curve")
+            outcomes.append(Outcome.of(OutcomeCode.CORNER_TOO_CLOSE))
             continue
         curve, start = begun
-        points, status = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
+        points, outcome = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
         ways.append(points)
-        statuses.append(status)
+        outcomes.append(outcome)
     points = [*ways[1][::-1][:-1], *ways[0]] if len(ways) == 2 else ways[0] if ways else []
-    status = "; the other way: ".join(dict.fromkeys(reversed(statuses)))
+    outcome = both_ways(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
     peak = np.empty((len(points), len(names)))
     parameter = np.array([second.outward(p.parameter) for p in points])
@@ -123,14 +124,17 @@ def _curve(
         found = measure(model.system, model.loads, model.base, motion)
         peak[k] = np.maximum(np.abs(found.high), np.abs(found.low))
     orbits.flow.set(level=level)
-    return FoldCurveResult(
+    return BranchResult(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,
         branch=branch,
         start_hz=fold.parameter / (2 * np.pi),
-        status=status,
+        outcome=outcome,
+        kind="fold",
         frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
         parameter=parameter,
+        unit=second.unit,
+        parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
         peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
         residual=np.array([p.residual for p in points]),
     )
@@ -146,16 +150,19 @@ def _at(model: ResponseModel, orbits: ForcedOrbits, path: Any, point: BranchPoin
     return ForcedOrbits(flow)
 
 
-def _follow(branch: Branch, omega: float, budget: Budget, second: Any) -> tuple[list[BranchPoint], str]:
+def _follow(
+    branch: Branch, omega: float, budget: Budget, second: FollowedParameter
+) -> tuple[list[BranchPoint], Outcome]:
     points: list[BranchPoint] = []
     for point in branch:
         points.append(point)
-        budget.points -= 1
+        budget.used += 1
         at = float(point.u[-2])
         if not omega / BEYOND < at < omega * BEYOND:
-            return points, f"left at {at / (2 * np.pi):.6g} Hz, {BEYOND:g} times away from where it began"
+            return points, Outcome.of(OutcomeCode.LEFT_RANGE, parameter=at / (2 * np.pi), unit="Hz", ratio=BEYOND)
         spent = budget.spent()
-        if spent or len(points) >= MOST_POINTS:
-            why = spent or f"{MOST_POINTS} points, the most of one curve"
-            return points, f"stopped at {second.outward(point.parameter):.6g} {second.unit}: {why}"
-    return points, branch.status
+        if spent is None and len(points) >= MOST_POINTS:
+            spent = Outcome.of(OutcomeCode.POINT_LIMIT, points=MOST_POINTS)
+        if spent is not None:
+            return points, second.shown(spent.but(parameter=point.parameter))
+    return points, second.shown(branch.outcome)

@@ -17,7 +17,7 @@ from beamsim.typing import Bools, Complexes, Floats
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
     from beamsim.flow.variational import PeriodicForcing
-    from beamsim.orbits.continuation import BranchPoint
+    from beamsim.orbits.branch import BranchPoint
     from beamsim.orbits.harmonic_balance import HarmonicMotion
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.structural import StructuralSystem
@@ -59,7 +59,7 @@ class SampledMotion:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMotion:
     """What is kept of one motion."""
 
     high: Floats  # (probes,) m
@@ -68,7 +68,8 @@ class Measured:
     acceleration: Floats  # (probes,) m/s^2, largest absolute
     force: Floats  # (m,) N, largest
     contact_share: Floats  # (m,)
-    limited: dict[str, float]  # "bending_stress" Pa, "gap <snubber>" m
+    gap: dict[str, float]  # m, largest opening of each snubber, where limits ask for it
+    stress: float | None  # Pa, largest bending stress, likewise
 
 
 def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
@@ -136,25 +137,26 @@ def measure(
     base: BaseAcceleration | None,
     motion: SampledMotion,
     limited: Collection[str] = (),
-) -> Measured:
+) -> MeasuredMotion:
     """Extremes, harmonics and forces of a motion."""
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     c, x = motion.contacts, motion.q(shapes)
     push = np.where(motion.closed, c.stiffness * motion.penetration + c.dashpot * motion.rate, 0.0)
-    own = np.zeros(motion.times.size) if base is None else base.at(motion.omega, motion.level, motion.times)
-    acceleration = _accelerations(system, loads, motion, push, shapes) + own[:, None]
-    extra: dict[str, float] = {}
+    carried = np.zeros(motion.times.size) if base is None else base.at(motion.omega, motion.level, motion.times)
+    acceleration = _accelerations(system, loads, motion, push, shapes) + carried[:, None]
+    gap: dict[str, float] = {}
+    stress = None
     if "gap" in limited:
         for j, snubber in enumerate(system.snubbers):
-            extra[f"gap {snubber.name}"] = float(_top(-motion.penetration[:, j : j + 1])[0])
+            gap[snubber.name] = float(_top(-motion.penetration[:, j : j + 1])[0])
     if "bending_stress" in limited and system.stress is not None:
-        stress = motion.q(system.stress.row) + np.multiply.outer(own, system.stress.base)
-        extra["bending_stress"] = float(max(_top(stress).max(), _top(-stress).max()))
+        bending = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
+        stress = float(max(_top(bending).max(), _top(-bending).max()))
     spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[:ORDERS] / SAMPLES
     spectrum[0] *= 0.5
-    return Measured(
+    return MeasuredMotion(
         _top(x), -_top(-x), spectrum.T, np.maximum(_top(acceleration), _top(-acceleration)),
-        np.maximum(_top(push), 0.0), motion.contact_share, extra,
+        np.maximum(_top(push), 0.0), motion.contact_share, gap, stress,
     )  # fmt: skip
 
 

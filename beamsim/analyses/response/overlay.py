@@ -1,9 +1,9 @@
-"""Swept and stepped sines laid over a response curve: computed with it, or taken from stored sweeps."""
+"""Swept and stepped sines overlaid on a response curve: computed with it, or taken from stored sweeps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
@@ -36,11 +36,11 @@ def swept_overlay(scenario: Scenario, progress: Callable[[float], None] | None =
     result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress)
     if not result.complete:
         raise ScenarioError(Problem("sweep.overlay", f"was not computed: {result.status}", "leave it out"))
-    return {name: OverlayCurve("", result.title, curve) for name, curve in result.curves.items()}
+    return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}
 
 
 def with_overlay(result: FrequencyResponse, stored: SweepResult, source: str) -> FrequencyResponse:
-    """The response with the curves of a stored sweep laid over it.
+    """The response with the curves of a stored sweep overlaid.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def with_overlay(result: FrequencyResponse, stored: SweepResult, source: str) ->
     """
     if result.parameter != "frequency":
         raise ScenarioError(
-            Problem("--overlay", f"lays a sweep over a curve in frequency, and this one is in {result.parameter}",
+            Problem("--overlay", f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
                     "leave it out, or follow the frequency")
         )  # fmt: skip
     probes = {name for branch in result.branches for name in branch.peak_displacement}
@@ -63,8 +63,13 @@ def with_overlay(result: FrequencyResponse, stored: SweepResult, source: str) ->
                 )
             )  # fmt: skip
         name = _free_name(curve, overlay)
-        overlay[name] = OverlayCurve(source, stored.title, replace(curve, name=name))
+        overlay[name] = replace(_overlaid(curve, stored.title, source), name=name)
     return replace(result, overlay=overlay)
+
+
+def _overlaid(curve: SweepCurve, title: str, source: str) -> OverlayCurve:
+    values = {field.name: getattr(curve, field.name) for field in fields(curve)}
+    return OverlayCurve(**values, source=source, title=title)
 
 
 def _free_name(curve: SweepCurve, taken: dict[str, OverlayCurve]) -> str:

@@ -14,6 +14,7 @@ from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.outcomes import Outcome
 from beamsim.scenario.continuation import PositionPath, SnubberPath, snubber_index
 from beamsim.scenario.excitation import Harmonic
 from beamsim.structures.assembly import snubber_site
@@ -30,7 +31,7 @@ HELD = {"acceleration": 0.0, "velocity": 1.0, "displacement": 2.0}
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedParameter:
     """A parameter, from where to where, and how the continuation counts it.
 
     The continuation's unknown is the angular frequency, the level, or for a snubber's number a coordinate that runs
@@ -56,6 +57,16 @@ class Followed:
             return unknown / (2 * np.pi)
         return unknown if self.kind == "level" else self.first + (unknown - 1.0) * (self.last - self.first)
 
+    def shown(self, outcome: Outcome) -> Outcome:
+        """An outcome with its parameter in the user's unit."""
+        return outcome.shown(self.outward, self.unit)
+
+    @property
+    def label(self) -> str:
+        """What is followed, of which snubber."""
+        what = "excitation frequency" if self.kind == "frequency" else self.kind
+        return f"{what} {self.snubber}".strip()
+
     def contacts_at(self, unknown: float) -> tuple[Contacts, ContactDirection]:
         """The contacts, and their derivatives by the unknown."""
         assert self.moved is not None
@@ -76,8 +87,8 @@ class ResponseModel:
     system: StructuralSystem
     loads: PeriodicForcing
     base: BaseAcceleration | None
-    followed: Followed
-    second: Followed | None  # what folds are followed in
+    followed: FollowedParameter
+    second: FollowedParameter | None  # what folds are followed in
     frequency_hz: float  # of the excitation, where it is held
     levels: tuple[float, ...]
 
@@ -191,11 +202,11 @@ def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Pla
     return replace(site, point=scenario.all_bodies[site.body].on_the_body(position))
 
 
-def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at: Any) -> Followed:
+def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at: Any) -> FollowedParameter:
     first, last = float(path.from_), float(path.to)
     if not isinstance(path, SnubberPath):
         unit = "Hz" if path.kind == "frequency" else level_unit(scenario)
-        return Followed(path.kind, first, last, unit)
+        return FollowedParameter(path.kind, first, last, unit)
     index = snubber_index(scenario, path)
     assert index is not None
     snubber: Any = scenario.all_snubbers[index]
@@ -215,7 +226,7 @@ def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at:
         )  # fmt: skip
     rigid = int(np.sum(system.dynamics.stiffness == 0))
     moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, index, kind, ratio, rigid, shape_at)
-    return Followed(kind, first, last, "N/m" if kind == "stiffness" else "m", snubber.name, moved)
+    return FollowedParameter(kind, first, last, "N/m" if kind == "stiffness" else "m", snubber.name, moved)
 
 
 def _phasor(signal: Signal) -> complex:

@@ -1,0 +1,193 @@
+"""A branch of periodic motions in SI numbers, with what probes and snubbers show: one class for every kind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamsim.fields import (
+    Counter,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    ending,
+    group,
+    per_probe,
+    per_snubber,
+    stored,
+    table,
+)
+from beamsim.outcomes import Outcome
+from beamsim.typing import Bools, Complexes, Floats
+
+_POINT = (Counter("point", "number of the point along the branch"),)
+_COORDINATES = (*_POINT, "coordinate")
+
+
+@declared
+class SpecialPointResult:
+    """A special point of a branch."""
+
+    kind: str = dataset("1", "kind of special point")  # fold, period_doubling, neimark_sacker, branch_point, grazing, …
+    parameter: float = dataset("{unit}", "parameter of the branch")
+    frequency_hz: float = dataset("Hz", "frequency")
+    snubber: str = dataset("1", "snubber that grazes", default="")
+    time_s: float = dataset("s", "time in the period of a grazing", default=np.nan)
+
+
+@declared
+class OrbitMotion:
+    """One period of one motion, from its slowest instant, and its spectrum."""
+
+    time: Floats = axis("s", "time")  # (nt,) both ends included
+    displacement: dict[str, Floats] = per_probe("m", "displacement", along=("time",))
+    velocity: dict[str, Floats] = per_probe("m/s", "velocity", along=("time",))
+    force: dict[str, Floats] = per_snubber("N", "contact force, positive when it pushes", along=("time",))
+    stations: Floats = dataset("m", "deflection at the stations", along=("time", "position"), name="displacement")
+    harmonics: dict[str, Complexes] = per_probe(  # (21,) amplitude of e^{i k omega t}, zero to peak
+        "m", "amplitude of cos(order x phase)", along=(Counter("order", "order of the harmonic", 0),), name="harmonic",
+        imaginary="minus the amplitude of sin(order x phase)",
+    )  # fmt: skip
+    periods: int = attribute("1", "periods that the flow was carried on for the spectrum")
+    spectrum_frequency_hz: Floats = axis("Hz", "frequency")  # (nf,) a step of 1 / (periods x period)
+    spectrum: dict[str, Floats] = per_probe(
+        "m", "single-sided amplitude, zero to peak", along=("spectrum_frequency_hz",)
+    )
+    drift: float = attribute("1", "relative distance of the state from the first one after these periods")
+
+    @property
+    @stored(
+        dataset(
+            "m", "deflection at the slowest instant and half a period later", along=("instant", "position"),
+            name="extreme_shapes",
+        )
+    )  # fmt: skip
+    def at_rest(self) -> Floats:
+        """(2, nx) m, deflection at the slowest instant and half a period later: the extremes of a brake orbit."""
+        return self.stations[[0, (self.time.size - 1) // 2]]
+
+    @property
+    @stored(axis("1", "share of the period"))
+    def instant(self) -> Floats:
+        """(2,) when `at_rest` is."""
+        return np.array([0.0, 0.5])
+
+    @property
+    def underway(self) -> Floats:
+        """(2, nx) m, deflection an eighth and three eighths of a period later."""
+        return self.stations[[(self.time.size - 1) // 8, 3 * (self.time.size - 1) // 8]]
+
+
+@declared
+class BranchResult:
+    """A branch of periodic motions: what is known of every kind first, then what only some kinds have.
+
+    Kinds are ``response`` (forced, at one level), ``fold`` (or grazing, of a response, in frequency and a second
+    parameter), ``backbone``, ``tongue`` and ``non_brake`` (free). A free motion is given at its slowest instant, which
+    for a brake orbit is an instant of rest. What a kind does not have is None, or empty.
+    """
+
+    outcome: Outcome = ending("how the branch ended")
+    frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion", along=_POINT)
+    parameter: Floats = dataset("{unit}", "{parameter_meaning}", along=_POINT, default=None)
+    residual: Floats = dataset(
+        "1", "largest miss of periodicity, against the motion's size", along=_POINT, default=None
+    )
+    stable: Bools = dataset(
+        "1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"), default=None
+    )
+    floquet_multipliers: Complexes = dataset(
+        "1", "Floquet multipliers", along=(*_POINT, Counter("multiplier", "number of the Floquet multiplier")),
+        default=None,
+    )  # fmt: skip
+    special: tuple[SpecialPointResult, ...] = table(
+        "special_points", Counter("event", "number of the special point"), default=None
+    )
+    kind: str = attribute("", "response, fold, backbone, tongue or non_brake", default="response")
+    unit: str = attribute("", "unit of the parameter", name="units", at="parameter", default=None)
+    parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter", default=None)
+
+    # forced motions
+    level: float = attribute("{level_unit}", "level of the excitation; NaN where it is followed", default=None)
+    period_multiple: int = attribute("1", "periods of the excitation in one of the motion", default=None)
+    peak_displacement: dict[str, Floats] = per_probe(
+        "m", "largest absolute displacement of a period", along=_POINT, default_factory=dict
+    )
+    max_displacement: dict[str, Floats] = per_probe(
+        "m", "largest displacement of a period", along=_POINT, default_factory=dict
+    )
+    min_displacement: dict[str, Floats] = per_probe(
+        "m", "smallest displacement of a period", along=_POINT, default_factory=dict
+    )
+    harmonics: dict[str, Complexes] = per_probe(  # (np, 6)
+        "m", "amplitude of cos(order x phase)", along=(*_POINT, "order"), name="harmonic_displacement",
+        imaginary="minus that of sin(order x phase)", default_factory=dict,
+    )  # fmt: skip
+    peak_acceleration: dict[str, Floats] = per_probe(
+        "m/s^2", "largest absolute acceleration of a period", along=_POINT, default_factory=dict
+    )
+    peak_force: dict[str, Floats] = per_snubber(
+        "N", "largest contact force of a period", along=_POINT, default_factory=dict
+    )
+    contact_share: dict[str, Floats] = per_snubber(
+        "1", "share of the time in contact", along=_POINT, default_factory=dict
+    )
+    peak_gap: dict[str, Floats] = per_snubber(  # where limits ask for it, as the stress
+        "m", "largest opening of the contact in a period", along=_POINT, default_factory=dict
+    )
+    peak_bending_stress: Floats | None = dataset(
+        "Pa", "largest bending stress along the beam in a period", along=_POINT, default=None
+    )
+    neglected_harmonics: Floats | None = dataset(
+        "1", "what the harmonics left out are worth, against the motion", along=_POINT, default=None
+    )
+
+    # folds in two parameters
+    branch: int = attribute("1", "the branch whose fold it is", default=None)
+    start_hz: float = attribute("Hz", "where that fold is", default=None)
+    touching: str = attribute("", "contact that is just touched all along; empty for a fold", default=None)
+
+    # free motions
+    mode: int = attribute("1", "the other mode of a tongue or a non-brake branch, from 1; else 0", default=None)
+    ratio: int = attribute("1", "n of n:1, likewise", default=None)
+    energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT, default=None)
+    share: Floats = dataset(
+        "1", "share of the energy in the mode asked for, at the slowest instant", along=_POINT, default=None
+    )
+    coordinates: Floats = dataset("kg^0.5 m", "coordinates at the slowest instant", along=_COORDINATES, default=None)
+    coordinate_velocities: Floats = dataset(
+        "kg^0.5 m/s", "their velocities then; zero at rest", along=_COORDINATES, default=None
+    )
+    least_kinetic: Floats = dataset(
+        "1", "kinetic energy at the slowest instant, share of the energy; zero at rest", along=_POINT, default=None
+    )
+    initial_displacement: Floats = dataset(
+        "m", "deflection at the slowest instant", along=(*_POINT, "position"), default=None
+    )
+    half_period_difference: Floats = dataset(
+        "1", "from half-period shooting: largest of period and state, relative", along=_POINT, default=None
+    )
+    motion: OrbitMotion | None = group("motion", default=None)  # of the point that is drawn
+
+    def __post_init__(self) -> None:
+        if self.kind == "never_at_rest":  # as files called it once
+            object.__setattr__(self, "kind", "non_brake")
+
+    @property
+    def status(self) -> str:
+        """How the branch ended, as text."""
+        return self.outcome.text
+
+    @property
+    @stored(axis("1", "frequency over excitation frequency"))
+    def order(self) -> Floats | None:
+        """Of `harmonics`."""
+        if not self.harmonics:
+            return None
+        return np.arange(next(iter(self.harmonics.values())).shape[1]) / (self.period_multiple or 1)
+
+    @property
+    def limited(self) -> dict[str, Floats]:
+        """What limits ask for beyond the rest: ``bending_stress`` Pa, ``gap <snubber>`` m."""
+        found = {f"gap {name}": values for name, values in self.peak_gap.items()}
+        return found if self.peak_bending_stress is None else {**found, "bending_stress": self.peak_bending_stress}

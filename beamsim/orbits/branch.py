@@ -1,0 +1,106 @@
+"""A branch of periodic orbits, whoever found it: its points, what they mean, where it changes, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.typing import Complexes, Floats
+
+SpecialKind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "grazing", "symmetry_breaking"]
+BranchKind = Literal["response", "backbone", "tongue", "non_brake"]
+
+NOT_BEGUN = Outcome.of(OutcomeCode.NOT_BEGUN)
+INTERRUPTED = Outcome.of(OutcomeCode.INTERRUPTED)
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """A converged point of a branch."""
+
+    u: Floats
+    tangent: Floats  # unit vector in scaled unknowns
+    scale: Floats  # of the unknowns, to which the tangent refers
+    residual: float  # largest, against its scale
+    orientation: float  # sign of det [J; tangent]
+    iterations: int
+    data: Any  # what the problem computed there
+
+    @property
+    def parameter(self) -> float:
+        """The last unknown."""
+        return float(self.u[-1])
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """The periodic motion that a point of a branch stands for."""
+
+    parameter: float
+    state: Floats  # (2n + faces,) at t = 0
+    period: float  # s
+    multipliers: Complexes  # Floquet, largest first where the motion is forced
+    stable: bool
+    residual: float  # of the periodicity, against the motion's size
+    energy: float = np.nan  # J, of a free motion
+
+    @property
+    def frequency_hz(self) -> float:
+        """Oscillations per second."""
+        return 1.0 / self.period
+
+
+class OrbitProblem(Protocol):
+    """A continuation problem whose points are periodic motions."""
+
+    def orbit(self, point: BranchPoint) -> Orbit:
+        """The motion of a point."""
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether two motions have the same order of contacts."""
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """Where a branch changes."""
+
+    kind: SpecialKind
+    parameter: float
+    point: BranchPoint
+    contact: int = -1  # for a grazing: which contact
+    time: float = np.nan  # s, for a grazing: when in the period
+    closing: bool = True  # a closed phase appears or vanishes (else an open one)
+
+
+@dataclass(frozen=True)
+class OrbitBranch:
+    """A branch as it was followed."""
+
+    problem: Any  # an `OrbitProblem`
+    points: Sequence[BranchPoint]
+    outcome: Outcome
+    special: tuple[SpecialPoint, ...] = ()
+    kind: BranchKind = "response"
+    mode: int = -1  # of a tongue and of a non-brake branch: the other mode, from 0
+    ratio: int = 0  # of the same, n of n:1: the other mode makes n oscillations in a period
+    origin: float = np.nan  # of the same: the parameter where it leaves the backbone
+
+    @cached_property
+    def values(self) -> Floats:
+        """(np,) the parameter."""
+        return np.array([p.parameter for p in self.points])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest value of the parameter."""
+        return float(self.values.min()), float(self.values.max())
+
+    @cached_property
+    def orbits(self) -> list[Orbit]:
+        """(np,) the motions."""
+        return [self.problem.orbit(p) for p in self.points]
