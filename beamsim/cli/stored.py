@@ -42,7 +42,9 @@ TABLE = {
         "beamsim.store.results:write_identification", "beamsim.cli.identification_report:identification_rows",
         "beamsim.plots.identification:save_identification_plots",
     ),
-    "nnm": Stored("beamsim.store.results:write_nnm", "beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"),
+    "nnm": Stored(
+        "beamsim.store.results:write_nnm", "beamsim.cli.nnm_report:nnm_rows", "beamsim.plots.nnm:save_nnm_plots"
+    ),
     "compare": Stored(
         "beamsim.store.results:write_comparison", "beamsim.cli.identification_report:comparison_rows",
         "beamsim.plots.comparison:save_comparison_plots",
