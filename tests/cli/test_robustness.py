@@ -27,7 +27,9 @@ def here(tmp_path):
 
 
 def run(here, *arguments, **how):
-    how = {"stdout": subprocess.PIPE, **how}
+    # without the measurement of coverage, which writes a file of its own and complains where it cannot
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}
+    how = {"stdout": subprocess.PIPE, "env": environment, **how}
     return subprocess.run(
         [*PROGRAM, *arguments], cwd=here, stderr=subprocess.PIPE, text=True, timeout=120, check=False, **how
     )

@@ -108,6 +108,7 @@ def test_known_cases_are_not_computed_again(grid):
     assert nothing == []
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_makes_no_difference(grid, tmp_path):
     distributed = pytest.importorskip("distributed")
