@@ -20,6 +20,8 @@ from hypothesis import settings
 import beamsim
 from beamsim.analyses.run.result import RunResult
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.laws import no_tension as relaxing
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
@@ -69,14 +71,10 @@ def make_contacts() -> Callable[..., Contacts]:
         def spread(value, kind=float):
             return np.array(np.broadcast_to(np.asarray(value, dtype=kind), shape.shape[0]))
 
+        laws = [relaxing if one else kelvin_voigt for one in spread(no_tension, bool)]
+        numbers = zip(laws, spread(stiffness).tolist(), spread(dashpot).tolist(), strict=True)
         return Contacts(
-            shape,
-            spread(sign),
-            spread(stiffness),
-            spread(dashpot),
-            spread(gap),
-            spread(on_ground, bool),
-            spread(no_tension, bool),
+            shape, spread(sign), spread(gap), spread(on_ground, bool), tuple(law(k, c) for law, k, c in numbers)
         )
 
     return make

@@ -58,25 +58,26 @@ class MovedContact:
         ArithmeticError : at a stiffness that is not positive.
         """
         c, i = self.contacts, self.index
-        shape, stiffness, dashpot, gap = (a.copy() for a in (c.shape, c.stiffness, c.dashpot, c.gap))
-        rates = ContactRates(*(np.zeros_like(a) for a in (stiffness, dashpot, gap, shape)))
+        shape, gap = c.shape.copy(), c.gap.copy()
+        stiffness, dashpot = c.laws[i].stiffness, c.laws[i].dashpot
+        rates = ContactRates(*(np.zeros_like(a) for a in (gap, gap, gap, shape)))
         if self.quantity == "gap":
             gap[i], rates.gap[i] = value, 1.0
         elif self.quantity == "stiffness":
             if value <= 0:
                 raise ArithmeticError("the stiffness became negative")
-            stiffness[i], rates.stiffness[i] = value, 1.0
+            stiffness, rates.stiffness[i] = value, 1.0
         else:
             assert self.shape_at is not None
             shape[i], rates.shape[i] = self.shape_at(value)
         if self.damping_ratio is not None and self.quantity != "gap":
-            omega, k, phi = np.sqrt(self.omega_squared), float(stiffness[i]), shape[i]
+            omega, k, phi = np.sqrt(self.omega_squared), stiffness, shape[i]
             c_i = dashpot_from_ratio(self.damping_ratio, k, omega, phi, self.rigid)
             square = (2 * self.damping_ratio * k / c_i) ** 2 if c_i else 1.0
             values, vectors = np.linalg.eigh(np.diag(self.omega_squared) + k * np.outer(phi, phi))
             v = vectors[:, int(np.argmin(np.abs(values - square)))]
             moved = float(phi @ v)
             slope = moved**2 * rates.stiffness[i] + 2 * k * moved * float(rates.shape[i] @ v)
-            dashpot[i] = c_i
+            dashpot = c_i
             rates.dashpot[i] = c_i * (rates.stiffness[i] / k - 0.5 * slope / square)
-        return replace(c, shape=shape, stiffness=stiffness, dashpot=dashpot, gap=gap), rates
+        return replace(c.with_numbers(i, stiffness, dashpot), shape=shape, gap=gap), rates

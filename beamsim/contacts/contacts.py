@@ -1,39 +1,312 @@
-"""The contacts of a system as arrays: where they act, and their laws."""
+"""The contacts of a system: where they act, and their laws."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.typing import Bools, Floats
+from beamsim.contacts.laws import ContactLaw, kelvin_voigt
+from beamsim.typing import Bools, Floats, Ints
+
+
+class PhaseArrays(NamedTuple):
+    """The contacts and their laws as padded arrays, for compiled code: m contacts, P phases, G guards, R states.
+
+    A row of 3 + R factors multiplies the penetration, its rate, 1, and the contact's own internal states.
+    """
+
+    shape: Any  # (m, n)
+    sign: Any  # (m,)
+    gap: Any  # (m,)
+    on_ground: Any  # (m,) bool
+    start: Any  # (m,) phase from which the right one is looked for
+    first: Any  # (m,) of the contact's internal states among all of them
+    states: Any  # (m,) number of its internal states
+    touching: Any  # (m, P) bool
+    force: Any  # (m, P, 3 + R) the force's row
+    dynamics: Any  # (m, P, R, 3 + R) rows of the internal states' rates
+    stored: Any  # (m, P, 1 + R) energy at zero penetration, J, and what internal states store, N/m
+    losses: Any  # (m, P, R) power lost with the square of the internal states' rates, N s/m
+    guards: Any  # (m, P) number of guards
+    guard: Any  # (m, P, G, 3 + R) their rows
+    next: Any  # (m, P, G) phase that follows
+    resets: Any  # (m, P, G) bool
+    reset: Any  # (m, P, G, R, 3 + R) rows of the internal states after the event
+    jumps: Any  # (m, P, G) bool, whether the force jumps
+    jump: Any  # (m, P, G, 3 + R) row of the jump, see `ContactLaw.jump`
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Functions looked at in one contact state: g guards, then the internal states after events that reset them."""
+
+    contact: Ints  # (w,) whose function it is
+    row: Floats  # (w, 3) factors of the penetration, its rate, and 1
+    internal: Floats  # (w, r) factors of all internal states
+    guards: int  # g
+    following: Ints  # (g, m) phases after each guard's event
+    reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 where they go on
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """One-sided springs, m of them; penetration ``delta = -gap - sign * (shape @ q [+ d])``.
+    """m contacts with penetration ``delta = -gap - sign * (shape @ q [+ d])``.
 
-    The push on the structure along ``shape`` is ``sign * force``, with
-    ``force = stiffness * delta + dashpot * delta'`` while closed, else 0.
+    The push on the structure along ``shape`` is ``sign * force``, the force being that of the law's phase.
     """
 
     shape: Floats  # (m, n) deflection at the contact for a unit of each coordinate
     sign: Floats  # (m,) +1 below the structure (resists negative deflection), -1 above
-    stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
-    dashpot: Floats  # (m,) N s/m
     gap: Floats  # (m,) m; clearance positive, prestress negative
     on_ground: Bools  # (m,) feels the absolute deflection, shape @ q + d(t)
-    no_tension: Bools  # (m,) leaves when the force, not the penetration, reaches zero
+    laws: tuple[ContactLaw, ...]  # (m,)
 
     @property
     def count(self) -> int:
         """m."""
-        return int(self.stiffness.size)
+        return len(self.laws)
+
+    @cached_property
+    def internal_states(self) -> int:
+        """r, of all contacts together; contact after contact behind (q, q') in the state vector."""
+        return sum(law.internal_states for law in self.laws)
+
+    @cached_property
+    def stiffness(self) -> Floats:
+        """(m,) N/m, of laws made of one stiffness and one dashpot; ValueError where there are others."""
+        return self._numbers("stiffness")
+
+    @cached_property
+    def dashpot(self) -> Floats:
+        """(m,) N s/m, likewise."""
+        return self._numbers("dashpot")
+
+    def _numbers(self, name: str) -> Floats:
+        values = np.array([getattr(law, name) for law in self.laws], dtype=float)
+        if np.isnan(values).any():
+            raise ValueError("a contact law is not made of one stiffness and one dashpot")
+        return values
+
+    @property
+    def damped(self) -> bool:
+        """Whether any phase dissipates."""
+        return any(p.dashpot != 0.0 for law in self.laws for p in law.phases) or self.internal_states > 0
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether every law is a sum of one-sided springs: no internal states, no phase that ends by its force."""
+        return all(law.parts is not None for law in self.laws)
+
+    def one_sided_parts(self) -> Contacts:
+        """The same forces from one-sided springs alone, the parts of a contact in its place.
+
+        Raises ValueError where a law is no such sum (see `one_sided`).
+        """
+        if not self.one_sided:
+            raise ValueError("a contact law with internal states is not a sum of one-sided springs")
+        return self.split()
+
+    def split(self) -> Contacts:
+        """Laws that are sums of one-sided springs as so many contacts; the others as they are."""
+        if all(law.family is not None for law in self.laws):
+            return self
+        owner: list[int] = []
+        direction, gap, laws = [], [], []
+        for j, law in enumerate(self.laws):
+            if law.family is not None or law.parts is None:
+                owner.append(j)
+                direction.append(1.0)
+                gap.append(self.gap[j])
+                laws.append(law)
+                continue
+            for part in law.parts:
+                owner.append(j)
+                direction.append(part.direction)
+                gap.append(part.direction * self.gap[j] + part.offset)
+                laws.append(kelvin_voigt(part.stiffness, part.dashpot))
+        d = np.array(direction)
+        return Contacts(self.shape[owner], d * self.sign[owner], np.array(gap), self.on_ground[owner], tuple(laws))
+
+    @property
+    def clearances(self) -> Floats:
+        """Gaps of all one-sided springs, m: a piecewise-linear law has one a breakpoint."""
+        return self.split().gap
 
     def take(self, which: slice) -> Contacts:
         """Some of them."""
-        return Contacts(**{name: values[which] for name, values in vars(self).items()})
+        return Contacts(
+            self.shape[which], self.sign[which], self.gap[which], self.on_ground[which], self.laws[which]
+        )  # fmt: skip
 
     def with_others(self, others: Contacts) -> Contacts:
         """These and then the others."""
-        return Contacts(**{name: np.concatenate([values, vars(others)[name]]) for name, values in vars(self).items()})
+        return Contacts(
+            np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
+            np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
+            self.laws + others.laws,
+        )  # fmt: skip
+
+    def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
+        """Another stiffness and dashpot for one law that is made of these."""
+        law = self.laws[contact].with_numbers(stiffness, dashpot)
+        return replace(self, laws=(*self.laws[:contact], law, *self.laws[contact + 1 :]))
+
+    def undamped(self) -> Contacts:
+        """Without dashpots."""
+        return replace(self, laws=tuple(law.undamped() for law in self.laws))
+
+    def scaled(self, factor: float) -> Contacts:
+        """All forces multiplied by a positive factor."""
+        return replace(self, laws=tuple(law.scaled(factor) for law in self.laws))
+
+    # -- phases --------------------------------------------------------------------------------------------------
+
+    @property
+    def start(self) -> Ints:
+        """(m,) phases from which those of a given motion are looked for."""
+        return self.arrays.start.copy()  # type: ignore[no-any-return]
+
+    def touching(self, phases: Ints) -> Bools:
+        """Whether each contact touches; ``phases`` is (..., m)."""
+        return np.asarray(self.arrays.touching[np.arange(self.count), phases])
+
+    def after(self, phases: Ints, contact: int, following: int) -> Ints:
+        """The phases once a contact has changed its own."""
+        phases = phases.copy()
+        phases[contact] = following
+        return phases
+
+    def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
+        """Penetration at which a contact goes from one phase to another, m, and whether it has more of it beyond.
+
+        Where the border is not one of the penetration alone: zero, and whether the contact touches beyond.
+        """
+        a = self.arrays
+        guards = a.next[contact, before, : a.guards[contact, before]]
+        row = a.guard[contact, before, int(np.flatnonzero(guards == after)[0])]
+        if row[1] != 0.0 or row[3:].any():
+            return 0.0, bool(a.touching[contact, after])
+        return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
+
+    def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
+        """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
+        own = self.arrays.force[np.arange(self.count), phases]
+        internal = np.zeros((self.count, self.internal_states))
+        for j in np.flatnonzero(self.arrays.states):
+            first, r = self.arrays.first[j], self.arrays.states[j]
+            internal[j, first : first + r] = own[j, 3 : 3 + r]
+        return own[:, :3], internal
+
+    def own_internal(self, internal: Floats) -> Floats:
+        """(nt, m, R) internal states of each contact from all of them (nt, r)."""
+        a = self.arrays
+        out = np.zeros((internal.shape[0], self.count, a.dynamics.shape[2]))
+        for j in np.flatnonzero(a.states):
+            out[:, j, : a.states[j]] = internal[:, a.first[j] : a.first[j] + a.states[j]]
+        return out
+
+    def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
+        """(nt, m) forces, N; ``internal`` is (nt, r), the others (nt, m)."""
+        row = self.arrays.force[np.arange(self.count), phases]
+        force = row[..., 0] * penetration + row[..., 1] * rate + row[..., 2]
+        return np.asarray(force + np.sum(row[..., 3:] * self.own_internal(internal), axis=-1))
+
+    def stored_energy(self, phases: Ints, penetration: Floats, internal: Floats) -> Floats:
+        """(nt,) energy stored in all contacts, J; arrays as for `forces`."""
+        contact, p = np.arange(self.count), self.own_internal(internal)
+        row, own = self.arrays.force[contact, phases], self.arrays.stored[contact, phases]
+        by_penetration = 0.5 * row[..., 0] * penetration + row[..., 2] + np.sum(row[..., 3:] * p, axis=-1)
+        energy = by_penetration * penetration + own[..., 0] + 0.5 * np.sum(own[..., 1:] * p**2, axis=-1)
+        return np.asarray(energy.sum(axis=1))
+
+    def losses(self, phases: Ints) -> tuple[Floats, Floats]:
+        """Power lost in given phases (m,): (m,) per square of the penetration's rate, (r,) of the internal states'."""
+        a, contact = self.arrays, np.arange(self.count)
+        own = a.losses[contact, phases]
+        inside = [own[j, : a.states[j]] for j in np.flatnonzero(a.states)]
+        return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *inside])
+
+    def internal_rates(self, phases: Ints) -> tuple[Floats, Floats]:
+        """Rates of all internal states in given phases: (r, r) factors of themselves, and (r, m, 3) of each contact's
+        penetration, its rate, and 1."""
+        a, r = self.arrays, self.internal_states
+        own, drive = np.zeros((r, r)), np.zeros((r, self.count, 3))
+        for j in np.flatnonzero(a.states):
+            first, count = a.first[j], a.states[j]
+            rows = a.dynamics[j, phases[j], :count]
+            own[first : first + count, first : first + count] = rows[:, 3 : 3 + count]
+            drive[first : first + count, j] = rows[:, :3]
+        return own, drive
+
+    def coupled(self, phases: Ints) -> bool:
+        """Whether internal states and structure drive each other in these phases."""
+        return any(law.phases[k].coupled for law, k in zip(self.laws, phases, strict=True))
+
+    def watched(self, phases: Ints) -> Watched:
+        """What ends a contact state: the guards of its phases, contact after contact."""
+        a, r = self.arrays, self.internal_states
+        contact, rows, internal, following, reset = [], [], [], [], []
+        resetting: list[tuple[int, Floats]] = []
+        for j, k in enumerate(phases):
+            for i in range(a.guards[j, k]):
+                contact.append(j)
+                rows.append(a.guard[j, k, i])
+                following.append(self.after(phases, j, a.next[j, k, i]))
+                reset.append(len(resetting) if a.resets[j, k, i] else -1)
+                if a.resets[j, k, i]:
+                    resetting += [(j, row) for row in a.reset[j, k, i, : a.states[j]]]
+        guards = len(contact)
+        contact += [j for j, _ in resetting]
+        rows += [row for _, row in resetting]
+        table = np.array(rows).reshape(len(rows), 3 + a.dynamics.shape[2])
+        for j, row in zip(contact, table, strict=True):
+            spread = np.zeros(r)
+            spread[a.first[j] : a.first[j] + a.states[j]] = row[3 : 3 + a.states[j]]
+            internal.append(spread)
+        first = np.array(reset, dtype=np.int64)
+        return Watched(
+            np.array(contact, dtype=np.int64), table[:, :3], np.array(internal).reshape(len(rows), r), guards,
+            np.array(following, dtype=np.int64).reshape(guards, self.count), np.where(first >= 0, first + guards, -1),
+        )  # fmt: skip
+
+    @cached_property
+    def arrays(self) -> PhaseArrays:
+        """The laws as padded arrays."""
+        m = self.count
+        P = max((len(law.phases) for law in self.laws), default=1)
+        G = max((len(p.guards) for law in self.laws for p in law.phases), default=1)
+        states = np.array([law.internal_states for law in self.laws], dtype=np.int64)
+        R = int(states.max(initial=0))
+        out = PhaseArrays(
+            np.ascontiguousarray(self.shape), np.asarray(self.sign, dtype=float), np.asarray(self.gap, dtype=float),
+            np.asarray(self.on_ground, dtype=bool), np.array([law.start for law in self.laws], dtype=np.int64),
+            np.cumsum(states) - states, states, np.zeros((m, P), dtype=bool), np.zeros((m, P, 3 + R)),
+            np.zeros((m, P, R, 3 + R)), np.zeros((m, P, 1 + R)), np.zeros((m, P, R)),
+            np.zeros((m, P), dtype=np.int64), np.zeros((m, P, G, 3 + R)),
+            np.zeros((m, P, G), dtype=np.int64), np.zeros((m, P, G), dtype=bool), np.zeros((m, P, G, R, 3 + R)),
+            np.zeros((m, P, G), dtype=bool), np.zeros((m, P, G, 3 + R)),
+        )  # fmt: skip
+        for j, law in enumerate(self.laws):
+            r = law.internal_states
+            for k, phase in enumerate(law.phases):
+                out.touching[j, k] = phase.touching
+                out.force[j, k, : 3 + r] = phase.row(r)
+                out.stored[j, k, 0] = phase.energy
+                if r:
+                    out.dynamics[j, k, :r, :3] = phase.drive or 0.0
+                    out.dynamics[j, k, :r, 3 : 3 + r] = phase.dynamics or 0.0
+                    out.stored[j, k, 1 : 1 + r], out.losses[j, k, :r] = phase.stored or 0.0, phase.losses or 0.0
+                out.guards[j, k] = len(phase.guards)
+                for i, guard in enumerate(phase.guards):
+                    out.guard[j, k, i, : 3 + r] = guard.row(r)
+                    out.next[j, k, i] = guard.next
+                    if guard.reset is not None:
+                        out.resets[j, k, i] = True
+                        out.reset[j, k, i, :r, : 3 + r] = guard.reset
+                    jump = law.jump(k, i)
+                    out.jump[j, k, i, : 3 + r] = jump
+                    out.jumps[j, k, i] = bool(jump.any())
+        return out

@@ -10,6 +10,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
+from beamsim.contacts.laws import kelvin_voigt, no_tension
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_frequencies
@@ -18,6 +19,8 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
     from beamsim.scenario import Located
+
+LAWS = {"kelvin_voigt": kelvin_voigt, "no_tension": no_tension}  # by their names in a scenario
 
 
 def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
@@ -67,11 +70,9 @@ def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rig
     return Contacts(
         shape=shape,
         sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
-        stiffness=np.array([s.stiffness for s in snubbers], dtype=float),
-        dashpot=dashpot,
         gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
         on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
-        no_tension=np.array([s.law == "no_tension" for s in snubbers], dtype=bool),
+        laws=tuple(LAWS[s.law](float(s.stiffness), float(c)) for s, c in zip(snubbers, dashpot, strict=True)),
     )
 
 
@@ -81,8 +82,10 @@ def resists(snubber: Any) -> str:
 
 
 def springs_of(contacts: Contacts) -> Springs:
-    """The elastic part of the contacts."""
-    return Springs(contacts.shape, contacts.sign, contacts.stiffness, contacts.gap)
+    """What holds the contacts at rest: one-sided springs, those of piecewise-linear laws part by part."""
+    still = tuple(law if law.parts is not None else kelvin_voigt(law.stiffness) for law in contacts.laws)
+    parts = replace(contacts, laws=still).one_sided_parts()
+    return Springs(parts.shape, parts.sign, parts.stiffness, parts.gap)
 
 
 def resolve_preloads(
@@ -107,7 +110,8 @@ def resolve_preloads(
     given = np.append(given, np.zeros(others, dtype=bool))
     force = np.append([0.0 if p is None else p for p in preload], np.zeros(others))
     pushes = (contacts.sign * force)[:, None] * contacts.shape
-    rest = springs_of(contacts).take(~given)
+    springs = springs_of(contacts)  # those asked for come first
+    rest = springs.take(~np.append(given, np.zeros(springs.stiffness.size - given.size, dtype=bool)))
     found = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, pushes[given]]), cubic)
     if found.q is None:
         raise ScenarioError(
@@ -121,5 +125,10 @@ def resolve_preloads(
             ]
         )
     w = contacts.shape @ found.q
-    gap = np.where(given, -contacts.sign * w - force / contacts.stiffness, contacts.gap)
+    gap = np.where(
+        given,
+        -contacts.sign * w
+        - force / np.array([law.stiffness if p else 1.0 for law, p in zip(contacts.laws, given, strict=True)]),
+        contacts.gap,
+    )
     return replace(contacts, gap=gap)

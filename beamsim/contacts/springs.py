@@ -5,8 +5,9 @@ slope :math:`\Delta_i` met there on the way out from zero,
 
 .. math:: F(x) = k_0 x + \sum_{b_i > 0} \Delta_i [x - b_i]_+ - \sum_{b_i < 0} \Delta_i [b_i - x]_+ ,
 
-a linear spring and one-sided springs with clearances, whose stiffness is negative where the spring softens. So its
-motion has a closed form between breakpoints, and they are found as contacts are. The slope in every state that occurs
+a linear spring, which belongs to the structure, and a contact law with a phase for each segment (as one-sided springs
+with clearances, their stiffness is negative where the spring softens). So its motion has a closed form between
+breakpoints, and they are found as contacts are. The slope in every state that occurs
 is one of those given, which are not negative: the strain energy stays convex.
 """
 
@@ -21,6 +22,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.typing import Floats
@@ -29,25 +31,9 @@ if TYPE_CHECKING:
     from beamsim.scenario import Located
 
 
-def one_sided_parts(
-    breakpoints: Sequence[float], slopes: Sequence[float], at_rest: int
-) -> tuple[Floats, Floats, Floats]:
-    """Sign, stiffness and gap of the one-sided springs beside the linear part ``slopes[at_rest]``, (c,) each.
-
-    Examples
-    --------
-    >>> one_sided_parts([-1.0, 2.0], [5.0, 3.0, 1.0], 1)
-    (array([ 1., -1.]), array([ 2., -2.]), array([1., 2.]))
-    """
-    parts = [(1.0, slopes[i] - slopes[i + 1], -breakpoints[i]) for i in range(at_rest)]
-    parts += [(-1.0, slopes[i + 1] - slopes[i], breakpoints[i]) for i in range(at_rest, len(breakpoints))]
-    sign, stiffness, gap = np.array([p for p in parts if p[1] != 0.0]).reshape(-1, 3).T
-    return sign, stiffness, gap + 0.0
-
-
 @dataclass(frozen=True)
 class SpringInfo:
-    """One nonlinear spring: where it acts and its law, F = linear x + one-sided parts, or cubic x^3."""
+    """One nonlinear spring: where it acts and its law, F = linear x + the piecewise-linear rest, or cubic x^3."""
 
     name: str
     kind: str  # "cubic" or "piecewise_linear"
@@ -55,9 +41,7 @@ class SpringInfo:
     shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
-    sign: Floats  # (c,) of the one-sided parts: +1 resists negative stretch
-    stiffness: Floats  # (c,) N/m, negative where it softens
-    gap: Floats  # (c,) m
+    law: ContactLaw | None  # of a piecewise-linear one: the force beside the linear part, by its stretch
 
     @property
     def on_ground(self) -> bool:
@@ -66,8 +50,11 @@ class SpringInfo:
 
     def force(self, stretch: Floats) -> Floats:
         """N, positive where it pulls back a positive stretch (any shape)."""
-        delta = np.maximum(-self.gap - self.sign * stretch[..., None], 0.0)
-        return np.asarray(self.linear * stretch + self.cubic * stretch**3 - delta @ (self.sign * self.stiffness))
+        force = self.linear * stretch + self.cubic * stretch**3
+        for part in () if self.law is None else self.law.parts or ():
+            pressed = np.maximum(part.direction * stretch - part.offset, 0.0)
+            force = force + part.direction * part.stiffness * pressed
+        return np.asarray(force)
 
 
 def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringInfo, ...]:
@@ -75,12 +62,12 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
 
     Raises ScenarioError where breakpoints do not increase: a design that varies them is not checked where it is read.
     """
-    none = np.zeros(0)
-    found = []
+    found: list[SpringInfo] = []
+    numbers: tuple[float, float, ContactLaw | None]
     for row, (path, _, spring) in zip(shape, springs, strict=True):
         masses = tuple(sorted(spring.masses)) if hasattr(spring, "masses") else (spring.mass,)
         if spring.kind == "cubic":
-            law = (float(spring.stiffness), 0.0, none, none, none)
+            numbers = (float(spring.stiffness), 0.0, None)
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):
                 raise ScenarioError(
@@ -90,9 +77,9 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
                         "keep their order in every case",
                     )
                 )
-            parts = one_sided_parts(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
-            law = (0.0, float(spring.slope_at_rest), *parts)
-        found.append(SpringInfo(spring.name, spring.kind, masses, row, *law))
+            law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
+            numbers = (0.0, float(spring.slope_at_rest), law)
+        found.append(SpringInfo(spring.name, spring.kind, masses, row, *numbers))
     return tuple(found)
 
 
@@ -107,19 +94,13 @@ def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
 
 
 def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
-    """The one-sided parts of all of them, spring by spring."""
-    count = [s.gap.size for s in springs]
-
-    def joined(values: list[Floats]) -> Floats:
-        return np.concatenate([np.zeros(0), *values])
-
-    total = sum(count)
+    """The piecewise-linear ones, each a contact whose penetration is the stretch."""
+    found = [s for s in springs if s.law is not None]
+    count = len(found)
     return Contacts(
-        shape=np.repeat(np.array([s.shape for s in springs]).reshape(-1, size), count, axis=0),
-        sign=joined([s.sign for s in springs]),
-        stiffness=joined([s.stiffness for s in springs]),
-        dashpot=np.zeros(total),
-        gap=joined([s.gap for s in springs]),
-        on_ground=np.repeat(np.array([s.on_ground for s in springs], dtype=bool), count),
-        no_tension=np.zeros(total, dtype=bool),
+        shape=np.array([s.shape for s in found]).reshape(count, size),
+        sign=-np.ones(count),
+        gap=np.zeros(count),
+        on_ground=np.array([s.on_ground for s in found], dtype=bool),
+        laws=tuple(s.law for s in found if s.law is not None),
     )

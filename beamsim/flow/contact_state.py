@@ -1,12 +1,13 @@
 """The closed-form flow of one contact state, tabulated for the kernels.
 
-With the contacts in the set *s* closed, every quantity of the motion on a segment is a combination of a
+With every contact in one phase of its law, every quantity of the motion on a segment is a combination of a
 few basis functions :math:`\\tau^p e^{\\lambda\\tau}`. A *term* says which source (a free modal amplitude, or the
 amplitude of an input) multiplies which basis function and which state vector:
 
 .. math:: y(\\tau) = \\mathrm{Re} \\sum_t u_t\\, \\zeta_{src(t)}\\, \\tau^{p(t)} e^{\\lambda(t)\\tau}.
 
-Sources are numbered: inputs 0 … F-1, the faces of ``no_tension`` snubbers F … F+m-1, free amplitudes from F+m.
+The state vector y holds the coordinates, their rates and the contact laws' internal states, N = 2n + r.
+Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from beamsim.flow.invariant_blocks import Block, block_diagonalise, second_order_blocks
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
@@ -31,30 +32,29 @@ class LinearOutput:
     ``direct[:, f]`` multiplies source f's own basis function, ``direct_slope[:, f]`` its time derivative.
     """
 
-    row: Floats  # (k, 2n)
+    row: Floats  # (k, N)
     direct: Floats  # (k, F)
     direct_slope: Floats  # (k, F)
-    face: Floats  # (k, m) multiplies the faces' compression
 
     def __neg__(self) -> LinearOutput:
-        return LinearOutput(-self.row, -self.direct, -self.direct_slope, -self.face)
+        return LinearOutput(-self.row, -self.direct, -self.direct_slope)
 
 
 @dataclass(frozen=True)
 class ContactState:
     """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""
 
-    closed: Bools  # (m,)
+    phases: Ints  # (m,) of the contacts
     exponent: Complexes  # (B,)
     power: Ints  # (B,)
-    projector: Complexes  # (Z, 2n) free amplitudes = projector @ (y - y_forced(0))
+    projector: Complexes  # (Z, N) free amplitudes = projector @ (y - y_forced(0))
     term_basis: Ints  # (T,)
     term_source: Ints  # (T,)
-    term_vector: Complexes  # (T, 2n)
+    term_vector: Complexes  # (T, N)
     horizon: float  # s, longest segment for which the tables hold
     stiffness: Floats  # (n, n)
     damping: Floats  # (n, n)
-    simple: tuple[Complexes, Complexes, Complexes]  # X (2n, r), Xi (r, 2n), lambda (r,): eigenvalues with own blocks
+    simple: tuple[Complexes, Complexes, Complexes]  # X (N, e), Xi (e, N), lambda (e,): eigenvalues with own blocks
     blocks: list[Block]  # the others
     basis_of_source: Ints  # (F,) the basis function of each input
     basis_below_source: Ints  # (F,) the one a power lower (-1 where power is 0)
@@ -62,7 +62,6 @@ class ContactState:
     def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output."""
         table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
-        F, m = sources.count, self.closed.size
         lookup = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
         for f in np.flatnonzero(np.any(output.direct != 0, axis=0) | np.any(output.direct_slope != 0, axis=0)):
             own = lookup[int(self.basis_of_source[f]), int(f)]
@@ -70,8 +69,6 @@ class ContactState:
             if sources.power[f] > 0:
                 below = lookup[int(self.basis_below_source[f]), int(f)]
                 table[below] += sources.power[f] * output.direct_slope[:, f]
-        for t in np.flatnonzero((self.term_source >= F) & (self.term_source < F + m)):
-            table[t] += output.face[:, self.term_source[t] - F]
         return np.ascontiguousarray(table)
 
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
@@ -81,7 +78,7 @@ class ContactState:
         """
         n = self.stiffness.shape[0]
         size = np.abs(coefficients)
-        for part in (slice(0, n), slice(n, 2 * n)):
+        for part in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
             row = np.linalg.norm(output.row[:, part], axis=1)
             size = np.maximum(size, np.linalg.norm(self.term_vector[:, part], axis=1)[:, None] * row)
         return np.ascontiguousarray(size)
@@ -112,30 +109,25 @@ def build_state(
     forcing: Forcing,
     sources: Sources,
     base_channel: int,
-    closed: Bools,
+    phases: Ints,
     longest_window: float,
 ) -> ContactState:
-    """Diagonalise the system with the given contacts closed and tabulate its flow.
+    """Diagonalise the system with its contacts in given phases and tabulate its flow.
 
     ``base_channel`` is the channel of the base displacement (-1 without), ``longest_window`` an upper limit
-    on the length of a segment, s. Cost: one symmetric eigenvalue problem of order n and, where the damping
-    couples modes, one unsymmetric of order 2n.
+    on the length of a segment, s. Cost: one symmetric eigenvalue problem of order n and, where damping or internal
+    states couple modes, one unsymmetric of the order of these.
     """
-    n, F, m = system.size, sources.count, system.contacts.count
-    contacts = system.contacts
-    phi = contacts.shape[closed]
-    k, c = contacts.stiffness[closed], contacts.dashpot[closed]
-    stiffness = np.diag(system.stiffness) + (phi.T * k) @ phi
-    damping = system.damping + (phi.T * c) @ phi
-
-    simple, blocks = _diagonalise(system, stiffness, damping, closed, longest_window)
+    n, F = system.size, sources.count
+    stiffness, damping = state_matrices(system, phases)
+    simple, blocks = _diagonalise(system, stiffness, damping, phases, longest_window)
     X, Xi, lam = simple
     radius = max((b.radius for b in blocks), default=0.0)
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
     window = min(horizon, sources.longest_piece)
 
-    load, load_slope = state_loads(system, forcing, sources, base_channel, closed)
-    terms = _Terms(2 * n)
+    load, load_slope = state_loads(system, forcing, sources, base_channel, phases)
+    terms = _Terms(2 * n + system.contacts.internal_states)
     basis_of_source = np.empty(F, dtype=np.int64)
     basis_below = np.full(F, -1, dtype=np.int64)
     for f in range(F):
@@ -144,7 +136,7 @@ def build_state(
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
     for f in range(F):
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
-        polynomial = np.zeros((p + 1, n), dtype=complex)
+        polynomial = np.zeros((p + 1, load.shape[1]), dtype=complex)
         polynomial[p] = load[f] + nu * load_slope[f]
         if p > 0:
             polynomial[p - 1] += p * load_slope[f]
@@ -153,12 +145,9 @@ def build_state(
             for block in blocks:
                 _forced_block(terms, block, polynomial, nu, f, window)
 
-    for j in np.flatnonzero(contacts.no_tension & ~closed & (contacts.dashpot > 0)):
-        terms.add(-contacts.stiffness[j] / contacts.dashpot[j], 0, F + int(j), None)
-
     keep = np.flatnonzero(lam.imag >= 0)
     projector = [Xi[keep]]
-    source = F + m
+    source = F
     for value, vector in zip(lam[keep], X[:, keep].T, strict=True):
         terms.add(value, 0, source, vector * (2.0 if value.imag > 0 else 1.0))
         source += 1
@@ -173,13 +162,13 @@ def build_state(
 
     basis = list(terms.basis)
     return ContactState(
-        closed=closed.copy(),
+        phases=phases.copy(),
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
         projector=np.ascontiguousarray(np.concatenate(projector, axis=0)),
         term_basis=np.array([key[0] for key in terms.terms], dtype=np.int64),
         term_source=np.array([key[1] for key in terms.terms], dtype=np.int64),
-        term_vector=np.ascontiguousarray(np.array(list(terms.terms.values()), dtype=complex).reshape(-1, 2 * n)),
+        term_vector=np.ascontiguousarray(np.array(list(terms.terms.values()), dtype=complex).reshape(-1, terms.size)),
         horizon=float(horizon),
         stiffness=stiffness,
         damping=damping,
@@ -190,49 +179,96 @@ def build_state(
     )
 
 
+def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
+    """Stiffness and damping (n, n) with the contacts in given phases; internal states apart."""
+    row, _ = system.contacts.force_rows(phases)
+    acting = np.flatnonzero(np.any(row[:, :2] != 0.0, axis=1))
+    phi, k, c = system.contacts.shape[acting], row[acting, 0], row[acting, 1]
+    return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
+
+
 def _diagonalise(
-    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, closed: Bools, window: float
+    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, phases: Ints, window: float
 ) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
-    """Undamped modes first; those that the damping couples go through the general form, the others stay exact."""
-    n = system.size
-    omega2, psi = _undamped_modes(system, stiffness, closed)
+    """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
+    exact."""
+    n, contacts = system.size, system.contacts
+    N = 2 * n + contacts.internal_states
+    together = contacts.coupled(phases)
+    omega2, psi = _undamped_modes(system, stiffness, phases)
     d = psi.T @ damping @ psi
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
+    if together:
+        coupled[:] = True
     free = np.flatnonzero(~coupled)
     (X, Xi, lam), blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
-    if coupled.any():
-        g = np.flatnonzero(coupled)
-        scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
-        r = g.size
-        A = np.zeros((2 * r, 2 * r))
-        A[:r, r:] = np.diag(scale)
-        A[r:, :r] = -np.diag(omega2[g] / scale)
-        A[r:, r:] = -d[np.ix_(g, g)]
+    X = np.vstack([X, np.zeros((N - 2 * n, X.shape[1]))])
+    Xi = np.hstack([Xi, np.zeros((Xi.shape[0], N - 2 * n))])
+    blocks = [_embedded(b, N) for b in blocks] if 2 * n < N else blocks
+
+    def add(A: Floats, out: Floats, back: Floats) -> None:
+        """Blocks of a part of the state, which ``out`` (N, a) and ``back`` (a, N) take out of it and put back."""
+        nonlocal X, Xi, lam, blocks
         (Xg, Xig, lamg), blocks_g = block_diagonalise(A, window)
-        out = np.zeros((2 * n, 2 * r))
-        out[:n, :r] = psi[:, g] / scale
-        out[n:, r:] = psi[:, g]
-        back = np.zeros((2 * r, 2 * n))
-        back[:r, :n] = psi[:, g].T * scale[:, None]
-        back[r:, n:] = psi[:, g].T
         X = np.concatenate([X, out @ Xg], axis=1)
         Xi = np.concatenate([Xi, Xig @ back], axis=0)
         lam = np.concatenate([lam, lamg])
         blocks = blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in blocks_g]
+
+    if coupled.any():
+        g = np.flatnonzero(coupled)
+        scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
+        r, inside = g.size, N - 2 * n if together else 0
+        A = np.zeros((2 * r + inside, 2 * r + inside))
+        A[:r, r : 2 * r] = np.diag(scale)
+        A[r : 2 * r, :r] = -np.diag(omega2[g] / scale)
+        A[r : 2 * r, r : 2 * r] = -d[np.ix_(g, g)]
+        out = np.zeros((N, 2 * r + inside))
+        out[:n, :r] = psi[:, g] / scale
+        out[n : 2 * n, r : 2 * r] = psi[:, g]
+        back = np.zeros((2 * r + inside, N))
+        back[:r, :n] = psi[:, g].T * scale[:, None]
+        back[r : 2 * r, n : 2 * n] = psi[:, g].T
+        if together:
+            unit = float(np.median(scale)) / max(float(np.abs(contacts.shape).max()), 1e-300)  # metres to velocities
+            _, h = contacts.force_rows(phases)
+            own, drive = contacts.internal_rates(phases)
+            penetration = -contacts.sign[:, None] * contacts.shape
+            A[r : 2 * r, 2 * r :] = -(penetration @ psi).T @ h / unit
+            A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration @ psi) / scale
+            A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration @ psi)
+            A[2 * r :, 2 * r :] = own
+            out[2 * n :, 2 * r :] = np.eye(inside) / unit
+            back[2 * r :, 2 * n :] = np.eye(inside) * unit
+        add(A, out, back)
+    if 2 * n < N and not together:
+        own, _ = contacts.internal_rates(phases)
+        eye = np.eye(N)
+        add(own, eye[:, 2 * n :], eye[2 * n :])
     return (X, Xi, lam), blocks
 
 
-def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, closed: Bools) -> tuple[Floats, Floats]:
+def _embedded(block: Block, size: int) -> Block:
+    """A block of (q, q') in a state that has internal states as well."""
+    right = np.zeros((size, block.right.shape[1]), dtype=complex)
+    left = np.zeros((block.left.shape[0], size), dtype=complex)
+    right[: block.right.shape[0]], left[:, : block.left.shape[1]] = block.right, block.left
+    return Block(right, left, block.matrix, block.centre, block.weight)
+
+
+def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: Ints) -> tuple[Floats, Floats]:
     """Squared frequencies (n,) and orthonormal modes (n, n); rigid-body motions that no contact feels stay exact."""
     n = system.size
-    if not closed.any():
+    row, _ = system.contacts.force_rows(phases)
+    acting = np.any(row[:, :2] != 0.0, axis=1)
+    if not acting.any():
         return system.stiffness, np.eye(n)
     rigid = np.flatnonzero(system.stiffness == 0.0)
     basis = np.eye(n)
     free = 0
     if rigid.size:
-        felt = system.contacts.shape[closed][:, rigid]
+        felt = system.contacts.shape[acting][:, rigid]
         _, singular, turned = np.linalg.svd(felt)
         rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
         free = rigid.size - rank
@@ -248,22 +284,28 @@ def state_loads(
     forcing: Forcing,
     sources: Sources,
     base_channel: int,
-    closed: Bools,
+    phases: Ints,
 ) -> tuple[Floats, Floats]:
-    """(F, n) generalised force per unit of each source, and per unit of its time derivative."""
-    contacts = system.contacts
-    load = np.zeros((sources.count, system.size))
+    """(F, n + r) generalised force, and rate of the internal states, per unit of each source and of its derivative."""
+    contacts, n = system.contacts, system.size
+    load = np.zeros((sources.count, n + contacts.internal_states))
     slope = np.zeros_like(load)
-    pushing = contacts.shape * (contacts.sign * contacts.stiffness * closed)[:, None]
-    load[0] = system.constant_load - contacts.gap @ pushing
+    row, _ = contacts.force_rows(phases)
+    pushing = contacts.sign[:, None] * contacts.shape
+    load[0, :n] = system.constant_load - contacts.gap @ (row[:, :1] * pushing) + row[:, 2] @ pushing
+    driven = contacts.internal_states > 0
+    drive = contacts.internal_rates(phases)[1] if driven else np.zeros((0, contacts.count, 3))
+    if driven:
+        load[0, n:] = drive[:, :, 2].sum(axis=1) - drive[:, :, 0] @ contacts.gap
     for f in range(1, sources.count):
         channel = sources.channel[f]
         if channel < len(forcing.signal):
-            load[f] = forcing.load[channel]
+            load[f, :n] = forcing.load[channel]
         elif channel == base_channel:
-            on = contacts.on_ground & closed
-            load[f] = -(contacts.stiffness * on) @ contacts.shape
-            slope[f] = -(contacts.dashpot * on) @ contacts.shape
+            felt = -contacts.sign * contacts.on_ground  # penetration per unit of the base's displacement
+            load[f, :n] = (row[:, 0] * felt) @ pushing
+            slope[f, :n] = (row[:, 1] * felt) @ pushing
+            load[f, n:], slope[f, n:] = drive[:, :, 0] @ felt, drive[:, :, 1] @ felt
     return load, slope
 
 
@@ -288,15 +330,14 @@ def _forced_simple(
 
 
 def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
-    """As :func:`_forced_simple` for one block, from the generalised force ``polynomial`` (degree + 1, n)."""
-    n = polynomial.shape[1]
+    """As :func:`_forced_simple` for one block, from ``polynomial`` (degree + 1, n + r), loads and internal rates."""
     blocks = [block]
     if block.weight == 2.0:
         blocks.append(
             Block(block.right.conj(), block.left.conj(), block.matrix.conj(), block.centre.conjugate(), block.weight)
         )
     for b in blocks:
-        beta = b.left[:, n:] @ polynomial.T
+        beta = b.left[:, -polynomial.shape[1] :] @ polynomial.T
         if abs(nu - b.centre) * window < 1.0 + b.radius * window:
             _resonant_series(terms, b, beta, nu, source, window)
             continue

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads
+from beamsim.contacts.contacts import Watched
+from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads, state_matrices
 from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.state_tables import StateTables, pad
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
@@ -53,35 +54,29 @@ class ExactFlow:
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
-        self._index: dict[bytes, int] = {}
-        self._tables = StateTables(self.system.contacts.count)
+        self._tables = StateTables(self.system.contacts)
         self._inputs: Inputs | None = None
 
-    @property
-    def has_face(self) -> Bools:
-        """Snubbers that keep a compression of their own after release (m,)."""
-        contacts = self.system.contacts
-        return np.asarray(contacts.no_tension & (contacts.dashpot > 0))
-
-    def state_index(self, closed: Bools) -> int:
+    def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
-        key = closed.tobytes()
-        if key not in self._index:
-            state = build_state(self.system, self.forcing, self.sources, self.base_channel, closed, self.longest_window)
-            output = self.watched(closed)
-            watch = state.coefficients(output, self.sources)
-            roughness = state.roughness(output, watch)[:, : closed.size]
-            self._index[key] = self._tables.append(state, watch, roughness)
-            self.states.append(state)
-        return self._index[key]
+        known = self._tables.index(phases)
+        if known is not None:
+            return known
+        state = build_state(self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window)
+        watched = self.system.contacts.watched(phases)
+        output = self.watched(watched)
+        watch = state.coefficients(output, self.sources)
+        roughness = state.roughness(output, watch)[:, : watched.guards]
+        self.states.append(state)
+        return self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
 
-    def follow(self, state: int, contact: int) -> int:
-        """The state after one contact toggles."""
-        closed = self.states[state].closed.copy()
-        closed[contact] = ~closed[contact]
-        following = self.state_index(closed)
-        self._tables.join(state, contact, following)
-        return following
+    def following(self, state: int, guard: int) -> Ints:
+        """Phases of the contacts after the event of a guard."""
+        return self._tables.following(state, guard)
+
+    def follow(self, state: int, guard: int) -> int:
+        """The state after the event of a guard."""
+        return self.state_index(self.following(state, guard))
 
     def tables(self) -> Tables:
         """The states' tables for the kernels."""
@@ -92,31 +87,39 @@ class ExactFlow:
         if self._inputs is None:
             from beamsim.flow.kernels import Inputs
 
-            contacts, sources = self.system.contacts, self.sources
-            with np.errstate(divide="ignore"):
-                rate = np.where(contacts.dashpot > 0, contacts.stiffness / contacts.dashpot, 0.0)
+            sources = self.sources
             self._inputs = Inputs(
-                sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last(),
-                self.has_face, rate,
+                sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last()
             )  # fmt: skip
         return self._inputs
 
-    def output_table(self, output_of: Callable[[Bools], LinearOutput]) -> Complexes:
+    def output_table(self, output_of: Callable[[Ints], LinearOutput]) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
-        return pad([s.coefficients(output_of(s.closed), self.sources) for s in self.states])
+        return pad([s.coefficients(output_of(s.phases), self.sources) for s in self.states])
 
     def empty_output(self, count: int) -> LinearOutput:
         """An all-zero output to fill in."""
-        n, F, m = self.system.size, self.sources.count, self.system.contacts.count
-        return LinearOutput(np.zeros((count, 2 * n)), np.zeros((count, F)), np.zeros((count, F)), np.zeros((count, m)))
+        F = self.sources.count
+        return LinearOutput(np.zeros((count, self.size)), np.zeros((count, F)), np.zeros((count, F)))
 
-    def equation_of_motion(self, closed: Bools) -> tuple[Floats, Floats, Floats, Floats]:
-        """K (n, n), C (n, n), and (F, n) loads per unit of each source and of its time derivative."""
-        shape = self.system.contacts.shape[closed]
-        k, c = self.system.contacts.stiffness[closed], self.system.contacts.dashpot[closed]
-        load, slope = state_loads(self.system, self.forcing, self.sources, self.base_channel, closed)
-        stiffness = np.diag(self.system.stiffness) + (shape.T * k) @ shape
-        return stiffness, self.system.damping + (shape.T * c) @ shape, load, slope
+    @property
+    def size(self) -> int:
+        """N, of the state vector."""
+        return 2 * self.system.size + self.system.contacts.internal_states
+
+    def whole_state(self, initial: Floats) -> Floats:
+        """The state vector from its first entries, (q, q') at least; internal states that are left out are zero."""
+        y = np.zeros(self.size)
+        y[: initial.size] = initial
+        return y
+
+    def equation_of_motion(self, phases: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """K (n, n), C (n, n), (n, r) loads of the internal states, and (F, n) loads per unit of each source and of its
+        time derivative."""
+        n, contacts = self.system.size, self.system.contacts
+        load, slope = state_loads(self.system, self.forcing, self.sources, self.base_channel, phases)
+        internal = (contacts.sign[:, None] * contacts.shape).T @ contacts.force_rows(phases)[1]
+        return *state_matrices(self.system, phases), internal, load[:, :n], slope[:, :n]
 
     def penetrations(self) -> tuple[LinearOutput, LinearOutput]:
         """Penetration and penetration rate of every contact."""
@@ -124,7 +127,7 @@ class ExactFlow:
         delta, rate = self.empty_output(contacts.count), self.empty_output(contacts.count)
         delta.row[:, :n] = -contacts.sign[:, None] * contacts.shape
         delta.direct[:, 0] = -contacts.gap
-        rate.row[:, n:] = delta.row[:, :n]
+        rate.row[:, n : 2 * n] = delta.row[:, :n]
         if self.base_channel >= 0:
             base = np.flatnonzero(self.sources.channel == self.base_channel)
             sign = np.where(contacts.on_ground, -contacts.sign, 0.0)[:, None]
@@ -132,62 +135,66 @@ class ExactFlow:
             rate.direct_slope[:, base] = sign
         return delta, rate
 
-    def contact_forces(self, closed: Bools) -> LinearOutput:
-        """Force of every contact, zero where open."""
+    def contact_forces(self, phases: Ints) -> LinearOutput:
+        """Force of every contact in given phases."""
+        return self._combined(np.arange(self.system.contacts.count), *self.system.contacts.force_rows(phases))
+
+    def internal_rates(self, phases: Ints) -> LinearOutput:
+        """(r,) time derivatives of the contacts' internal states in given phases."""
+        n, contacts = self.system.size, self.system.contacts
+        own, drive = contacts.internal_rates(phases)
         delta, rate = self.penetrations()
-        k = (self.system.contacts.stiffness * closed)[:, None]
-        c = (self.system.contacts.dashpot * closed)[:, None]
-        return LinearOutput(
-            k * delta.row + c * rate.row,
-            k * delta.direct + c * rate.direct,
-            k * delta.direct_slope + c * rate.direct_slope,
-            np.zeros_like(delta.face),
+        a, b = drive[:, :, 0], drive[:, :, 1]
+        output = LinearOutput(
+            a @ delta.row + b @ rate.row, a @ delta.direct + b @ rate.direct,
+            a @ delta.direct_slope + b @ rate.direct_slope,
+        )  # fmt: skip
+        output.row[:, 2 * n :] += own
+        output.direct[:, 0] += drive[:, :, 2].sum(axis=1)
+        return output
+
+    def watched(self, watched: Watched) -> LinearOutput:
+        """The functions looked at in a contact state (see `beamsim.contacts.contacts.Watched`)."""
+        return self._combined(watched.contact, watched.row, watched.internal)
+
+    def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
+        """Combinations of penetrations, their rates, 1 (k, 3) and internal states (k, r), for each of ``contact``."""
+        delta, rate = self.penetrations()
+        a, b = row[:, :1], row[:, 1:2]
+        output = LinearOutput(
+            a * delta.row[contact] + b * rate.row[contact],
+            a * delta.direct[contact] + b * rate.direct[contact],
+            a * delta.direct_slope[contact] + b * rate.direct_slope[contact],
         )
+        output.direct[:, 0] += row[:, 2]
+        output.row[:, 2 * self.system.size :] += internal
+        return output
 
-    def watched(self, closed: Bools) -> LinearOutput:
-        """Functions that are positive while the state lasts, then the penetrations (2 m)."""
-        delta, _ = self.penetrations()
-        force = self.contact_forces(closed)
-        side = np.where(closed, 1.0, -1.0)[:, None]
-        by_force = (self.has_face & closed)[:, None]
-        face = np.diag((self.has_face & ~closed).astype(float))
-        return LinearOutput(
-            np.vstack([np.where(by_force, force.row, side * delta.row), delta.row]),
-            np.vstack([np.where(by_force, force.direct, side * delta.direct), delta.direct]),
-            np.vstack([np.where(by_force, force.direct_slope, side * delta.direct_slope), delta.direct_slope]),
-            np.vstack([face, np.zeros_like(face)]),
-        )
+    def starting_state(self, state: Floats, time: float = 0.0) -> Ints:
+        """Phases of the contacts at a given motion (N,).
 
-    def starting_state(self, state: Floats, face: Floats, time: float = 0.0) -> Bools:
-        """Which contacts are closed at a given motion; at zero gap the first derivative that is not zero decides.
-
-        A derivative counts as zero when it is below the round-off of the terms that make it up.
+        A guard that is negative hands over to the phase it names; where one is zero the first derivative that is not
+        zero decides, which counts as zero when it is below the round-off of the terms that make it up.
         """
         from beamsim.flow.kernels import segment_coefficients
 
-        m = self.system.contacts.count
-        closed = np.zeros(m, dtype=bool)
-        if m == 0:
-            return closed
+        contacts = self.system.contacts
+        phases = contacts.start
         piece = max(int(np.searchsorted(self.sources.start, time, side="right")) - 1, 0)
-        undecided = np.ones(m, dtype=bool)
-        for _ in range(m + 1):
-            index = self.state_index(closed)
-            tables = self.tables()
-            gamma = segment_coefficients(tables, self.inputs(), tables.watch, index, piece, time, state, face)[:m]
-            s = self.states[index]
-            B = s.exponent.size
-            changed = False
-            for j in np.flatnonzero(undecided):
-                sign = _first_sign(gamma[j, :B], s.exponent, s.power)
-                undecided[j] = False
-                if sign < 0:
-                    closed[j] = True
-                    changed = True
+        left = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
+        while True:
+            index = self.state_index(phases)
+            tables, watched, s = self.tables(), self._tables.watched[index], self.states[index]
+            gamma = segment_coefficients(tables, self.inputs(), tables.watch, index, piece, time, state)
+            for g in range(watched.guards):
+                j = int(watched.contact[g])
+                following = int(watched.following[g, j])
+                if following in left[j] and _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power) < 0:
+                    left[j].discard(following)
+                    phases = watched.following[g].copy()
                     break
-            if not changed:
-                break
-        return closed
+            else:
+                return phases
 
 
 def _first_sign(gamma: Complexes, exponent: Complexes, power: Ints) -> int:

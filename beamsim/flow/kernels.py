@@ -24,28 +24,32 @@ class Tables(NamedTuple):
     exponent: Any  # (S, B)
     power: Any  # (S, B)
     n_free: Any  # (S,)
-    projector: Any  # (S, Z, 2n)
+    projector: Any  # (S, Z, N)
     n_terms: Any  # (S,)
     term_basis: Any  # (S, T)
     term_source: Any  # (S, T)
-    term_vector: Any  # (S, T, 2n)
-    watch: Any  # (S, T, 2 m) of the watched functions, positive on the state's own side, then of the penetrations
-    roughness: Any  # (S, T, m) size of each term's parts before they cancel, which sets the round-off of `watch`
+    term_vector: Any  # (S, T, N)
+    watch: Any  # (S, T, w) of the state's guards, then of the internal states after the events that reset them
+    roughness: Any  # (S, T, g) size of each term's parts before they cancel, which sets the round-off of the guards
     horizon: Any  # (S,)
-    closed: Any  # (S, m)
-    follower: Any  # (S, m) state after contact j toggles, -1 where it is not built yet
+    phase: Any  # (S, m) of the contacts
+    touching: Any  # (S, m)
+    n_guards: Any  # (S,)
+    guard_contact: Any  # (S, g) whose guard it is
+    reset: Any  # (S, g) column of `watch` with the contact's internal states after the event, -1 where they go on
+    follower: Any  # (S, g) state after a guard's event, -1 where it is not built yet
+    first: Any  # (m,) of a contact's internal states among all of them
+    states: Any  # (m,) number of a contact's internal states
 
 
 class Inputs(NamedTuple):
-    """Sources on pieces (see :mod:`beamsim.flow.sources`) and the faces of ``no_tension`` snubbers."""
+    """Sources on pieces (see :mod:`beamsim.flow.sources`)."""
 
     start: Any  # (P,)
     amplitude: Any  # (P, F)
     exponent: Any  # (F,)
     power: Any  # (F,)
     group_last: Any  # (F,)
-    has_face: Any  # (m,)
-    face_rate: Any  # (m,) k / c
 
 
 @njit(cache=True, error_model="numpy")
@@ -58,10 +62,9 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_sources(tables, s, inputs, piece, t, y, face, zeta):  # type: ignore[no-untyped-def]
+def _fill_sources(tables, s, inputs, piece, t, y, zeta):  # type: ignore[no-untyped-def]
     """Amplitudes of all sources at the start (time t, state y) of a segment in state s."""
     F = inputs.exponent.size
-    m = face.size
     N = y.size
     shift = t - inputs.start[piece]
     for f in range(F):
@@ -75,12 +78,9 @@ def _fill_sources(tables, s, inputs, piece, t, y, face, zeta):  # type: ignore[n
         if shift != 0.0 and nu != 0.0:
             total *= _exp(nu.real, nu.imag, shift)
         zeta[f] = total
-    for j in range(m):
-        zeta[F + j] = face[j]
-    first = F + m
     Z = tables.n_free[s]
     for i in range(Z):
-        zeta[first + i] = 0.0
+        zeta[F + i] = 0.0
     for k in range(N):
         rest = y[k]
         for q in range(tables.n_terms[s]):
@@ -89,7 +89,7 @@ def _fill_sources(tables, s, inputs, piece, t, y, face, zeta):  # type: ignore[n
                 rest -= (tables.term_vector[s, q, k] * zeta[source]).real
         if rest != 0.0:
             for i in range(Z):
-                zeta[first + i] += tables.projector[s, i, k] * rest
+                zeta[F + i] += tables.projector[s, i, k] * rest
 
 
 @njit(cache=True, error_model="numpy")
@@ -265,11 +265,19 @@ def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _relax(inputs, closed, tau, face):  # type: ignore[no-untyped-def]
-    """Let the faces of released ``no_tension`` snubbers recover for a time tau."""
-    for j in range(face.size):
-        if inputs.has_face[j] and not closed[j]:
-            face[j] *= math.exp(-inputs.face_rate[j] * tau)
+def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
+    """The internal states with which the phase after a guard's event starts, into y; ``basis`` is at the event."""
+    column = tables.reset[s, guard]
+    if column < 0:
+        return
+    contact = tables.guard_contact[s, guard]
+    first = y.size - tables.states.sum() + tables.first[contact]
+    for i in range(tables.states[contact]):
+        total = 0.0
+        for q in range(tables.n_terms[s]):
+            w = tables.watch[s, q, column + i]
+            total += (w * zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]).real
+        y[first + i] = total
 
 
 @njit(cache=True, error_model="numpy")
@@ -281,38 +289,36 @@ def advance(  # type: ignore[no-untyped-def]
     state,
     toggled,
     y,
-    face,
     seg_time,
     seg_length,
     seg_state,
     seg_piece,
     seg_y,
-    seg_face,
     ev_time,
     ev_contact,
-    ev_closing,
+    ev_phase,
     most_evaluations,
 ):
-    """Carry the state (y, face), updated in place, from t to t_end, logging segments and events.
+    """Carry the state y, updated in place, from t to t_end, logging segments and events.
 
-    ``toggled`` is the contact whose event lies at t (-1 where there is none).
+    ``toggled`` is the guard whose event lies at t (-1 where there is none).
 
-    Returns (status, t, state, segments, events, evaluations, contact of the last event): DONE at t_end; NEED_STATE when
-    the state that follows ``contact``'s event is not built (the event is not logged yet, the segment is); FULL when a
+    Returns (status, t, state, segments, events, evaluations, guard of the last event): DONE at t_end; NEED_STATE when
+    the state that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when a
     log is full; BUDGET when ``most_evaluations`` were used.
     """
-    m = face.size
     N = y.size
     F = inputs.exponent.size
-    zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(F + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
-    gamma = np.zeros((m, B), dtype=np.complex128)
-    size = np.zeros((m, B))
+    most = tables.guard_contact.shape[1]
+    all_gamma = np.zeros((most, B), dtype=np.complex128)
+    all_size = np.zeros((most, B))
     basis = np.zeros(B, dtype=np.complex128)
-    out = np.zeros((m, 4))
-    least = np.zeros(m)
-    floors = np.zeros(m)
-    forced = np.zeros((m, 0))
+    all_out = np.zeros((most, 4))
+    all_least = np.zeros(most)
+    all_floors = np.zeros(most)
+    forced = np.zeros((most, 0))
     n_seg = 0
     n_ev = 0
     n_eval = 0
@@ -332,7 +338,10 @@ def advance(  # type: ignore[no-untyped-def]
         whole = tables.horizon[state] >= H
         if not whole:
             H = tables.horizon[state]
-        _fill_sources(tables, state, inputs, piece, t, y, face, zeta)
+        guards = tables.n_guards[state]
+        gamma, size, out = all_gamma[:guards], all_size[:guards], all_out[:guards]
+        least, floors = all_least[:guards], all_floors[:guards]
+        _fill_sources(tables, state, inputs, piece, t, y, zeta)
         _combine(tables, state, tables.watch, zeta, gamma, size)
         nb = tables.n_basis[state]
         exponent = tables.exponent[state]
@@ -342,15 +351,13 @@ def advance(  # type: ignore[no-untyped-def]
         seg_piece[n_seg] = piece
         for k in range(N):
             seg_y[n_seg, k] = y[k]
-        for j in range(m):
-            seg_face[n_seg, j] = face[j]
 
         _fill_least(tables, state, zeta, H, least)
 
         tau = 0.0
         hit = -1
         floors[:] = 0.0
-        while m > 0:
+        while guards > 0:
             reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
             n_eval += 1
             if tau == 0.0 and toggled >= 0:
@@ -367,25 +374,19 @@ def advance(  # type: ignore[no-untyped-def]
         tau = _crossing(out, hit, tau) if hit >= 0 else H
         _fill_basis(exponent, power, nb, tau, basis)
         _state_at(tables, state, zeta, basis, y)
-        _relax(inputs, tables.closed[state], tau, face)
         seg_length[n_seg] = tau
         n_seg += 1
         t = stop if (hit < 0 and whole) else t + tau
         toggled = hit
         if hit >= 0:
-            if inputs.has_face[hit] and tables.closed[state, hit]:
-                # the face leaves with the penetration it has, which the watched row gives from the state
-                total = 0.0
-                for q in range(tables.n_terms[state]):
-                    w = tables.watch[state, q, m + hit]
-                    total += (w * zeta[tables.term_source[state, q]] * basis[tables.term_basis[state, q]]).real
-                face[hit] = total
+            _reset(tables, state, hit, zeta, basis, y)
             following = tables.follower[state, hit]
             if following < 0:
                 return NEED_STATE, t, state, n_seg, n_ev, n_eval, hit
+            contact = tables.guard_contact[state, hit]
             ev_time[n_ev] = t
-            ev_contact[n_ev] = hit
-            ev_closing[n_ev] = not tables.closed[state, hit]
+            ev_contact[n_ev] = contact
+            ev_phase[n_ev] = tables.phase[following, contact]
             n_ev += 1
             state = following
     return DONE, t, state, n_seg, n_ev, n_eval, toggled
@@ -424,16 +425,15 @@ def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy")
-def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, seg_face, time, out):  # type: ignore[no-untyped-def]
+def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, out):  # type: ignore[no-untyped-def]
     """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
 
     The coefficients of a segment's basis functions are worth their cost where it holds several times; for one or two
     the outputs are summed over the terms.
     """
     k = table.shape[2]
-    m = seg_face.shape[1]
     F = inputs.exponent.size
-    zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(F + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
     rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
     basis = np.zeros(B, dtype=np.complex128)
@@ -448,7 +448,7 @@ def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, seg_fac
         s = seg_state[g]
         nb = tables.n_basis[s]
         if g != current:
-            _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+            _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
             several = i + 2 < time.size and (g == last or time[i + 2] < seg_time[g + 1])
             if several:
                 _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
@@ -467,12 +467,12 @@ def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, seg_fac
 
 
 @njit(cache=True, error_model="numpy")
-def segment_coefficients(tables, inputs, table, state, piece, t, y, face):  # type: ignore[no-untyped-def]
-    """(k, B) coefficients of the basis functions in the outputs on a segment that starts with (t, y, face)."""
+def segment_coefficients(tables, inputs, table, state, piece, t, y):  # type: ignore[no-untyped-def]
+    """(k, B) coefficients of the basis functions in the outputs on a segment that starts with (t, y)."""
     k = table.shape[2]
-    zeta = np.zeros(inputs.exponent.size + face.size + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     gamma = np.zeros((k, tables.exponent.shape[1]), dtype=np.complex128)
-    _fill_sources(tables, state, inputs, piece, t, y, face, zeta)
+    _fill_sources(tables, state, inputs, piece, t, y, zeta)
     _coefficients(tables, state, table, zeta, gamma)
     return gamma
 
@@ -550,7 +550,7 @@ def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def
 
 @njit(cache=True, error_model="numpy")
 def extremes(  # type: ignore[no-untyped-def]
-    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, highest, when, relative
+    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, highest, when, relative
 ):
     """Raise ``highest`` (k,) to the largest value of each output over all segments, ``when`` (k,) with it.
 
@@ -558,8 +558,7 @@ def extremes(  # type: ignore[no-untyped-def]
     curvature bound proves that it holds no value above ``highest`` (1 + relative).
     """
     k = table.shape[2]
-    m = seg_face.shape[1]
-    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
     own = np.zeros((1, B), dtype=np.complex128)
     own_size = np.zeros((1, B))
@@ -572,7 +571,7 @@ def extremes(  # type: ignore[no-untyped-def]
         s = seg_state[g]
         nb = tables.n_basis[s]
         H = seg_length[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
         exponent = tables.exponent[s]
         power = tables.power[s]
         _bounds(exponent, power, nb, H, largest, bend)
@@ -647,7 +646,7 @@ def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def pair_integrals(  # type: ignore[no-untyped-def]
-    tables, inputs, left, right, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, time, out
+    tables, inputs, left, right, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, time, out
 ):
     """Exact cumulative integrals of sums of products: out[i, q] = int_0^time[i] sum_k weight[k, q] left_k right_k dt.
 
@@ -656,8 +655,7 @@ def pair_integrals(  # type: ignore[no-untyped-def]
     """
     K = left.shape[2]
     Q = weight.shape[1]
-    m = seg_face.shape[1]
-    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
     a = np.zeros((K, B), dtype=np.complex128)
     c = np.zeros((K, B), dtype=np.complex128)
@@ -671,7 +669,7 @@ def pair_integrals(  # type: ignore[no-untyped-def]
     for g in range(seg_time.size):
         s = seg_state[g]
         nb = tables.n_basis[s]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
         _combine(tables, s, left, zeta, a, size)
         _combine(tables, s, right, zeta, c, size)
         for q in range(Q):
@@ -718,7 +716,7 @@ def pair_integrals(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def panel_integrals(  # type: ignore[no-untyped-def]
-    tables, inputs, table, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face, time,
+    tables, inputs, table, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, time,
     radians, node, gauss, fastest, out,
 ):  # fmt: skip
     """The integrals of `pair_integrals` by Gauss-Legendre on panels, for segments with powers of time as well.
@@ -728,8 +726,7 @@ def panel_integrals(  # type: ignore[no-untyped-def]
     """
     K = table.shape[2] // 2
     Q = weight.shape[1]
-    m = seg_face.shape[1]
-    zeta = np.zeros(inputs.exponent.size + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
     rows_real, rows_imag = np.zeros((B, 2 * K)), np.zeros((B, 2 * K))
     real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
@@ -741,7 +738,7 @@ def panel_integrals(  # type: ignore[no-untyped-def]
     for g in range(seg_time.size):
         s = seg_state[g]
         nb = tables.n_basis[s]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], seg_face[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
         _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
         exponent = tables.exponent[s]
         power = tables.power[s]

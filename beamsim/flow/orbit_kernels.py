@@ -1,15 +1,18 @@
 """Compiled kernels of the variational flow: forced responses by frequency, transition and saltation matrices.
 
 The motion itself comes from :func:`beamsim.flow.kernels.advance`; a second pass over its log carries the
-sensitivity :math:`S = \\partial(y, face)/\\partial(y_0, face_0, p)` along, one column an initial value or a parameter:
+sensitivity :math:`S = \\partial y/\\partial(y_0, p)` along, one column an initial value or a parameter:
 
 * on a segment :math:`S_1 = \\Phi(\\tau)\\,(S_0 - \\partial y_f(t_0)) + \\partial y_f(t_1)` with
   :math:`\\Phi = \\mathrm{Re}\\, \\sum_t u_t e_t(\\tau)\\, P_{src(t)}` and the forced response's own derivative;
 * a contact's stiffness, dashpot, gap or place p, and the structure's matrices and loads, add
   :math:`\\int \\Phi(\\tau-\\sigma) h(\\sigma) d\\sigma`, in closed
   form by the divided differences :math:`(e^{\\lambda_b\\tau} - e^{\\lambda_i\\tau}) / (\\lambda_b - \\lambda_i)`;
-* at an event :math:`S^+ = S^- + (f^- - f^+)\\, \\partial t_e`,
+* at an event with the reset R :math:`S^+ = R' S^- + (R' f^- - f^+)\\, \\partial t_e`,
   :math:`\\partial t_e = -(\\nabla g\\, S^- + \\partial_p g) / \\dot g^-` (the saltation matrix applied to S).
+
+Internal states of the contacts appear here where they move by themselves (``Phase.coupled`` is false); passages with
+others take :mod:`beamsim.flow.resonant_passage`.
 """
 
 from __future__ import annotations
@@ -21,17 +24,6 @@ import numpy as np
 from numba import njit
 
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
-
-
-class ContactArrays(NamedTuple):
-    """The contacts as flat arrays (see :class:`beamsim.system.equations.Contacts`)."""
-
-    shape: Any  # (m, n)
-    sign: Any  # (m,)
-    stiffness: Any  # (m,)
-    dashpot: Any  # (m,)
-    gap: Any  # (m,)
-    on_ground: Any  # (m,) bool
 
 
 class Variation(NamedTuple):
@@ -55,8 +47,8 @@ class Parameters(NamedTuple):
     terms: Any  # (P, S, H, N) derivative of the periodic sources' term vectors
     base: Any  # (P, H) derivative of the base displacement's amplitude
     moves_contacts: Any  # (P,) bool
-    stiffness: Any  # (P, m)
-    dashpot: Any  # (P, m)
+    law: Any  # (P, m, phases, 3) of the force's factors of penetration, rate and 1
+    decay: Any  # (P, m, phases) of the rate at which a single internal state moves by itself
     gap: Any  # (P, m)
     shape: Any  # (P, m, n)
     moves_structure: Any  # (P,) bool
@@ -95,9 +87,10 @@ def force_terms(  # type: ignore[no-untyped-def]
                 B[i, 1] = level_force[h, i]
             extra = np.zeros(n, dtype=np.complex128)
             for j in range(m):
-                if contacts.on_ground[j] and tables.closed[s, j]:
-                    z = complex(contacts.stiffness[j], w * contacts.dashpot[j])
-                    dz = complex(0.0, multiple[h] * contacts.dashpot[j])
+                own = contacts.force[j, tables.phase[s, j]]
+                if contacts.on_ground[j] and (own[0] != 0.0 or own[1] != 0.0):
+                    z = complex(own[0], w * own[1])
+                    dz = complex(0.0, multiple[h] * own[1])
                     for i in range(n):
                         B[i, 0] -= z * contacts.shape[j, i] * base[h]
                         B[i, 1] -= z * contacts.shape[j, i] * level_base[h]
@@ -122,32 +115,40 @@ def force_terms(  # type: ignore[no-untyped-def]
                 out[0, s, h, n + i] = iw * D[i, 0] + complex(0.0, multiple[h]) * X[i, 0]
                 out[1, s, h, i] = X[i, 1]
                 out[1, s, h, n + i] = iw * X[i, 1]
-            for j in range(m):
+            for g in range(tables.n_guards[s]):
+                j = tables.guard_contact[s, g]
                 delta = 0.0j
                 for i in range(n):
                     delta += contacts.shape[j, i] * X[i, 0]
                 if contacts.on_ground[j]:
                     delta += base[h]
                 delta *= -contacts.sign[j]
-                if tables.closed[s, j]:
-                    if inputs.has_face[j]:
-                        tables.watch[s, t, j] = complex(contacts.stiffness[j], w * contacts.dashpot[j]) * delta
-                    else:
-                        tables.watch[s, t, j] = delta
-                else:
-                    tables.watch[s, t, j] = -delta
-                tables.watch[s, t, m + j] = delta
+                row = contacts.guard[j, tables.phase[s, j], _own_guard(tables, s, g)]
+                tables.watch[s, t, g] = complex(row[0], w * row[1]) * delta
+                if tables.reset[s, g] >= 0:
+                    rows = contacts.reset[j, tables.phase[s, j], _own_guard(tables, s, g)]
+                    for i in range(tables.states[j]):
+                        tables.watch[s, t, tables.reset[s, g] + i] = complex(rows[i, 0], w * rows[i, 1]) * delta
 
 
 @njit(cache=True, error_model="numpy")
-def signs_at_start(contacts, y, face, base, base_rate, closed):  # type: ignore[no-untyped-def]
-    """Which contacts are closed at a motion, into ``closed``; False where one of them is too near zero to tell."""
+def _own_guard(tables, s, g):  # type: ignore[no-untyped-def]
+    """Number of a state's guard among those of its contact."""
+    own = 0
+    while own < g and tables.guard_contact[s, g - 1 - own] == tables.guard_contact[s, g]:
+        own += 1
+    return own
+
+
+@njit(cache=True, error_model="numpy")
+def phases_at_start(contacts, y, base, base_rate, phases):  # type: ignore[no-untyped-def]
+    """Phases of the contacts at a motion, into ``phases``; False where a guard is too near zero to tell."""
     m, n = contacts.shape.shape
     clear = True
     for j in range(m):
         w = 0.0
         v = 0.0
-        scale = abs(contacts.gap[j]) + abs(face[j])
+        scale = abs(contacts.gap[j])
         for i in range(n):
             w += contacts.shape[j, i] * y[i]
             v += contacts.shape[j, i] * y[n + i]
@@ -156,12 +157,40 @@ def signs_at_start(contacts, y, face, base, base_rate, closed):  # type: ignore[
             w += base
             v += base_rate
             scale += abs(base)
-        delta = -contacts.gap[j] - contacts.sign[j] * w - face[j]
-        closed[j] = delta > 0.0
-        if abs(delta) <= 1e-12 * scale:
-            closed[j] = -contacts.sign[j] * v > 0.0
-            if v == 0.0:
-                clear = False
+        delta = -contacts.gap[j] - contacts.sign[j] * w
+        rate = -contacts.sign[j] * v
+        k = contacts.start[j]
+        came = -1
+        for _ in range(contacts.touching.shape[1]):
+            following = -1
+            for i in range(contacts.guards[j, k]):
+                if contacts.next[j, k, i] == came:
+                    continue
+                row = contacts.guard[j, k, i]
+                g = row[0] * delta + row[1] * rate + row[2]
+                size = abs(row[0]) * scale + abs(row[1] * rate) + abs(row[2])
+                change = row[0] * rate
+                for a in range(contacts.states[j]):
+                    p = y[2 * n + contacts.first[j] + a]
+                    own = contacts.dynamics[j, k, a]
+                    p_rate = own[0] * delta + own[1] * rate + own[2]
+                    for b in range(contacts.states[j]):
+                        p_rate += own[3 + b] * y[2 * n + contacts.first[j] + b]
+                    g += row[3 + a] * p
+                    size += abs(row[3 + a] * p)
+                    change += row[3 + a] * p_rate
+                if abs(g) <= 1e-12 * size:
+                    if change == 0.0:
+                        clear = False
+                    g = change
+                if g < 0.0:
+                    following = contacts.next[j, k, i]
+                    break
+            if following < 0:
+                break
+            came = k
+            k = following
+        phases[j] = k
     return clear
 
 
@@ -179,25 +208,26 @@ def _difference(a, b, ea, eb, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
-    """Add to ``add`` (N,) the response over a segment to the change of the closed contacts' forces with parameter p."""
+    """Add to ``add`` (2n,) the response over a segment to the change of the contacts' forces with parameter p."""
     m, n = contacts.shape.shape
     N = 2 * n
     F = inputs.exponent.size
-    first = F + m
     nb = tables.n_basis[s]
     own = np.zeros(nb, dtype=np.complex128)
     through = np.zeros(nb, dtype=np.complex128)
     for j in range(m):
-        if not tables.closed[s, j]:
+        ph = tables.phase[s, j]
+        dk, dc, df = parameters.law[p, j, ph, 0], parameters.law[p, j, ph, 1], parameters.law[p, j, ph, 2]
+        dg, sign = parameters.gap[p, j], contacts.sign[j]
+        k, c, f = contacts.force[j, ph, 0], contacts.force[j, ph, 1], contacts.force[j, ph, 2]
+        if k == 0.0 and c == 0.0 and f == 0.0 and dk == 0.0 and dc == 0.0 and df == 0.0:
             continue
-        dk, dc, dg = parameters.stiffness[p, j], parameters.dashpot[p, j], parameters.gap[p, j]
         moves = False
         for i in range(n):
             if parameters.shape[p, j, i] != 0.0:
                 moves = True
-        if dk == 0.0 and dc == 0.0 and dg == 0.0 and not moves:
+        if dk == 0.0 and dc == 0.0 and df == 0.0 and dg == 0.0 and not moves:
             continue
-        k, c, sign = contacts.stiffness[j], contacts.dashpot[j], contacts.sign[j]
         for b in range(nb):
             own[b] = 0.0
             through[b] = 0.0
@@ -209,6 +239,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
             delta = 0.0j
             rate = 0.0j
             along = 0.0j
+            constant = 0.0
             for i in range(n):
                 u, v = tables.term_vector[s, q, i], tables.term_vector[s, q, n + i]
                 delta -= sign * contacts.shape[j, i] * u
@@ -218,15 +249,16 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
             b = tables.term_basis[s, q]
             if source == 0 and tables.power[s, b] == 0:
                 delta -= contacts.gap[j]
-                along -= k * dg
+                along += df - k * dg
+                constant = f
             elif 0 < source < F and contacts.on_ground[j]:
                 delta -= sign * base[source - 1]
                 rate -= sign * base[source - 1] * inputs.exponent[source]
             own[b] += z * (dk * delta + dc * rate + along)
-            through[b] += z * (k * delta + c * rate)
+            through[b] += z * (k * delta + c * rate + constant)
         for q in range(tables.n_terms[s]):
             source = tables.term_source[s, q]
-            if source < first:
+            if source < F:
                 continue
             bi = tables.term_basis[s, q]
             lam = tables.exponent[s, bi]
@@ -234,9 +266,9 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
             push = 0.0j
             push_moved = 0.0j
             for i in range(n):
-                push += sign * tables.projector[s, source - first, n + i] * contacts.shape[j, i]
+                push += sign * tables.projector[s, source - F, n + i] * contacts.shape[j, i]
                 if moves:
-                    push_moved += sign * tables.projector[s, source - first, n + i] * parameters.shape[p, j, i]
+                    push_moved += sign * tables.projector[s, source - F, n + i] * parameters.shape[p, j, i]
             total = 0.0j
             for b in range(nb):
                 if own[b] == 0.0 and through[b] == 0.0:
@@ -255,7 +287,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
 
 @njit(cache=True, error_model="numpy")
 def _add_structure(tables, s, first, variation, parameters, p, t0, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
-    """Add to ``add`` (N,) the response over a segment to the change of the structure's matrices and loads.
+    """Add to ``add`` (2n,) the response over a segment to the change of the structure's matrices and loads.
 
     The motion being ``Re sum_b q_b e^(lambda_b tau)``, the change of the equations is the load
     ``-Re sum_b (lambda_b^2 dM + lambda_b dC + dK) q_b e^(lambda_b tau)``. ``first`` is the first free amplitude.
@@ -338,27 +370,58 @@ def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j
 
 
 @njit(cache=True, error_model="numpy")
+def _rate_at(tables, s, zeta, basis, tau, out):  # type: ignore[no-untyped-def]
+    """Time derivative of the state at tau, where ``basis`` was evaluated."""
+    N = out.size
+    for i in range(N):
+        out[i] = 0.0
+    for q in range(tables.n_terms[s]):
+        b = tables.term_basis[s, q]
+        power = tables.power[s, b]
+        ds = tables.exponent[s, b] * basis[b]
+        if power > 0:
+            lam = tables.exponent[s, b]
+            ds += power * _exp(lam.real, lam.imag, tau) * tau ** (power - 1)
+        a = zeta[tables.term_source[s, q]] * ds
+        if a != 0.0:
+            for i in range(N):
+                u = tables.term_vector[s, q, i]
+                out[i] += u.real * a.real - u.imag * a.imag
+
+
+@njit(cache=True, error_model="numpy")
+def _started(contacts, j, k, guard, i, a):  # type: ignore[no-untyped-def]
+    """Factor of quantity a in the internal state i with which the phase after a guard's event starts."""
+    if contacts.resets[j, k, guard]:
+        return contacts.reset[j, k, guard, i, a]
+    return 1.0 if a == 3 + i else 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def carry_sensitivity(  # type: ignore[no-untyped-def]
-    tables, inputs, contacts, variation, parameters, n_seg, seg_time, seg_length, seg_state, seg_piece, seg_y, seg_face,
+    tables, inputs, contacts, variation, parameters, n_seg, seg_time, seg_length, seg_state, seg_piece, seg_y,
     ev_contact, sens, slope,
 ):  # fmt: skip
-    """Carry ``sens`` (N + m, columns), updated in place, through a log of segments; the last P columns are parameters.
+    """Carry ``sens`` (N, columns), updated in place, through a log of segments; the last P columns are parameters.
 
     ``slope`` (N,) receives the time derivative of the state at the end (limit from the left). Returns the smallest
     ``|dg/dt|`` at an event whose force jumps (infinite without one): small means grazing with a dashpot.
     """
     m, n = contacts.shape.shape
-    N = 2 * n
+    N = sens.shape[0]
     F = inputs.exponent.size
     H = variation.multiple.size
     P = parameters.moves_frequency.size
     columns = sens.shape[1]
     states = columns - P
-    zeta = np.zeros(F + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(F + tables.projector.shape[1], dtype=np.complex128)
     basis = np.zeros(tables.exponent.shape[1], dtype=np.complex128)
     y = np.zeros(N)
     change = np.zeros(columns)
-    add = np.zeros(N)
+    motion = np.zeros(3 + contacts.dynamics.shape[2])  # penetration, its rate, 1 and internal states of one contact
+    moving = np.zeros(motion.size)  # their rates
+    varied = np.zeros((motion.size, columns))  # their derivatives
+    add = np.zeros(2 * n)
     T2 = variation.right.shape[2]
     turned = np.zeros((T2, columns))
     smallest = np.inf
@@ -369,7 +432,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
         t0 = seg_time[g]
         t1 = t0 + tau
         nb = tables.n_basis[s]
-        _fill_sources(tables, s, inputs, seg_piece[g], t0, seg_y[g], seg_face[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], t0, seg_y[g], zeta)
         _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
         # parameters: take away the forced response's derivative at the start
         for p in range(P):
@@ -383,7 +446,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                         d += complex(0.0, variation.multiple[h] * t0) * tables.term_vector[s, t, i]
                     sens[i, states + p] -= (d * e).real
         T = variation.n_terms[s]
-        c = np.dot(variation.left[s], sens[:N])
+        c = np.dot(variation.left[s], sens)
         for q in range(T):
             i = variation.term_source[s, q]
             e = basis[variation.term_basis[s, q]]
@@ -391,7 +454,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                 re, im = c[2 * i, k], c[2 * i + 1, k]
                 turned[2 * q, k] = e.real * re - e.imag * im
                 turned[2 * q + 1, k] = e.real * im + e.imag * re
-        sens[:N] = np.dot(variation.right[s], turned)
+        sens[:] = np.dot(variation.right[s], turned)
         for p in range(P):
             for h in range(H):
                 iw = inputs.exponent[1 + h]
@@ -403,103 +466,118 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                         d += complex(0.0, variation.multiple[h] * t1) * tables.term_vector[s, t, i]
                     sens[i, states + p] += (d * e).real
             if parameters.moves_contacts[p]:
-                for i in range(N):
+                for i in range(2 * n):
                     add[i] = 0.0
                 _add_forcing(tables, s, inputs, contacts, variation.base, parameters, p, zeta, basis, tau, add)
-                for i in range(N):
+                for i in range(2 * n):
                     sens[i, states + p] += add[i]
+                for j in range(m):
+                    rate = parameters.decay[p, j, tables.phase[s, j]]
+                    if rate != 0.0:
+                        i = 2 * n + contacts.first[j]
+                        decay = math.exp(contacts.dynamics[j, tables.phase[s, j], 0, 3] * tau)
+                        sens[i, states + p] += rate * tau * decay * seg_y[g, i]
             if parameters.moves_structure[p]:
-                for i in range(N):
+                for i in range(2 * n):
                     add[i] = 0.0
-                _add_structure(tables, s, F + m, variation, parameters, p, t0, zeta, basis, tau, add)
-                for i in range(N):
+                _add_structure(tables, s, F, variation, parameters, p, t0, zeta, basis, tau, add)
+                for i in range(2 * n):
                     sens[i, states + p] += add[i]
-        for j in range(m):
-            if inputs.has_face[j] and not tables.closed[s, j]:
-                decay = math.exp(-inputs.face_rate[j] * tau)
-                for k in range(columns):
-                    sens[N + j, k] *= decay
-                for p in range(P):
-                    if parameters.moves_contacts[p]:
-                        dr = (
-                            parameters.stiffness[p, j] - inputs.face_rate[j] * parameters.dashpot[p, j]
-                        ) / contacts.dashpot[j]
-                        sens[N + j, states + p] -= dr * tau * decay * seg_face[g, j]
-            elif inputs.has_face[j]:
-                for k in range(columns):
-                    sens[N + j, k] = 0.0
-        last = g == n_seg - 1
-        if last:
-            for i in range(N):
-                slope[i] = 0.0
-            for q in range(tables.n_terms[s]):
-                b = tables.term_basis[s, q]
-                power = tables.power[s, b]
-                ds = tables.exponent[s, b] * basis[b]
-                if power > 0:
-                    lam = tables.exponent[s, b]
-                    ds += power * _exp(lam.real, lam.imag, tau) * tau ** (power - 1)
-                a = zeta[tables.term_source[s, q]] * ds
-                if a != 0.0:
-                    for i in range(N):
-                        u = tables.term_vector[s, q, i]
-                        slope[i] += u.real * a.real - u.imag * a.imag
+        if g == n_seg - 1:
+            _rate_at(tables, s, zeta, basis, tau, slope)
             break
         following = seg_state[g + 1]
         if following == s:
             continue
         j = ev_contact[event]
         event += 1
-        closing = not tables.closed[s, j]
+        before, after = tables.phase[s, j], tables.phase[following, j]
+        own = 0
+        while contacts.next[j, before, own] != after:
+            own += 1
+        jumps = contacts.jumps[j, before, own]
+        if not jumps and contacts.states[j] == 0:
+            continue
+        row = contacts.guard[j, before, own]
+        r, first = contacts.states[j], 2 * n + contacts.first[j]
         _state_at(tables, s, zeta, basis, y)
-        sign, _k_j, c_j = contacts.sign[j], contacts.stiffness[j], contacts.dashpot[j]
+        if r > 0 or row[1] != 0.0:
+            _rate_at(tables, s, zeta, basis, tau, slope)
+        else:
+            slope[:] = 0.0  # only a guard with a rate in it needs accelerations
+        sign = contacts.sign[j]
         delta = -contacts.gap[j]
         rate = 0.0
+        turn = 0.0
         for i in range(n):
             delta -= sign * contacts.shape[j, i] * y[i]
             rate -= sign * contacts.shape[j, i] * y[n + i]
+            turn -= sign * contacts.shape[j, i] * slope[n + i]
         if contacts.on_ground[j]:
             for h in range(H):
                 iw = inputs.exponent[1 + h]
                 e = _exp(iw.real, iw.imag, t1)
                 delta -= sign * (variation.base[h] * e).real
                 rate -= sign * (variation.base[h] * iw * e).real
-        face_p = seg_face[g, j] * math.exp(-inputs.face_rate[j] * tau) if inputs.has_face[j] and closing else 0.0
-        face_rate = -inputs.face_rate[j] * face_p
-        # gap function that changes sign here: the penetration beyond the face, or the force of a snubber that lets go
-        by_force = inputs.has_face[j] and not closing
-        if by_force:
-            # the face leaves with the penetration's own rate: no jump, but its sensitivity begins as the penetration's
-            for k in range(columns):
-                total = 0.0
-                for i in range(n):
-                    total -= sign * contacts.shape[j, i] * sens[i, k]
-                sens[N + j, k] = total
-            for p in range(P):
-                d, _ = _change_of_penetration(
-                    contacts, variation.base, inputs.exponent, variation.multiple, parameters, p, j, t1, y
-                )
-                sens[N + j, states + p] += d
-            continue
-        jump = c_j * (rate - face_rate)  # of the force at closing; the same, taken away, at opening
-        if jump == 0.0:
-            continue
-        gdot = rate - face_rate
-        smallest = min(smallest, abs(gdot))
+                turn -= sign * (variation.base[h] * iw * iw * e).real
+        motion[0], motion[1], motion[2] = delta, rate, 1.0
+        moving[0], moving[1], moving[2] = rate, turn, 0.0
         for k in range(columns):
-            total = -sens[N + j, k] if closing and inputs.has_face[j] else 0.0
+            total = 0.0
+            change_of_rate = 0.0
             for i in range(n):
                 total -= sign * contacts.shape[j, i] * sens[i, k]
-            change[k] = total
+                change_of_rate -= sign * contacts.shape[j, i] * sens[n + i, k]
+            varied[0, k], varied[1, k] = total, change_of_rate
+        for i in range(r):
+            motion[3 + i], moving[3 + i] = y[first + i], slope[first + i]
+            for k in range(columns):
+                varied[3 + i, k] = sens[first + i, k]
         for p in range(P):
-            d, _ = _change_of_penetration(
+            d, dv = _change_of_penetration(
                 contacts, variation.base, inputs.exponent, variation.multiple, parameters, p, j, t1, y
             )
-            change[states + p] += d
-        # S+ = S- + (f- - f+) dt_e with dt_e = -change / gdot, and f+ - f- = +-sign * shape * jump
-        factor = (1.0 if closing else -1.0) * jump / gdot * sign
+            varied[0, states + p] += d
+            varied[1, states + p] += dv
+        # when the event is: the guard's change over its rate
+        gdot = 0.0
         for k in range(columns):
-            a = factor * change[k]
-            for i in range(n):
-                sens[n + i, k] += contacts.shape[j, i] * a
+            change[k] = 0.0
+        for a in range(3 + r):
+            if row[a] != 0.0:
+                gdot += row[a] * moving[a]
+                for k in range(columns):
+                    change[k] += row[a] * varied[a, k]
+        if jumps:
+            smallest = min(smallest, abs(gdot))
+            push = 0.0
+            for a in range(3 + r):
+                push += contacts.jump[j, before, own, a] * motion[a]
+            # f- - f+ = -sign * shape * push, and dt_e = -change / gdot
+            factor = push / gdot * sign
+            for k in range(columns):
+                a = factor * change[k]
+                for i in range(n):
+                    sens[n + i, k] += contacts.shape[j, i] * a
+        for i in range(r):
+            drift = 0.0  # rate of what the state starts with after the event, less the rate there
+            size = 0.0
+            for a in range(3 + r):
+                drift += _started(contacts, j, before, own, i, a) * moving[a]
+                size += abs(_started(contacts, j, before, own, i, a) * moving[a])
+                value = motion[a]
+                if a > 2:
+                    value = 0.0
+                    for b in range(3 + r):
+                        value += _started(contacts, j, before, own, a - 3, b) * motion[b]
+                value *= contacts.dynamics[j, after, i, a]
+                drift -= value
+                size += abs(value)
+            if abs(drift) <= 1e-12 * size or gdot == 0.0:
+                drift = 0.0
+            for k in range(columns):
+                total = -drift * change[k] / gdot if drift != 0.0 else 0.0
+                for a in range(3 + r):
+                    total += _started(contacts, j, before, own, i, a) * varied[a, k]
+                sens[first + i, k] = total
     return smallest

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.contacts.laws import Guard
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
@@ -25,34 +26,33 @@ class ReferenceTrajectory:
 
     flow: ExactFlow
     time: Floats  # (nt,) output times, s
-    y: Floats  # (nt, 2n)
-    face: Floats  # (nt, m)
-    closed: Bools  # (nt, m)
+    y: Floats  # (nt, N)
+    phases: Ints  # (nt, m)
     work_in: Floats  # (nt,) J, integrated along
     dissipated: Floats  # (nt,) J, integrated along
     power_in: Floats  # (nt,) W
     event_time: Floats  # (E,)
     event_contact: Ints  # (E,)
-    event_closing: Bools  # (E,)
+    event_phase: Ints  # (E,) of the contact after the event
     evaluations: int  # of the right-hand side
     restarts: int
     end: float
     outcome: Outcome
     processor_time_s: float
 
-    def sample(self, output_of: Callable[[Bools], LinearOutput]) -> Floats:
+    @property
+    def event_closing(self) -> Bools:
+        """(E,) whether the contact touches after the event."""
+        return np.asarray(self.flow.system.contacts.arrays.touching[self.event_contact, self.event_phase])
+
+    def sample(self, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at the output times."""
         value, slope = _source_values(self.flow, self.time)
         out: Floats | None = None
-        for key in np.unique(self.closed, axis=0):
-            here = np.all(self.closed == key, axis=1)
+        for key in np.unique(self.phases, axis=0):
+            here = np.all(self.phases == key, axis=1)
             output = output_of(key)
-            part = (
-                self.y[here] @ output.row.T
-                + value[here] @ output.direct.T
-                + slope[here] @ output.direct_slope.T
-                + self.face[here] @ output.face.T
-            )
+            part = self.y[here] @ output.row.T + value[here] @ output.direct.T + slope[here] @ output.direct_slope.T
             if out is None:
                 out = np.zeros((self.time.size, part.shape[1]))
             out[here] = part
@@ -84,21 +84,21 @@ def integrate(
     from scipy.integrate import solve_ivp
 
     begin = clock.process_time()
-    n, m = flow.system.size, flow.system.contacts.count
+    N, contacts = flow.size, flow.system.contacts
     right_hand_side = _RightHandSide(flow, cubic)
     duration = float(times[-1])
-    y = np.concatenate([initial_state, np.zeros(m + 2)])
-    closed = flow.starting_state(np.asarray(initial_state, dtype=float), np.zeros(m))
+    y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
+    phases = flow.starting_state(y[:N])
     breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
-    Y = np.empty((times.size, 2 * n + m + 2))
-    C = np.zeros((times.size, m), dtype=bool)
+    Y = np.empty((times.size, N + 2))
+    C = np.zeros((times.size, contacts.count), dtype=np.int64)
     done, t, restarts, outcome = 0, 0.0, 0, COMPLETE
     ev_time: list[float] = []
     ev_contact: list[int] = []
-    ev_closing: list[bool] = []
+    ev_phase: list[int] = []
     while True:
         stop = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
-        right_hand_side.begin(t, closed)
+        right_hand_side.begin(t, phases)
         solution = solve_ivp(  # type: ignore[call-overload]
             right_hand_side, (t, stop), y, method=integrator, rtol=rtol, atol=atol, max_step=max_step,
             events=right_hand_side.events(), dense_output=True,
@@ -113,19 +113,18 @@ def integrate(
         last = int(np.searchsorted(times, end, side="right" if end >= duration else "left"))
         if last > done:
             Y[done:last] = solution.sol(times[done:last]).T
-            C[done:last] = closed
+            C[done:last] = phases
             done = last
         y = solution.y[:, -1].copy()
         t = end
         if solution.status == 1:
-            hit = next(j for j in range(m) if solution.t_events[j].size)
-            if flow.has_face[hit] and closed[hit]:
-                y[2 * n + hit] = right_hand_side.penetration(t, y)[hit]
-            closed = closed.copy()
-            closed[hit] = ~closed[hit]
+            hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
+            contact, guard = right_hand_side.guards[hit]
+            right_hand_side.reset(contact, guard, t, y)
+            phases = contacts.after(phases, contact, guard.next)
             ev_time.append(t)
-            ev_contact.append(hit)
-            ev_closing.append(bool(closed[hit]))
+            ev_contact.append(contact)
+            ev_phase.append(guard.next)
             if len(ev_time) > max_events:
                 outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=t, events=len(ev_time))
         if progress is not None:
@@ -135,15 +134,14 @@ def integrate(
     return ReferenceTrajectory(
         flow,
         times[:done],
-        Y[:done, : 2 * n],
-        Y[:done, 2 * n : 2 * n + m],
+        Y[:done, :N],
         C[:done],
         Y[:done, -2],
         Y[:done, -1],
         np.array([right_hand_side.power_in(*row) for row in zip(times[:done], Y[:done], C[:done], strict=True)]),
         np.array(ev_time),
         np.array(ev_contact, dtype=np.int64),
-        np.array(ev_closing, dtype=bool),
+        np.array(ev_phase, dtype=np.int64),
         right_hand_side.count,
         restarts,
         t,
@@ -153,7 +151,7 @@ def integrate(
 
 
 class _RightHandSide:
-    """y' of (q, q', faces) with given contacts closed; written apart from the exact flow on purpose."""
+    """y' of (q, q', internal states) with contacts in given phases; written apart from the exact flow on purpose."""
 
     def __init__(self, flow: ExactFlow, cubic: CubicSprings | None) -> None:
         self.flow = flow
@@ -169,12 +167,19 @@ class _RightHandSide:
         self.base_velocity = None if self.base_displacement is None else self.base_displacement.derivative()
         self.base = (sources.channel == flow.base_channel) & (flow.base_channel >= 0)
         self.piece = 0
-        self.closed = np.zeros(system.contacts.count, dtype=bool)
+        self.guards: list[tuple[int, Guard]] = []
 
-    def begin(self, t: float, closed: Bools) -> None:
+    def begin(self, t: float, phases: Ints) -> None:
+        """Change the time from which sources count, and the contacts' phases."""
         starts = self.flow.sources.start
         self.piece = max(int(np.searchsorted(starts, t, side="right")) - 1, 0)
-        self.closed = closed
+        c = self.flow.system.contacts
+        self.guards = [
+            (j, guard) for j, (law, k) in enumerate(zip(c.laws, phases, strict=True)) for guard in law.phases[k].guards
+        ]
+        self.row, self.internal_row = c.force_rows(phases)
+        self.own_rates, self.driven_rates = c.internal_rates(phases)
+        self.loss, self.internal_loss = c.losses(phases)
 
     def _sources(self, t: float) -> tuple[Floats, Floats]:
         s = self.flow.sources
@@ -183,9 +188,6 @@ class _RightHandSide:
         value = term * sigma**s.power
         slope = s.exponent * value + term * np.where(s.power > 0, s.power * sigma ** np.maximum(s.power - 1, 0), 0.0)
         return value.real, slope.real
-
-    def penetration(self, t: float, y: Floats) -> Floats:
-        return self._contact(t, y)[0]
 
     def _contact(self, t: float, y: Floats) -> tuple[Floats, Floats]:
         c = self.flow.system.contacts
@@ -197,11 +199,11 @@ class _RightHandSide:
 
     def __call__(self, t: float, y: Floats) -> Floats:
         self.count += 1
-        system, c, n, m = self.flow.system, self.flow.system.contacts, self.n, self.closed.size
-        q, v = y[:n], y[n : 2 * n]
+        system, c, n = self.flow.system, self.flow.system.contacts, self.n
+        q, v, p = y[:n], y[n : 2 * n], y[2 * n : -2]
         value, slope = self._sources(t)
         delta, rate = self._contact(t, y)
-        force = np.where(self.closed, c.stiffness * delta + c.dashpot * rate, 0.0)
+        force = self.row[:, 0] * delta + self.row[:, 1] * rate + self.row[:, 2] + self.internal_row @ p
         outside = system.constant_load + value @ self.load
         inside = -system.stiffness * q
         through = 0.0  # power that the base's motion puts into cubic springs to the ground
@@ -213,35 +215,44 @@ class _RightHandSide:
                 through = float(pull @ self.cubic.felt) * float(self.base_velocity(t))
         friction = system.damping @ v
         acceleration = inside + outside - friction + (force * c.sign) @ c.shape
-        face = y[2 * n : 2 * n + m]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relax = np.where(self.flow.has_face & ~self.closed, -c.stiffness / c.dashpot * face, 0.0)
+        drive = self.driven_rates
+        p_rate = self.own_rates @ p + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
         moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
         power = outside @ v - (force * c.sign) @ moved + through
-        loss = v @ friction + c.dashpot @ np.where(self.closed, rate, relax) ** 2
-        return np.concatenate([v, acceleration, relax, [power, loss]])
+        loss = v @ friction + self.loss @ rate**2 + self.internal_loss @ p_rate**2
+        return np.concatenate([v, acceleration, p_rate, [power, loss]])
 
-    def power_in(self, t: float, y: Floats, closed: Bools) -> float:
-        self.begin(t, closed)
+    def power_in(self, t: float, y: Floats, phases: Ints) -> float:
+        self.begin(t, phases)
         return float(self(t, y)[-2])
 
+    def _value(self, contact: int, row: Floats, t: float, y: Floats) -> float:
+        """A linear function of a contact's penetration, its rate, 1 and its internal states."""
+        a = self.flow.system.contacts.arrays
+        delta, rate = self._contact(t, y)
+        first, r = 2 * self.n + a.first[contact], a.states[contact]
+        own = np.concatenate([[delta[contact], rate[contact], 1.0], y[first : first + r]])
+        return float(row[: 3 + r] @ own)
+
+    def reset(self, contact: int, guard: Guard, t: float, y: Floats) -> None:
+        """Start the contact's internal states anew, in y, where the guard says so."""
+        if guard.reset is not None:
+            first = 2 * self.n + self.flow.system.contacts.arrays.first[contact]
+            new = [self._value(contact, np.array(row), t, y) for row in guard.reset]
+            y[first : first + len(new)] = new
+
     def events(self) -> list[Callable[[float, Floats], float]]:
-        return [self._event(j) for j in range(self.closed.size)]
+        return [self._event(contact, guard) for contact, guard in self.guards]
 
-    def _event(self, j: int) -> Callable[[float, Floats], float]:
-        c = self.flow.system.contacts
-        by_face = bool(self.flow.has_face[j])
-        closed = bool(self.closed[j])
+    def _event(self, contact: int, guard: Guard) -> Callable[[float, Floats], float]:
+        row = guard.row(self.flow.system.contacts.laws[contact].internal_states)
 
-        def gap(t: float, y: Floats) -> float:
-            delta, rate = self._contact(t, y)
-            if closed:
-                return float(c.stiffness[j] * delta[j] + c.dashpot[j] * rate[j]) if by_face else float(delta[j])
-            return float(y[2 * self.n + j] - delta[j])
+        def value(t: float, y: Floats) -> float:
+            return self._value(contact, row, t, y)
 
-        gap.terminal = True  # type: ignore[attr-defined]
-        gap.direction = -1.0  # type: ignore[attr-defined]
-        return gap
+        value.terminal = True  # type: ignore[attr-defined]
+        value.direction = -1.0  # type: ignore[attr-defined]
+        return value
 
 
 def _source_values(flow: ExactFlow, times: Floats) -> tuple[Floats, Floats]:

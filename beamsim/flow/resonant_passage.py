@@ -1,7 +1,8 @@
-"""Passages of a forced motion at, or very near, the resonance of a mode that nothing damps.
+"""Passages through the transient flow: at, or very near, the resonance of a mode that nothing damps, and others.
 
 The particular solution ``(i k w - lambda)^-1`` that :mod:`beamsim.flow.orbit_kernels` uses has no bound there, and
-takes as many digits from the motion as the frequencies agree in. Here the motion comes from the transient flow, which
+takes as many digits from the motion as the frequencies agree in; and where internal states of the contacts move with
+the structure, it is not written down there at all. Here the motion comes from the transient flow, which
 writes the response as a power series in time; the transition matrix, which knows nothing of the load, is the same
 product as ever, and derivatives by parameters are central differences.
 """
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import ContactState
@@ -57,82 +58,117 @@ def _motion(flow: VariationalFlow, exact: ExactFlow, start: Floats, duration: fl
     from beamsim.flow import kernels
     from beamsim.flow.variational import LARGEST_LOG, MOST_EVALUATIONS, Passage, WorkExceeded
 
-    n, m = flow.system.size, flow.system.contacts.count
-    N, room = 2 * n, FIRST_LOG
+    N, room = flow.size, FIRST_LOG
     first = flow.number_in(exact, flow.starting_state(start, t))
     while True:
-        y, face = start[:N].copy(), start[N:].copy()
+        y = start.copy()
         seg = (
             np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64), np.empty((room, N)),
-            np.empty((room, m)),
         )  # fmt: skip
-        ev = (np.empty(room + 1), np.empty(room + 1, np.int64), np.empty(room + 1, np.bool_))
-        code, _, last, n_seg, n_ev, _, contact = kernels.advance(
-            exact.tables(), exact.inputs(), t, t + duration, first, -1, y, face, *seg, *ev, MOST_EVALUATIONS
+        ev = (np.empty(room + 1), np.empty(room + 1, np.int64), np.empty(room + 1, np.int64))
+        code, _, last, n_seg, n_ev, _, guard = kernels.advance(
+            exact.tables(), exact.inputs(), t, t + duration, first, -1, y, *seg, *ev, MOST_EVALUATIONS
         )
         if code == kernels.DONE:
             break
         if code == kernels.NEED_STATE:
-            following = exact.states[last].closed.copy()
-            following[contact] = ~following[contact]
-            flow.number_in(exact, following)
-            exact.follow(last, contact)
+            flow.number_in(exact, exact.following(last, guard))
         elif code == kernels.FULL and room < LARGEST_LOG:
             room *= 4
         else:
             raise WorkExceeded(f"no end after {n_ev} contact events in {duration:.6g} s")
-    closed = exact.states[last].closed
-    end = np.append(y, np.where(closed | ~exact.has_face, 0.0, face))
-    slope = np.concatenate([y[n:], _acceleration(flow, y, closed, t + duration), -exact.inputs().face_rate * end[N:]])
-    nothing = np.zeros((N + m, 0))
+    slope = _rate(flow, y, exact.states[last].phases, t + duration)
+    nothing = np.zeros((N, 0))
     return Passage(
-        start, end, nothing, nothing, slope, duration, seg[0][:n_seg], seg[1][:n_seg], seg[2][:n_seg], seg[4][:n_seg],
-        seg[5][:n_seg], ev[0][:n_ev], ev[1][:n_ev], ev[2][:n_ev], np.inf,
+        start, y, nothing, nothing, slope, duration, seg[0][:n_seg], seg[1][:n_seg], seg[2][:n_seg], seg[4][:n_seg],
+        ev[0][:n_ev], ev[1][:n_ev], ev[2][:n_ev], np.inf,
     )  # fmt: skip
 
 
-def _acceleration(flow: VariationalFlow, y: Floats, closed: Bools, t: float) -> Floats:
+def _rate(flow: VariationalFlow, y: Floats, phases: Ints, t: float) -> Floats:
+    """Time derivative of the state in given phases."""
     s, c, n = flow.system, flow.system.contacts, flow.system.size
     delta, rate = _penetration(flow, y, t)
     phase = np.exp(1j * flow.loads.multiple * flow.omega * t)
     load = s.constant_load + (flow.loads.at(flow.omega, flow.level)[0] * phase[:, None]).sum(axis=0).real
-    push = (c.sign * closed * (c.stiffness * delta + c.dashpot * rate)) @ c.shape
-    return np.asarray(load + push - s.stiffness * y[:n] - s.damping @ y[n:])
+    push = (c.sign * c.forces(phases[None], delta[None], rate[None], y[None, 2 * n :])[0]) @ c.shape
+    own, drive = c.internal_rates(phases)
+    inside = own @ y[2 * n :] + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
+    acceleration = load + push - s.stiffness * y[:n] - s.damping @ y[n : 2 * n]
+    return np.concatenate([y[n : 2 * n], acceleration, inside])
 
 
 def _penetration(flow: VariationalFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
     c, n = flow.system.contacts, flow.system.size
     d, v = flow.base_motion(t)
     delta = -c.gap - c.sign * (c.shape @ y[:n] + np.where(c.on_ground, d, 0.0))
-    return delta, -c.sign * (c.shape @ y[n:] + np.where(c.on_ground, v, 0.0))
+    return delta, -c.sign * (c.shape @ y[n : 2 * n] + np.where(c.on_ground, v, 0.0))
 
 
 def _by_start(flow: VariationalFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
-    """The transition matrix: the product over segments and events, faces included."""
-    c, n = flow.system.contacts, flow.system.size
-    N, m, inputs = 2 * n, c.count, exact.sources.count + c.count
-    S = np.diag(flow.free.astype(float))
-    rows = np.hstack([-c.sign[:, None] * c.shape, np.zeros((m, n))])  # penetrations by the state
-    decay = exact.inputs().face_rate
+    """The transition matrix: the product over segments and events."""
+    N, inputs = flow.size, exact.sources.count
+    S = np.eye(N)
     event = 0
     for g, (begin, length, index) in enumerate(zip(passage.time, passage.length, passage.state, strict=True)):
-        state = exact.states[index]
-        S[:N] = transition(state, inputs, length) @ S[:N]
-        S[N:] *= np.where(exact.has_face & ~state.closed, np.exp(-decay * length), 0.0)[:, None]
-        if g + 1 == passage.time.size or passage.state[g + 1] == index:
-            continue
-        j, closing = passage.event_contact[event], passage.event_closing[event]
-        event += 1
-        if exact.has_face[j] and not closing:  # the face leaves with the penetration
-            S[N + j] = rows[j] @ S[:N]
-            continue
-        face = passage.face[g, j] * np.exp(-decay[j] * length) if exact.has_face[j] else 0.0
-        gdot = _penetration(flow, passage.y[g + 1], begin + length)[1][j] + decay[j] * face
-        if c.dashpot[j] and gdot:
-            # the jump of the force is c gdot: it cancels the rate in the saltation matrix
-            change = rows[j] @ S[:N] - (S[N + j] if exact.has_face[j] else 0.0)
-            S[n:N] += (1.0 if closing else -1.0) * c.dashpot[j] * c.sign[j] * np.outer(c.shape[j], change)
+        S = transition(exact.states[index], inputs, length) @ S
+        if g + 1 < passage.time.size and passage.state[g + 1] != index:
+            before = exact.states[index].phases
+            j, after = passage.event_contact[event], passage.event_phase[event]
+            event += 1
+            y = segment_end(exact, passage, g)
+            S = _saltation(flow, before, int(j), int(after), y, begin + length) @ S
     return S
+
+
+def segment_end(exact: ExactFlow, passage: Passage, g: int) -> Floats:
+    """(N,) the state where a segment ends, before the event there."""
+    from beamsim.flow.kernels import segment_coefficients
+
+    tables, index = exact.tables(), int(passage.state[g])
+    table = np.ascontiguousarray(tables.term_vector)
+    time = float(passage.time[g])
+    piece = max(int(np.searchsorted(exact.sources.start, time, side="right")) - 1, 0)
+    gamma = segment_coefficients(tables, exact.inputs(), table, index, piece, time, passage.y[g])
+    s, tau = exact.states[index], float(passage.length[g])
+    basis = tau**s.power * np.exp(s.exponent * tau)
+    return np.asarray((gamma[:, : basis.size] @ basis).real)
+
+
+def _saltation(flow: VariationalFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
+    """What an event does to small changes of the state just before it."""
+    c, n, N, a = flow.system.contacts, flow.system.size, flow.size, flow.system.contacts.arrays
+    guard = next(i for i in range(a.guards[j, before[j]]) if a.next[j, before[j], i] == after)
+    r, first = int(a.states[j]), 2 * n + int(a.first[j])
+    rate_before = _rate(flow, y, before, t)
+    rows = np.zeros((3 + r, N))  # the contact's penetration, its rate, 1 and internal states by the state
+    rows[0, :n] = rows[1, n : 2 * n] = -c.sign[j] * c.shape[j]
+    rows[3:, first : first + r] = np.eye(r)
+    _, speed = _penetration(flow, y, t)
+    moving = rows @ rate_before
+    if c.on_ground[j] and flow.loads.count:
+        iw = 1j * flow.loads.multiple * flow.omega
+        base = flow.loads.at(flow.omega, flow.level)[1] * np.exp(iw * t)
+        moving[0] = speed[j]
+        moving[1] -= c.sign[j] * float((iw**2 * base).sum().real)
+    delta, rate = _penetration(flow, y, t)
+    motion = np.concatenate([[delta[j], rate[j], 1.0], y[first : first + r]])
+    gradient = a.guard[j, before[j], guard, : 3 + r] @ rows
+    gdot = float(a.guard[j, before[j], guard, : 3 + r] @ moving)
+    out = np.eye(N)
+    jump = np.zeros(N)  # rate just before, carried over by the reset, less the rate after
+    jump[n : 2 * n] = -c.sign[j] * c.shape[j] * float(a.jump[j, before[j], guard, : 3 + r] @ motion)
+    if a.resets[j, before[j], guard]:
+        reset = a.reset[j, before[j], guard, :r, : 3 + r]
+        fresh = np.concatenate([motion[:3], reset @ motion])
+        out[first : first + r] = reset @ rows
+        jump[first : first + r] = reset @ moving - a.dynamics[j, after, :r, : 3 + r] @ fresh
+    elif r:
+        own = a.dynamics[j, :, :r, : 3 + r] @ motion
+        jump[first : first + r] = own[before[j]] - own[after]
+    if gdot:
+        out -= np.outer(jump, gradient / gdot)
+    return out
 
 
 def _by_parameter(flow: VariationalFlow, p: Parameter, start: Floats, duration: float, t: float) -> Floats:

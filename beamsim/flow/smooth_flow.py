@@ -7,7 +7,7 @@ No closed form exists: motion and variational equations are integrated by Taylor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from beamsim.flow.variational import (
     penetration_of_states,
 )
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, Ints
 
 FIRST_LOG = 128
 LARGEST_LOG = 131072
@@ -43,7 +43,8 @@ class SmoothFlow:
 
     Parameters
     ----------
-    system : the structure and its contacts; no ``no_tension`` dashpots.
+    system : the structure and its contacts, sums of one-sided springs (no ``no_tension`` dashpots); each part is a
+        contact here.
     cubic_shape, cubic : (nc, n) and (nc,) N/m^3, springs ``force = cubic (shape @ q + d)^3``.
     forcing, omega, level : periodic loads.
     on_ground : (nc,) which springs feel the base's displacement d (the others join masses); all of them by default.
@@ -59,15 +60,15 @@ class SmoothFlow:
     passages: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
-        n, m = self.system.size, self.system.contacts.count
-        contacts = self.system.contacts
-        self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
-        if np.any(contacts.no_tension & (contacts.dashpot > 0)):
+        n = self.system.size
+        if not self.system.contacts.one_sided:
             raise ValueError(
                 "a no_tension snubber with a dashpot cannot be combined with cubic springs; use kelvin_voigt"
             )
-        self.size = 2 * n + m
-        self.free = np.concatenate([np.ones(2 * n, dtype=bool), np.zeros(m, dtype=bool)])
+        contacts = self.system.contacts.one_sided_parts()
+        self.system = replace(self.system, contacts=contacts)
+        self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
+        self.size = 2 * n
         added = float(np.abs(contacts.stiffness) @ (contacts.shape**2).sum(axis=1))
         fastest = float(np.sqrt(self.system.stiffness.max(initial=0.0) + added))
         self._longest = RADIANS / fastest if fastest > 0 else np.inf
@@ -76,7 +77,7 @@ class SmoothFlow:
     @property
     def reversible(self) -> bool:
         """Undamped and unforced."""
-        return self.loads.count == 0 and not np.any(self.system.damping) and not np.any(self.system.contacts.dashpot)
+        return self.loads.count == 0 and not np.any(self.system.damping) and not self.system.contacts.damped
 
     def set(self, omega: float | None = None, level: float | None = None) -> None:
         """Change frequency and level."""
@@ -119,14 +120,14 @@ class SmoothFlow:
             by_force, by_base, by_frequency, by_cubic, by_stiffness, by_gap,
         )  # fmt: skip
 
-    def starting_state(self, z: Floats, t: float = 0.0) -> Bools:
-        """Which contacts are closed; at zero gap the one that is approached."""
+    def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
+        """Phases of the contacts, 1 where one is closed; at zero gap the one that is approached is."""
         n, c = self.system.size, self.system.contacts
         d, d_rate = (x[0] for x in self.loads.base_motion(self.omega, self.level, np.array([t])))
         delta = -c.gap - c.sign * (c.shape @ z[:n] + c.on_ground * d)
         rate = -c.sign * (c.shape @ z[n : 2 * n] + c.on_ground * d_rate)
         near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.on_ground * abs(d))
-        return np.asarray(np.where(near, rate > 0, delta > 0))
+        return np.asarray(np.where(near, rate > 0, delta > 0), dtype=np.int64)
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Any] = (), t: float = 0.0) -> Passage:
         """As :meth:`beamsim.flow.variational.VariationalFlow.carry`."""
@@ -137,7 +138,7 @@ class SmoothFlow:
         self.passages += 1
         arrays = self._arrays(parameters)
         while True:
-            y, closed = start[:N].copy(), self.starting_state(start, t)
+            y, closed = start.copy(), self.starting_state(start, t) > 0
             sens = np.zeros((N, N + P))
             sens[np.arange(N), np.arange(N)] = 1.0
             slope = np.zeros(N)
@@ -151,27 +152,22 @@ class SmoothFlow:
             if code != taylor_kernels.FULL or log[0].size >= LARGEST_LOG or not np.all(np.isfinite(y)):
                 raise WorkExceeded(f"no end after {steps} steps and {events} contact events")
             self._room(4 * log[0].size)
-        full = np.zeros((N + m, N + m))
-        full[:N, :N] = sens[:, :N]
-        by = np.zeros((N + m, P))
-        by[:N] = sens[:, N:]
         weights = 1 << np.arange(m)
         return Passage(
-            start, np.concatenate([y, np.zeros(m)]), full, by, np.concatenate([slope, np.zeros(m)]), duration,
+            start, y, sens[:, :N].copy(), sens[:, N:].copy(), slope, duration,
             log[0][:steps].copy(), log[1][:steps].copy(), log[2][:steps] @ weights, log[3][:steps].copy(),
-            np.zeros((steps, m)), log[4][:events].copy(), log[5][:events].copy(), log[6][:events].copy(),
-            float(smallest),
+            log[4][:events].copy(), log[5][:events].copy(), log[6][:events].astype(np.int64), float(smallest),
         )  # fmt: skip
 
-    def closed_in(self, passage: Passage) -> Bools:
-        """(G, m) which contacts are closed in each segment of a passage."""
-        return np.asarray((passage.state[:, None] >> np.arange(self.system.contacts.count)) & 1 == 1)
+    def phases_in(self, passage: Passage) -> Ints:
+        """(G, m) phases of the contacts in each segment of a passage, 1 where one is closed."""
+        return np.asarray((passage.state[:, None] >> np.arange(self.system.contacts.count)) & 1)
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state (q, q') at increasing times within a passage."""
         from beamsim.flow import taylor_kernels
 
-        closed = self.closed_in(passage)
+        closed = self.phases_in(passage) > 0
         out = np.empty((times.size, 2 * self.system.size))
         taylor_kernels.sample_smooth(
             self._arrays(()), passage.time, closed, passage.y, np.ascontiguousarray(times), out
@@ -202,24 +198,17 @@ class CubicStiffness:
         """(n,) natural frequencies of the linear structure, rad/s."""
         return np.asarray(np.sqrt(self.system.stiffness))
 
-    @property
-    def extra(self) -> int:
-        """Unused faces in a state."""
-        return self.system.contacts.count
-
     def flow_at(self, factor: float) -> tuple[SmoothFlow, SpringFactor]:
         """The flow with its nonlinear springs scaled, and the parameter."""
-        c = self.system.contacts
+        c = self.system.contacts.one_sided_parts()
         if self._last is None or self._last[0] != factor:
-            from dataclasses import replace
-
-            system = replace(self.system, contacts=replace(c, stiffness=factor * c.stiffness))
+            system = replace(self.system, contacts=c.scaled(factor))
             self._last = (factor, SmoothFlow(system, self.cubic_shape, factor * self.cubic))
         return self._last[1], SpringFactor(self.cubic, c.stiffness)
 
     def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
         """Potential energy, its gradient, and its derivative by the factor (rest at q = 0)."""
-        c = self.system.contacts
+        c = self.system.contacts.one_sided_parts()
         x = self.cubic_shape @ q
         delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
         own = 0.25 * float(self.cubic @ x**4) + 0.5 * float(c.stiffness @ delta**2)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.contacts.contacts import Contacts, Watched
 from beamsim.flow.contact_state import ContactState
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
@@ -17,17 +18,33 @@ if TYPE_CHECKING:
 class StateTables:
     """Padded arrays with room for more states than there are, so that a new state seldom moves the others.
 
-    Of 2^m contact states few are visited, and each is built when it is; ``follower[s, j]`` is the state after
-    contact j toggles in state s, -1 where that one is not built yet.
+    Of all combinations of the contacts' phases few are visited, and each is built when it is; ``follower[s, g]`` is the
+    state after the event of guard g in state s, -1 where that one is not built yet.
     """
 
-    def __init__(self, contacts: int) -> None:
-        self.count = 0
-        self.follower = np.full((0, contacts), -1, dtype=np.int64)
+    def __init__(self, contacts: Contacts) -> None:
+        self.contacts = contacts
+        self.watched: list[Watched] = []
+        self._index: dict[bytes, int] = {}
         self._arrays: dict[str, NDArray[np.generic]] = {}
 
-    def append(self, state: ContactState, watch: Complexes, roughness: Floats) -> int:
-        """Add a state with the coefficients of its watched functions (T, 2 m) and their round-off scale (T, m)."""
+    @property
+    def count(self) -> int:
+        """States so far."""
+        return len(self.watched)
+
+    def index(self, phases: Ints) -> int | None:
+        """Number of a state, None where it is not built."""
+        return self._index.get(phases.tobytes())
+
+    def following(self, state: int, guard: int) -> Ints:
+        """Phases after the event of a guard."""
+        return np.array(self.watched[state].following[guard])
+
+    def append(self, state: ContactState, watched: Watched, watch: Complexes, roughness: Floats) -> int:
+        """Add a state with the coefficients of its watched functions (T, w) and the guards' round-off scale (T, g)."""
+        index, guards = self.count, watched.guards
+        self._index[state.phases.tobytes()] = index
         rows: dict[str, NDArray[np.generic]] = {
             "n_basis": np.array(state.exponent.size),
             "exponent": state.exponent,
@@ -41,9 +58,10 @@ class StateTables:
             "watch": watch,
             "roughness": roughness,
             "horizon": np.array(state.horizon),
-            "closed": state.closed,
+            **guard_rows(self.contacts, state.phases, watched),
+            "follower": np.array([-1 if f is None else f for f in map(self.index, watched.following)], dtype=np.int64),
         }
-        index = self.count
+        self.watched.append(watched)
         for name, row in rows.items():
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
@@ -54,21 +72,30 @@ class StateTables:
                 self._arrays[name] = old = grown
             place: tuple[int | slice, ...] = (index, *(slice(0, d) for d in row.shape))
             old[place] = row
-        if index >= self.follower.shape[0]:
-            self.follower = np.vstack([self.follower, np.full((index + 1, self.follower.shape[1]), -1)])
-        self.count += 1
+        follower = self._arrays["follower"]
+        for s, other in enumerate(self.watched):
+            for g, phases in enumerate(other.following):
+                if np.array_equal(phases, state.phases):
+                    follower[s, g] = index
+        assert guards <= follower.shape[1]
         return index
-
-    def join(self, state: int, contact: int, following: int) -> None:
-        """Note that two states differ by one contact."""
-        self.follower[state, contact] = following
-        self.follower[following, contact] = state
 
     def arrays(self) -> Tables:
         """The tables as the kernels take them; rows beyond ``count`` are unused."""
         from beamsim.flow.kernels import Tables
 
-        return Tables(follower=self.follower, **self._arrays)
+        return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
+
+
+def guard_rows(contacts: Contacts, phases: Ints, watched: Watched) -> dict[str, NDArray[np.generic]]:
+    """What the kernels know of one state's phases and guards."""
+    return {
+        "phase": phases,
+        "touching": contacts.touching(phases),
+        "n_guards": np.array(watched.guards),
+        "guard_contact": watched.contact[: watched.guards],
+        "reset": watched.reset,
+    }
 
 
 def pad(arrays: list[Complexes]) -> Complexes:

@@ -35,7 +35,7 @@ from beamsim.flow.kernels import (
     _fill_least,
     _fill_sources,
     _next_step,
-    _relax,
+    _reset,
     _state_at,
 )
 
@@ -55,20 +55,20 @@ class Forced(NamedTuple):
     block_start: Any  # (S, E) first index of the block
     block_end: Any  # (S, E) one past its last index
     spread: Any  # (S, E) size of the block's part off its eigenvalue
-    right: Any  # (S, E, 2n)
+    right: Any  # (S, E, N)
     gain: Any  # (S, L, E)
     gain_slope: Any  # (S, L, E) on the channel's time derivative
 
 
 class Kept(NamedTuple):
-    """Rows of the watched functions (first 2 m of them) and of the outputs, per state."""
+    """Rows of the watched functions (see `kernels.Tables`) and of the outputs, per state."""
 
-    watch_row: Any  # (S, 2m, 2n)
-    watch_channel: Any  # (S, 2m, L)
-    watch_slope: Any  # (S, 2m, L)
-    watch_size: Any  # (S, 2m, 2) lengths of the rows' two halves
+    watch_row: Any  # (S, w, N)
+    watch_channel: Any  # (S, w, L)
+    watch_slope: Any  # (S, w, L)
+    watch_size: Any  # (S, w, 3) lengths of the rows' parts: displacements, velocities, internal states
     output: Any  # (S, T, K) bare part, by term
-    output_row: Any  # (S, K, 2n)
+    output_row: Any  # (S, K, N)
     output_channel: Any  # (S, K, L)
     output_slope: Any  # (S, K, L)
     basis_group: Any  # (S, B) group of each basis function
@@ -112,7 +112,7 @@ def _shift(c, degree, by):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignore[no-untyped-def]
-    """Channels c (L, D + 1) and forced state U (Q, 2n) about the point ``x`` after the start of window k.
+    """Channels c (L, D + 1) and forced state U (Q, N) about the point ``x`` after the start of window k.
 
     Returns the number of powers Q in use. H is the longest time for which the series has to hold.
     """
@@ -266,46 +266,47 @@ def march(  # type: ignore[no-untyped-def]
     state,
     toggled,
     y,
-    face,
     seg_window,
     seg_offset,
     seg_length,
     seg_state,
     seg_y,
-    seg_face,
     ev_time,
     ev_contact,
-    ev_closing,
+    ev_phase,
     logging,
     most_evaluations,
 ):
-    """Carry the state (y, face), updated in place, from ``x`` after the start of window k to the start of window k_end.
+    """Carry the state y, updated in place, from ``x`` after the start of window k to the start of window k_end.
 
-    Returns (status, k, x, state, segments, events, evaluations, contact of the last event), with the meanings of
+    Returns (status, k, x, state, segments, events, evaluations, guard of the last event), with the meanings of
     `kernels.advance`; segments and events are written to the logs only when ``logging``.
     """
-    m = face.size
+    m = tables.phase.shape[1]
     N = y.size
+    n = (N - tables.states.sum()) // 2
     L = windows.channel.shape[0]
     DM = windows.channel.shape[2]
     K = kept.output.shape[2]
     R = windows.order.size
     B = tables.exponent.shape[1]
     E = forced.eigenvalue.shape[1]
-    zeta = np.zeros(1 + m + tables.projector.shape[1], dtype=np.complex128)
-    gamma = np.zeros((m, B), dtype=np.complex128)
-    size = np.zeros((m, B))
+    most = tables.guard_contact.shape[1]
+    rows = tables.watch.shape[2]
+    zeta = np.zeros(1 + tables.projector.shape[1], dtype=np.complex128)
+    all_gamma = np.zeros((most, B), dtype=np.complex128)
+    all_size = np.zeros((most, B))
     basis = np.zeros(B, dtype=np.complex128)
-    out = np.zeros((m, 4))
+    all_out = np.zeros((most, 4))
     c = np.zeros((L, DM), dtype=np.complex128)
     beta = np.zeros((DM, E), dtype=np.complex128)
     w = np.zeros((MOST_POWERS, E), dtype=np.complex128)
     U = np.zeros((MOST_POWERS, N), dtype=np.complex128)
-    cw = np.zeros((2 * m, MOST_POWERS), dtype=np.complex128)
-    aw = np.zeros((2 * m, MOST_POWERS))
+    cw = np.zeros((rows, MOST_POWERS), dtype=np.complex128)
+    aw = np.zeros((rows, MOST_POWERS))
     moved = np.zeros(N)
-    least = np.zeros(m)
-    floors = np.zeros(m)
+    all_least = np.zeros(most)
+    all_floors = np.zeros(most)
     work = _make_work(kept, K, R, B, DM)
     n_seg = 0
     n_ev = 0
@@ -324,14 +325,17 @@ def march(  # type: ignore[no-untyped-def]
         used = _forced_response(forced, windows, state, k, x, H, c, beta, w, U)
         for i in range(N):
             moved[i] = y[i] - U[0, i].real
-        _fill_sources(tables, state, inputs, 0, 0.0, moved, face, zeta)
-        if m > 0:
+        guards = tables.n_guards[state]
+        gamma, size, out = all_gamma[:guards], all_size[:guards], all_out[:guards]
+        least, floors = all_least[:guards], all_floors[:guards]
+        _fill_sources(tables, state, inputs, 0, 0.0, moved, zeta)
+        if guards > 0:
             _combine(tables, state, tables.watch, zeta, gamma, size)
             _forced_rows(
                 kept.watch_row[state],
                 kept.watch_channel[state],
                 kept.watch_slope[state],
-                2 * m,
+                rows,
                 U,
                 used,
                 c,
@@ -339,7 +343,7 @@ def march(  # type: ignore[no-untyped-def]
                 omega,
                 cw,
             )
-            for j in range(m):
+            for j in range(guards):
                 for q in range(used):
                     aw[j, q] = abs(cw[j, q])
         nb = tables.n_basis[state]
@@ -351,26 +355,29 @@ def march(  # type: ignore[no-untyped-def]
             seg_state[n_seg] = state
             for i in range(N):
                 seg_y[n_seg, i] = y[i]
-            for j in range(m):
-                seg_face[n_seg, j] = face[j]
 
         _fill_least(tables, state, zeta, H, least)
         for q in range(used):
             position = 0.0
             speed = 0.0
-            for i in range(N // 2):
+            inside = 0.0
+            for i in range(n):
                 position += abs(U[q, i]) ** 2
-                speed += abs(U[q, N // 2 + i]) ** 2
+                speed += abs(U[q, n + i]) ** 2
+            for i in range(2 * n, N):
+                inside += abs(U[q, i]) ** 2
             a = 4.0 * EPS * H**q
-            for j in range(m):
+            for j in range(guards):
                 least[j] += a * max(
-                    math.sqrt(position) * kept.watch_size[state, j, 0], math.sqrt(speed) * kept.watch_size[state, j, 1]
+                    math.sqrt(position) * kept.watch_size[state, j, 0],
+                    math.sqrt(speed) * kept.watch_size[state, j, 1],
+                    math.sqrt(inside) * kept.watch_size[state, j, 2],
                 )
 
         tau = 0.0
         hit = -1
         floors[:] = 0.0
-        while m > 0:
+        while guards > 0:
             reach = _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out)
             n_eval += 1
             if tau == 0.0 and toggled >= 0:
@@ -391,7 +398,7 @@ def march(  # type: ignore[no-untyped-def]
                 tables, kept, windows, cycles, work, state, k, cycle, x, tau, zeta, U, used, c, D, omega,
             )  # fmt: skip
             for j in range(m):
-                if tables.closed[state, j]:
+                if tables.touching[state, j]:
                     cycles.closed_time[cycle, j] += tau
         _fill_basis(exponent, power, nb, tau, basis)
         _state_at(tables, state, zeta, basis, y)
@@ -401,7 +408,6 @@ def march(  # type: ignore[no-untyped-def]
             for q in range(used - 1, -1, -1):
                 v = v * tau + U[q, i]
             y[i] += v.real * turn.real - v.imag * turn.imag
-        _relax(inputs, tables.closed[state], tau, face)
         if logging:
             seg_length[n_seg] = tau
         n_seg += 1
@@ -416,27 +422,27 @@ def march(  # type: ignore[no-untyped-def]
                     if extent > 0.0:
                         cycles.scale[j] = extent
             continue
-        if hit >= 0 and inputs.has_face[hit] and tables.closed[state, hit]:
-            # the face leaves with the penetration it has, which the watched row gives from the state
-            total = 0.0
-            for q in range(tables.n_terms[state]):
-                v = tables.watch[state, q, m + hit]
-                total += (v * zeta[tables.term_source[state, q]] * basis[tables.term_basis[state, q]]).real
-            v = 0.0 + 0.0j
-            for q in range(used - 1, -1, -1):
-                v = v * tau + cw[m + hit, q]
-            face[hit] = total + v.real * turn.real - v.imag * turn.imag
         x += tau
         if hit >= 0:
+            contact = tables.guard_contact[state, hit]
+            column = tables.reset[state, hit]
+            if column >= 0:
+                _reset(tables, state, hit, zeta, basis, y)
+                first = 2 * n + tables.first[contact]
+                for i in range(tables.states[contact]):
+                    v = 0.0 + 0.0j
+                    for q in range(used - 1, -1, -1):
+                        v = v * tau + cw[column + i, q]
+                    y[first + i] += v.real * turn.real - v.imag * turn.imag
             following = tables.follower[state, hit]
             if following < 0:
                 return NEED_STATE, k, x, state, n_seg, n_ev, n_eval, hit
-            if not tables.closed[state, hit]:
-                cycles.closings[windows.cycle[k], hit] += 1
+            if tables.touching[following, contact] and not tables.touching[state, contact]:
+                cycles.closings[windows.cycle[k], contact] += 1
             if logging:
                 ev_time[n_ev] = windows.start[k] + x
-                ev_contact[n_ev] = hit
-                ev_closing[n_ev] = not tables.closed[state, hit]
+                ev_contact[n_ev] = contact
+                ev_phase[n_ev] = tables.phase[following, contact]
             n_ev += 1
             state = following
     return DONE, k, x, state, n_seg, n_ev, n_eval, toggled
@@ -884,17 +890,16 @@ def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: 
 
 @njit(cache=True, error_model="numpy")
 def sample_windows(  # type: ignore[no-untyped-def]
-    tables, inputs, forced, kept, windows, seg_window, seg_offset, seg_state, seg_y, seg_face, time, out
+    tables, inputs, forced, kept, windows, seg_window, seg_offset, seg_state, seg_y, time, out
 ):
     """Outputs (nt, K) at increasing times, from logged segments."""
-    m = seg_face.shape[1]
     N = seg_y.shape[1]
     L = windows.channel.shape[0]
     DM = windows.channel.shape[2]
     K = kept.output.shape[2]
     B = tables.exponent.shape[1]
     E = forced.eigenvalue.shape[1]
-    zeta = np.zeros(1 + m + tables.projector.shape[1], dtype=np.complex128)
+    zeta = np.zeros(1 + tables.projector.shape[1], dtype=np.complex128)
     gamma = np.zeros((K, B), dtype=np.complex128)
     size = np.zeros((K, B))
     basis = np.zeros(B, dtype=np.complex128)
@@ -918,7 +923,7 @@ def sample_windows(  # type: ignore[no-untyped-def]
             used = _forced_response(forced, windows, s, k, x, H, c, beta, w, U)
             for q in range(N):
                 moved[q] = seg_y[g, q] - U[0, q].real
-            _fill_sources(tables, s, inputs, 0, 0.0, moved, seg_face[g], zeta)
+            _fill_sources(tables, s, inputs, 0, 0.0, moved, zeta)
             _combine(tables, s, kept.output, zeta, gamma, size)
             _forced_rows(
                 kept.output_row[s], kept.output_channel[s], kept.output_slope[s], K, U, used, c, windows.degree[k],

@@ -18,7 +18,7 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-OutputOf = Callable[[Bools], LinearOutput]
+OutputOf = Callable[[Ints], LinearOutput]
 
 WINDOWS_A_CALL = 512  # between two reports of progress
 LOG_LENGTH = 4096
@@ -62,8 +62,8 @@ class SweptFlow:
         self.bare = ExactFlow(self.system, Forcing(np.zeros((0, self.system.size)), ()), longest)
         self._forced: list[_ForcedTables] = []
 
-    def starting_state(self, state: Floats) -> Bools:
-        """Which contacts are closed when the sweep begins; see `ExactFlow.starting_state`."""
+    def starting_state(self, state: Floats) -> Ints:
+        """Phases of the contacts when the sweep begins; see `ExactFlow.starting_state`."""
         w = self.windows
         D = self.channel.shape[2] - 1
         sigma = -0.5 * w.length[0]
@@ -78,24 +78,28 @@ class SweptFlow:
         L = self.load.shape[0]
         base = signals[L] if self.template.base_channel >= 0 else None
         flow = ExactFlow(self.system, Forcing(self.load, tuple(signals[:L]), base), float(w.length[0]))
-        return flow.starting_state(np.asarray(state, dtype=float), np.zeros(self.system.contacts.count))
+        return flow.starting_state(np.asarray(state, dtype=float))
 
-    def state_index(self, closed: Bools) -> int:
+    def state_index(self, phases: Ints) -> int:
         """Number of the contact state, diagonalised when it is first asked for."""
-        index = self.bare.state_index(closed)
+        index = self.bare.state_index(phases)
         self._complete()
         return index
 
-    def follow(self, state: int, contact: int) -> int:
-        """The state after one contact toggles."""
-        following = self.bare.follow(state, contact)
+    def follow(self, state: int, guard: int) -> int:
+        """The state after the event of a guard."""
+        following = self.bare.follow(state, guard)
         self._complete()
         return following
+
+    def touching(self, state: int) -> Bools:
+        """(m,) which contacts touch in a state."""
+        return self.system.contacts.touching(self.bare.states[state].phases)
 
     def _complete(self) -> None:
         for s in self.bare.states[len(self._forced) :]:
             load, slope = state_loads(
-                self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.closed
+                self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.phases
             )
             self._forced.append(_forced_tables(s.simple, s.blocks, load[1:], slope[1:]))
 
@@ -114,34 +118,29 @@ class SweptFlow:
         from beamsim.flow.sweep_kernels import Kept
 
         states = self.bare.states
-        watched = [self._split(self.template.watched(s.closed)) for s in states]
-        wanted = [self._split(output_of(s.closed)) for s in states]
+        contacts = self.system.contacts
+        watched = [_parts(self.template.watched(contacts.watched(s.phases))) for s in states]
+        outputs_of = [output_of(s.phases) for s in states]
+        wanted = [_parts(output) for output in outputs_of]
+        bare = [
+            LinearOutput(o.row, np.ascontiguousarray(o.direct[:, :1]), np.zeros((o.row.shape[0], 1)))
+            for o in outputs_of
+        ]
         groups = [_groups(s.exponent) for s in states]
-        rows = [np.array([w[i] for w in watched]) for i in (1, 2, 3)]
-        outputs = [np.array([w[i] for w in wanted]) for i in (1, 2, 3)]
+        rows = [_pad([w[i] for w in watched]) for i in (0, 1, 2)]
+        outputs = [np.array([w[i] for w in wanted]) for i in (0, 1, 2)]
         return Kept(
             watch_row=rows[0],
             watch_channel=rows[1],
             watch_slope=rows[2],
-            watch_size=np.array([_halves(w[1]) for w in watched]),
-            output=_pad([s.coefficients(w[0], self.bare.sources) for s, w in zip(states, wanted, strict=True)]),
+            watch_size=_pad([_sizes(w[0], self.system.size) for w in watched]),
+            output=_pad([s.coefficients(w, self.bare.sources) for s, w in zip(states, bare, strict=True)]),
             output_row=outputs[0],
             output_channel=outputs[1],
             output_slope=outputs[2],
             basis_group=_pad([g for g, _ in groups]),
             group_count=np.array([e.size for _, e in groups]),
             group_exponent=_pad([e for _, e in groups]),
-        )
-
-    def _split(self, output: LinearOutput) -> tuple[LinearOutput, Floats, Floats, Floats]:
-        """The part without inputs; then rows, factors of the channels, and of their time derivatives."""
-        zero = np.zeros((output.row.shape[0], 1))
-        bare = LinearOutput(output.row, np.ascontiguousarray(output.direct[:, :1]), zero, output.face)
-        return (
-            bare,
-            np.ascontiguousarray(output.row),
-            np.ascontiguousarray(output.direct[:, 1:]),
-            np.ascontiguousarray(output.direct_slope[:, 1:]),
         )
 
     def kernel_windows(self, orders: Floats) -> object:
@@ -164,10 +163,9 @@ class SegmentLog:
     length: Floats  # s
     state: Ints
     y: Floats
-    face: Floats
     event_time: Floats
     event_contact: Ints
-    event_closing: Bools
+    event_phase: Ints  # of the contact after the event
 
 
 @dataclass(frozen=True)
@@ -183,7 +181,6 @@ class CycleRecord:
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
     final_y: Floats
-    final_face: Floats
     reached: int  # cycles that were computed
     end: float  # s
     events: int
@@ -204,7 +201,7 @@ class CycleRecord:
         out = np.empty((times.size, kept.output.shape[2]))  # type: ignore[attr-defined]
         sweep_kernels.sample_windows(
             flow.bare.tables(), flow.bare.inputs(), flow.forced(), kept, flow.kernel_windows(np.zeros(0)),
-            log.window, log.offset, log.state, log.y, log.face, times, out,
+            log.window, log.offset, log.state, log.y, times, out,
         )  # fmt: skip
         return out
 
@@ -241,7 +238,7 @@ def sweep(
 
     Parameters
     ----------
-    initial_state : (2n,) at t = 0.
+    initial_state : (N,) at t = 0; internal states of the contacts that are left out are zero.
     output_of : outputs whose envelopes and harmonics are kept, by contact state, written for ``flow.template``.
     orders : tracked harmonics, multiples of the instantaneous frequency.
     keep_history : keep the segments, so that the time history can be sampled.
@@ -251,19 +248,18 @@ def sweep(
 
     begin = clock.process_time()
     system, windows = flow.system, flow.windows
-    m, N = system.contacts.count, 2 * system.size
-    y = np.array(initial_state, dtype=float)
-    face = np.zeros(m)
+    m, N = system.contacts.count, flow.bare.size
+    y = flow.bare.whole_state(initial_state)
     state = flow.state_index(flow.starting_state(y))
     order = np.asarray(orders, dtype=float)
-    C, K = windows.cycles, output_of(flow.bare.states[state].closed).row.shape[0]
+    C, K = windows.cycles, output_of(flow.bare.states[state].phases).row.shape[0]
     cycles = kernels.Cycles(
         np.full((C, K), -np.inf), np.full((C, K), np.inf), np.zeros((C, K)),
         np.zeros((C, K, order.size), dtype=complex), np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K),
     )  # fmt: skip
     in_windows = flow.kernel_windows(order)
     tables, inputs, forced, kept = flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output_of)
-    k, x, contact = 0, 0.0, -1
+    k, x, guard = 0, 0.0, -1
     segments = events = evaluations = 0
     outcome = COMPLETE
     logs: list[tuple[NDArray[np.generic], ...]] = []
@@ -272,24 +268,25 @@ def sweep(
         length = LOG_LENGTH if keep_history else 0
         seg = (
             np.empty(length, np.int64), np.empty(length), np.empty(length), np.empty(length, np.int64),
-            np.empty((length, N)), np.empty((length, m)),
+            np.empty((length, N)),
         )  # fmt: skip
-        ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
+        ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.int64))
         stop = min(k + WINDOWS_A_CALL, windows.count)
-        code, k, x, state, n_seg, n_ev, n_eval, contact = kernels.march(
-            tables, inputs, forced, kept, in_windows, cycles, k, stop, x, state, contact, y, face,
+        code, k, x, state, n_seg, n_ev, n_eval, guard = kernels.march(
+            tables, inputs, forced, kept, in_windows, cycles, k, stop, x, state, guard, y,
             *seg, *ev, keep_history, max_evaluations - evaluations,
         )  # fmt: skip
         segments, evaluations = segments + n_seg, evaluations + n_eval
         if code == NEED_STATE:
-            state = flow.follow(state, contact)
-            closing = flow.bare.states[state].closed[contact]
-            if closing:
+            contact = int(tables.guard_contact[state, guard])
+            before, state = state, flow.follow(state, guard)
+            tables = flow.bare.tables()
+            if tables.touching[state, contact] and not tables.touching[before, contact]:
                 cycles.closings[windows.cycle[k], contact] += 1
             if keep_history:
-                ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = windows.start[k] + x, contact, closing
+                ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = windows.start[k] + x, contact, tables.phase[state, contact]
             n_ev += 1
-            tables, forced, kept = flow.bare.tables(), flow.forced(), flow.kept(output_of)
+            forced, kept = flow.forced(), flow.kept(output_of)
         events += n_ev
         if keep_history:
             logs.append(tuple(a[:n_seg] for a in seg))
@@ -320,7 +317,6 @@ def sweep(
         contact_share=cycles.closed_time / duration[:, None],
         closings=cycles.closings,
         final_y=y,
-        final_face=face,
         reached=C if finished else int(windows.cycle[k]),
         end=windows.duration if finished else float(windows.start[k] + x),
         events=events,
@@ -339,7 +335,7 @@ class _ForcedTables:
     block_start: Ints  # (E,)
     block_end: Ints  # (E,)
     spread: Floats  # (E,)
-    right: Complexes  # (E, 2n)
+    right: Complexes  # (E, N)
     gain: Complexes  # (Ch, E)
     gain_slope: Complexes  # (Ch, E)
 
@@ -351,7 +347,7 @@ def _forced_tables(
     from scipy.linalg import schur
 
     X, Xi, lam = simple
-    n = load.shape[1]
+    n = -load.shape[1]
     right, left = [X.T], [Xi]
     value, coupled = list(lam), []
     first, last, spread = list(range(lam.size)), list(range(1, lam.size + 1)), [0.0] * lam.size
@@ -388,10 +384,19 @@ def _forced_tables(
     )
 
 
-def _halves(row: Floats) -> Floats:
-    """(k, 2) lengths of the parts of rows that multiply displacements and velocities."""
-    n = row.shape[1] // 2
-    return np.stack([np.linalg.norm(row[:, :n], axis=1), np.linalg.norm(row[:, n:], axis=1)], axis=1)
+def _parts(output: LinearOutput) -> tuple[Floats, Floats, Floats]:
+    """Rows, factors of the channels, and of their time derivatives."""
+    return (
+        np.ascontiguousarray(output.row),
+        np.ascontiguousarray(output.direct[:, 1:]),
+        np.ascontiguousarray(output.direct_slope[:, 1:]),
+    )
+
+
+def _sizes(row: Floats, n: int) -> Floats:
+    """(k, 3) lengths of the parts of rows that multiply displacements, velocities and internal states."""
+    parts = (row[:, :n], row[:, n : 2 * n], row[:, 2 * n :])
+    return np.stack([np.linalg.norm(part, axis=1) for part in parts], axis=1)
 
 
 def _groups(exponent: Complexes) -> tuple[Ints, Complexes]:

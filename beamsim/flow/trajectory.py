@@ -28,21 +28,24 @@ class Trajectory:
     length: Floats  # (S,) s
     state: Ints  # (S,) contact state
     piece: Ints  # (S,) of the sources
-    y: Floats  # (S, 2n) at the start
-    face: Floats  # (S, m) compression of the faces at the start, m
+    y: Floats  # (S, N) at the start
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
-    event_closing: Bools  # (E,)
-    final_y: Floats  # (2n,)
-    final_face: Floats  # (m,)
+    event_phase: Ints  # (E,) of the contact after the event
+    final_y: Floats  # (N,)
     evaluations: int
     outcome: Outcome
     processor_time_s: float
 
-    def _segments(self) -> tuple[Floats, Ints, Ints, Floats, Floats]:
-        return self.time, self.state, self.piece, self.y, self.face
+    def _segments(self) -> tuple[Floats, Ints, Ints, Floats]:
+        return self.time, self.state, self.piece, self.y
 
-    def sample(self, times: Floats, output_of: Callable[[Bools], LinearOutput]) -> Floats:
+    @property
+    def event_closing(self) -> Bools:
+        """(E,) whether the contact touches after the event."""
+        return np.asarray(self.flow.system.contacts.arrays.touching[self.event_contact, self.event_phase])
+
+    def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
         from beamsim.flow import kernels
 
@@ -53,26 +56,29 @@ class Trajectory:
         return out
 
     def states_at(self, times: Floats) -> Floats:
-        """(nt, 2n) the state (q, q')."""
-        n = self.flow.system.size
-        output = self.flow.empty_output(2 * n)
-        output.row[:] = np.eye(2 * n)
-        return self.sample(times, lambda closed: output)
+        """(nt, N) the state: (q, q') and the contacts' internal states."""
+        output = self.flow.empty_output(self.flow.size)
+        output.row[:] = np.eye(self.flow.size)
+        return self.sample(times, lambda phases: output)
 
-    def closed_at(self, times: Floats) -> Bools:
-        """(nt, m) which contacts are closed."""
+    def phases_at(self, times: Floats) -> Ints:
+        """(nt, m) phases of the contacts."""
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
-        flags = np.array([s.closed for s in self.flow.states]).reshape(len(self.flow.states), -1)
-        return np.asarray(flags[self.state[segment]])
+        return self._phases[self.state[segment]]
+
+    @property
+    def _phases(self) -> Ints:
+        """(states, m)."""
+        return np.array([s.phases for s in self.flow.states], dtype=np.int64).reshape(len(self.flow.states), -1)
 
     def contact_share(self) -> Floats:
-        """(m,) share of the time during which each contact is closed."""
-        flags = np.array([s.closed for s in self.flow.states]).reshape(len(self.flow.states), -1)
+        """(m,) share of the time during which each contact touches."""
+        flags = self.flow.system.contacts.touching(self._phases)
         total = float(self.length.sum())
         return np.asarray(self.length @ flags[self.state] / total) if total > 0 else np.zeros(flags.shape[1])
 
     def maxima(
-        self, output_of: Callable[[Bools], LinearOutput], seed: Floats, when: Floats
+        self, output_of: Callable[[Ints], LinearOutput], seed: Floats, when: Floats
     ) -> tuple[Floats, Floats, int]:
         """Largest values (k,) of outputs over the whole continuous motion, with their times.
 
@@ -85,15 +91,15 @@ class Trajectory:
         highest, at = np.array(seed, dtype=float), np.array(when, dtype=float)
         evaluations = kernels.extremes(
             self.flow.tables(), self.flow.inputs(), self.flow.output_table(output_of),
-            self.time, self.length, self.state, self.piece, self.y, self.face, highest, at, PEAK_TOLERANCE,
+            self.time, self.length, self.state, self.piece, self.y, highest, at, PEAK_TOLERANCE,
         )  # fmt: skip
         return highest, at, int(evaluations)
 
     def product_integrals(
         self,
         times: Floats,
-        left_of: Callable[[Bools], LinearOutput],
-        right_of: Callable[[Bools], LinearOutput],
+        left_of: Callable[[Ints], LinearOutput],
+        right_of: Callable[[Ints], LinearOutput],
         weight: Floats,
     ) -> Floats:
         """(nt, Q) integrals from 0 to ``times`` of ``sum_k weight[k, q] left_k right_k``.
@@ -105,7 +111,7 @@ class Trajectory:
 
         flow, out, weight = self.flow, np.empty((times.size, weight.shape[1])), np.ascontiguousarray(weight)
         left, right = flow.output_table(left_of), flow.output_table(right_of)
-        segments = (self.time, self.length, self.state, self.piece, self.y, self.face)
+        segments = (self.time, self.length, self.state, self.piece, self.y)
         if all(not np.any(s.power) for s in flow.states):
             kernels.pair_integrals(flow.tables(), flow.inputs(), left, right, weight, *segments, times, out)
         else:

@@ -27,7 +27,7 @@ def simulate(
     max_evaluations: int = 2_000_000_000,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """The motion from a state (q, q') at t = 0, without time-stepping error.
+    """The motion from a state at t = 0, (q, q') and any internal states of the contacts, without time-stepping error.
 
     Contacts are found by the certified march of :mod:`beamsim.flow.kernels`. The work is bounded: a motion
     with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
@@ -42,19 +42,16 @@ def simulate(
     _load_kernels()
     begin = clock.process_time()
     duration = flow.duration if duration is None else duration
-    system = flow.system
-    y = np.array(initial_state, dtype=float)
-    face = np.zeros(system.contacts.count)
-    closed = flow.starting_state(y, face)
-    state = flow.state_index(closed)
+    y = flow.whole_state(np.asarray(initial_state, dtype=float))
+    state = flow.state_index(flow.starting_state(y))
     logs: list[tuple[NDArray[np.generic], ...]] = []
     events: list[tuple[NDArray[np.generic], ...]] = []
     t, n_events, evaluations, outcome = 0.0, 0, 0, COMPLETE
-    length, contact = 64, -1
+    length, guard = 64, -1
     while t < duration:
         length = min(length, max_events + 1 - n_events)
-        code, t, state, contact, n_eval, seg, ev = _advance(
-            flow, t, duration, state, contact, y, face, length, max_evaluations - evaluations
+        code, t, state, guard, n_eval, seg, ev = _advance(
+            flow, t, duration, state, guard, y, length, max_evaluations - evaluations
         )
         evaluations += n_eval
         logs.append(seg)
@@ -72,10 +69,10 @@ def simulate(
     processor = clock.process_time() - begin
     if not any(seg[0].size for seg in logs):  # out of budget within the first segment: at least the start is known
         one = np.zeros(1, dtype=np.int64)
-        logs.append((np.zeros(1), np.zeros(1), one + state, one, y[None, :].copy(), face[None, :].copy()))
+        logs.append((np.zeros(1), np.zeros(1), one + state, one, y[None, :].copy()))
     merged = [np.concatenate(column) for column in zip(*logs, strict=True)]
     happened = [np.concatenate(column) for column in zip(*events, strict=True)]
-    return Trajectory(flow, t, *merged, *happened, y, face, evaluations, outcome, processor)  # type: ignore[call-arg, arg-type]
+    return Trajectory(flow, t, *merged, *happened, y, evaluations, outcome, processor)  # type: ignore[call-arg, arg-type]
 
 
 def _advance(
@@ -83,39 +80,40 @@ def _advance(
     t: float,
     t_end: float,
     state: int,
-    contact: int,
+    guard: int,
     y: Floats,
-    face: Floats,
     length: int,
     most_evaluations: int,
 ) -> tuple[int, float, int, int, int, tuple[NDArray[np.generic], ...], tuple[NDArray[np.generic], ...]]:
     """One call of the kernel with logs of ``length`` segments; builds the next contact state where it is missing."""
     from beamsim.flow import kernels
 
-    N, m = y.size, face.size
     seg = (
         np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
-        np.empty((length, N)), np.empty((length, m)),
+        np.empty((length, y.size)),
     )  # fmt: skip
-    ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
-    code, t, state, n_seg, n_ev, n_eval, contact = kernels.advance(
-        flow.tables(), flow.inputs(), t, t_end, state, contact, y, face, *seg, *ev, most_evaluations
+    ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.int64))
+    tables = flow.tables()
+    code, t, state, n_seg, n_ev, n_eval, guard = kernels.advance(
+        tables, flow.inputs(), t, t_end, state, guard, y, *seg, *ev, most_evaluations
     )
     if code == kernels.NEED_STATE:
-        state = flow.follow(state, contact)
-        ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = t, contact, flow.states[state].closed[contact]
+        contact = tables.guard_contact[state, guard]
+        state = flow.follow(state, guard)
+        ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = t, contact, flow.states[state].phases[contact]
         n_ev += 1
-    return code, t, state, contact, n_eval, tuple(a[:n_seg] for a in seg), tuple(a[:n_ev] for a in ev)
+    return code, t, state, guard, n_eval, tuple(a[:n_seg] for a in seg), tuple(a[:n_ev] for a in ev)
 
 
 @cache
 def _load_kernels() -> None:
     """Compile the kernels, or load them from the cache, once per process and outside every measured time."""
     from beamsim.contacts.contacts import Contacts
+    from beamsim.contacts.laws import kelvin_voigt
 
-    one, no = np.ones(1), np.zeros(1, dtype=bool)
-    contacts = Contacts(np.ones((1, 1)), one, one, np.zeros(1), one, no, no)
+    one = np.ones(1)
+    contacts = Contacts(np.ones((1, 1)), one, one, np.zeros(1, dtype=bool), (kelvin_voigt(1.0),))
     system = PiecewiseLinearSystem(one, np.zeros((1, 1)), contacts, np.zeros(1))
     flow = ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 1.0)
-    y, face = np.zeros(2), np.zeros(1)
-    _advance(flow, 0.0, 0.0, flow.state_index(flow.starting_state(y, face)), -1, y, face, 1, 1)
+    y = np.zeros(2)
+    _advance(flow, 0.0, 0.0, flow.state_index(flow.starting_state(y)), -1, y, 1, 1)

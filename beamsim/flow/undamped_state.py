@@ -9,24 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.contact_state import RESONANCE, ContactState
+from beamsim.flow.contact_state import RESONANCE, ContactState, state_matrices
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Bools
+from beamsim.typing import Ints
 
 
-def undamped_state(system: PiecewiseLinearSystem, closed: Bools, longest_window: float) -> ContactState | None:
-    """The state with the given contacts closed, under constant loads alone; None where the general form is needed.
+def undamped_state(system: PiecewiseLinearSystem, phases: Ints, longest_window: float) -> ContactState | None:
+    """The state with the contacts in given phases, under constant loads alone; None where the general form is needed.
 
     ``q = V (K_modal^-1 V^T f + Re sum_j 2 z_j e^{i w_j tau})`` with ``z = (V^T q - i V^T q' / w) / 2`` of the motion
     less its static part.
     """
-    c, n, m = system.contacts, system.size, system.contacts.count
-    if system.damping.any() or c.dashpot.any() or not system.stiffness.all():
+    c, n = system.contacts, system.size
+    if system.damping.any() or c.damped or not system.stiffness.all():
         return None
-    phi = c.shape[closed]
-    stiffness = np.diag(system.stiffness)
-    if closed.any():
-        stiffness += (phi.T * c.stiffness[closed]) @ phi
+    row, _ = c.force_rows(phases)
+    stiffness, damping = state_matrices(system, phases)
+    if row[:, 0].any():
         squares, V = np.linalg.eigh(stiffness)
     else:
         squares, V = system.stiffness, np.eye(n)
@@ -35,7 +34,7 @@ def undamped_state(system: PiecewiseLinearSystem, closed: Bools, longest_window:
     w = np.sqrt(squares)
     if w.min() * longest_window < RESONANCE:
         return None
-    load = system.constant_load - (c.gap * c.sign * c.stiffness * closed) @ c.shape
+    load = system.constant_load - (c.gap * c.sign * row[:, 0]) @ c.shape + (c.sign * row[:, 2]) @ c.shape
     vectors = np.zeros((1 + n, 2 * n), dtype=complex)
     vectors[0, :n] = V @ ((V.T @ load) / squares)
     vectors[1:, :n], vectors[1:, n:] = 2.0 * V.T, (2j * w)[:, None] * V.T
@@ -43,16 +42,16 @@ def undamped_state(system: PiecewiseLinearSystem, closed: Bools, longest_window:
     projector[:, :n], projector[:, n:] = 0.5 * V.T, (-0.5j / w)[:, None] * V.T
     right = 0.5 * vectors[1:].T
     return ContactState(
-        closed=closed.copy(),
+        phases=phases.copy(),
         exponent=np.append(0j, 1j * w),
         power=np.zeros(1 + n, dtype=np.int64),
         projector=projector,
         term_basis=np.arange(1 + n),
-        term_source=np.append(0, 1 + m + np.arange(n)),
+        term_source=np.arange(1 + n),
         term_vector=vectors,
         horizon=longest_window,
         stiffness=stiffness,
-        damping=np.zeros((n, n)),
+        damping=damping,
         simple=(
             np.hstack([right, right.conj()]), np.vstack([projector, projector.conj()]), np.append(1j * w, -1j * w)
         ),

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.contacts import Contacts, Watched
 from beamsim.flow.contact_state import ContactState, build_state
 from beamsim.flow.resonant_passage import carry_by_series, is_resonant
 from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.undamped_state import undamped_state
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
@@ -44,7 +44,7 @@ class WorkExceeded(ArithmeticError):
 def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
     """Penetration and its rate, (nt, m) each, of states (nt, N) and the base's displacement and velocity (nt,)."""
     n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape
-    delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n:] @ shape.T
+    delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n : 2 * n] @ shape.T
     if base is not None:
         sign = -contacts.sign * contacts.on_ground
         delta, rate = delta + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
@@ -127,10 +127,11 @@ class Level:
 class ContactDirection:
     """A parameter p along which the contacts' numbers change: their derivatives by p (shape by its vector)."""
 
-    stiffness: Floats  # (m,)
+    stiffness: Floats  # (m,) of laws made of one stiffness and one dashpot
     dashpot: Floats  # (m,)
     gap: Floats  # (m,)
     shape: Floats  # (m, n)
+    along: Contacts | None = None  # contacts whose laws' forces are added
 
     @classmethod
     def of(
@@ -140,6 +141,7 @@ class ContactDirection:
         dashpot: Any = 0.0,
         gap: Any = 0.0,
         shape: Any = 0.0,
+        along: Contacts | None = None,
     ) -> ContactDirection:
         """Broadcast numbers to all contacts."""
 
@@ -147,11 +149,28 @@ class ContactDirection:
             return np.array(np.broadcast_to(np.asarray(value, dtype=float), like.shape))
 
         return cls(
-            spread(stiffness, contacts.stiffness),
-            spread(dashpot, contacts.stiffness),
-            spread(gap, contacts.stiffness),
+            spread(stiffness, contacts.gap),
+            spread(dashpot, contacts.gap),
+            spread(gap, contacts.gap),
             spread(shape, contacts.shape),
+            along,
         )
+
+    def law_rates(self, contacts: Contacts) -> tuple[Floats, Floats]:
+        """Derivatives of the phases' forces, (m, P, 3) factors of penetration, rate and 1, and (m, P) of the rate at
+        which a single internal state moves by itself."""
+        a = contacts.arrays
+        force = np.zeros((*a.touching.shape, 3)) if self.along is None else self.along.arrays.force[:, :, :3].copy()
+        decay = np.zeros(a.touching.shape)
+        for j in np.flatnonzero((self.stiffness != 0.0) | (self.dashpot != 0.0)):
+            law, dk, dc = contacts.laws[j], self.stiffness[j], self.dashpot[j]
+            law.with_numbers(law.stiffness, law.dashpot)  # only laws that are made of these have such a derivative
+            for k, phase in enumerate(law.phases):
+                if phase.touching:
+                    force[j, k, :2] += dk, dc
+                if law.internal_states:
+                    decay[j, k] = -(dk - law.stiffness / law.dashpot * dc) / law.dashpot
+        return force, decay
 
 
 @dataclass(frozen=True)
@@ -200,26 +219,25 @@ Parameter = Frequency | Level | Direction
 class Passage:
     """One carried state: where it ended, what happened, and the derivatives."""
 
-    start: Floats  # (N + m,) y and faces
-    end: Floats  # (N + m,)
-    transition: Floats  # (N + m, N + m) derivative by the start
-    parameters: Floats  # (N + m, P) derivative by the parameters at fixed times
-    slope: Floats  # (N + m,) time derivative at the end
+    start: Floats  # (N,) (q, q') and the contacts' internal states
+    end: Floats  # (N,)
+    transition: Floats  # (N, N) derivative by the start
+    parameters: Floats  # (N, P) derivative by the parameters at fixed times
+    slope: Floats  # (N,) time derivative at the end
     duration: float  # s
     time: Floats  # (G,) start of each segment, s
     length: Floats  # (G,) s
     state: Ints  # (G,) contact state of each segment
     y: Floats  # (G, N) at each segment's start
-    face: Floats  # (G, m)
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
-    event_closing: Bools  # (E,)
+    event_phase: Ints  # (E,) of the contact after the event
     smallest_event_speed: float  # |dg/dt| at events whose force jumps, infinite without one
 
     @property
-    def signature(self) -> tuple[tuple[int, bool], ...]:
-        """Order of contacts closing and opening."""
-        return tuple(zip(self.event_contact.tolist(), self.event_closing.tolist(), strict=True))
+    def signature(self) -> tuple[tuple[int, int], ...]:
+        """Order of events: contact and its new phase."""
+        return tuple(zip(self.event_contact.tolist(), self.event_phase.tolist(), strict=True))
 
 
 @dataclass
@@ -243,17 +261,17 @@ class VariationalFlow:
     passages: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
-        n, m = self.system.size, self.system.contacts.count
+        n = self.system.size
         self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
         H = self.loads.count
-        self.size = 2 * n + m
+        self.size = 2 * n + self.system.contacts.internal_states
         self._grounded = bool(H) and bool(np.any(self.system.contacts.on_ground))
         self._sources = _constant_source()
         self._constant = Forcing(np.zeros((0, n)), ())
         self._states: list[ContactState] = []
+        self._watched: list[Watched] = []
         self._lightly_damped = False
         self._index: dict[bytes, int] = {}
-        self._follower = np.full((0, m), -1, dtype=np.int64)
         self._tables: Any = None
         self._known_parameters: dict[tuple[type[Parameter], ...], Any] = {}
         self._log: tuple[Any, ...] = ()
@@ -261,72 +279,57 @@ class VariationalFlow:
         self._room(FIRST_LOG)
         contacts = self.system.contacts
         from beamsim.flow.kernels import Inputs
-        from beamsim.flow.orbit_kernels import ContactArrays
 
-        def plain(a: Any) -> Any:
-            return np.ascontiguousarray(a)
-
-        self._contacts = ContactArrays(
-            plain(contacts.shape), plain(contacts.sign), plain(contacts.stiffness), plain(contacts.dashpot),
-            plain(contacts.gap), plain(contacts.on_ground),
-        )  # fmt: skip
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.where(contacts.dashpot > 0, contacts.stiffness / contacts.dashpot, 0.0)
-        self._has_face = np.asarray(contacts.no_tension & (contacts.dashpot > 0))
         self._resonant = False
+        self._coupled = False
         self._series: ExactFlow | None = None
-        self._any_face = bool(self._has_face.any())
         self._inputs = Inputs(
             np.zeros(1), np.ones((1, 1 + H), dtype=complex), np.zeros(1 + H, dtype=complex),
-            np.zeros(1 + H, dtype=np.int64), np.arange(1 + H), self._has_face, rate,
+            np.zeros(1 + H, dtype=np.int64), np.arange(1 + H),
         )  # fmt: skip
-        rates = np.concatenate([self.system.stiffness, contacts.stiffness * (contacts.shape**2).sum(axis=1)])
+        stiffest = np.abs(contacts.arrays.force[:, :, 0]).max(axis=1, initial=0.0)
+        rates = np.concatenate([self.system.stiffness, stiffest * (contacts.shape**2).sum(axis=1)])
         slowest = float(np.sqrt(rates[rates > 0].min())) if np.any(rates > 0) else 1.0
         self._window = LONGEST_WINDOW_RADIANS / slowest
         if self.twin is not None:
             for state in self.twin._states:
-                if not state.closed.any() and not self._has_face.any() and state.horizon <= self._window:
+                free = not any(np.any(c.force_rows(state.phases)[0]) for c in (contacts, self.twin.system.contacts))
+                if free and not contacts.internal_states and state.horizon <= self._window:
                     self._keep(state)
                 else:
-                    self.state_index(state.closed)
+                    self.state_index(state.phases)
             self.twin = None
-        self.free = np.concatenate([np.ones(2 * n, dtype=bool), self._has_face])
 
     # -- contact states ------------------------------------------------------------------------------------------
 
     @property
     def reversible(self) -> bool:
         """Undamped and unforced: motions run backwards as well."""
-        return self.loads.count == 0 and not np.any(self.system.damping) and not np.any(self.system.contacts.dashpot)
+        return self.loads.count == 0 and not np.any(self.system.damping) and not self.system.contacts.damped
 
-    def state_index(self, closed: Bools) -> int:
+    def state_index(self, phases: Ints) -> int:
         """Number of the contact state, diagonalised when it is first asked for."""
-        key = closed.tobytes()
-        found = self._index.get(key)
+        found = self._index.get(phases.tobytes())
         if found is None:
-            state = undamped_state(self.system, closed, self._window)
+            state = undamped_state(self.system, phases, self._window)
             if state is None:
-                state = build_state(self.system, self._constant, self._sources, -1, closed, self._window)
+                state = build_state(self.system, self._constant, self._sources, -1, phases, self._window)
             found = self._keep(state)
         return found
 
     def learn(self, other: VariationalFlow) -> None:
         """Number the contact states that another flow of the same structure visited, in its order."""
         for state in other._states:
-            self.state_index(state.closed)
+            self.state_index(state.phases)
 
     def _keep(self, state: ContactState) -> int:
-        """Number a new state and connect it with those it follows."""
-        found, closed = len(self._states), state.closed
-        self._index[closed.tobytes()] = found
-        self._follower = np.vstack([self._follower, np.full((1, closed.size), -1, dtype=np.int64)])
-        for index, other in enumerate(self._states):
-            different = np.flatnonzero(other.closed != closed)
-            if different.size == 1:
-                self._follower[index, different[0]] = found
-                self._follower[found, different[0]] = index
+        """Number a new state."""
+        found = len(self._states)
+        self._index[state.phases.tobytes()] = found
+        self._watched.append(self.system.contacts.watched(state.phases))
         self._states.append(state)
         self._tables = None
+        self._coupled = self._coupled or self.system.contacts.coupled(state.phases)
         if self.loads.count:
             light = np.abs(state.exponent.real) < LIGHT * np.abs(state.exponent.imag)
             self._lightly_damped = self._lightly_damped or bool(light.any())
@@ -337,8 +340,8 @@ class VariationalFlow:
         from beamsim.flow.kernels import Tables
         from beamsim.flow.orbit_kernels import Variation
 
-        n, m, H = self.system.size, self.system.contacts.count, self.loads.count
-        S, N = len(self._states), 2 * n
+        contacts, m, H = self.system.contacts, self.system.contacts.count, self.loads.count
+        S, N = len(self._states), self.size
         B = max(s.exponent.size for s in self._states) + H
         T = max(s.term_basis.size for s in self._states) + H
         Z = max(s.projector.shape[0] for s in self._states)
@@ -348,7 +351,10 @@ class VariationalFlow:
         term_basis = np.zeros((S, T), dtype=np.int64)
         term_source = np.zeros((S, T), dtype=np.int64)
         term_vector = np.zeros((S, T, N), dtype=complex)
-        watch = np.zeros((S, T, 2 * m), dtype=complex)
+        watch = np.zeros((S, T, max(w.contact.size for w in self._watched)), dtype=complex)
+        G = max(w.guards for w in self._watched)
+        guards = {"guard_contact": np.zeros((S, G), dtype=np.int64), "reset": np.full((S, G), -1)}
+        follower = np.full((S, G), -1)
         free: list[tuple[Ints, Ints, Complexes]] = []
         first_forced, first_basis = np.zeros(S, dtype=np.int64), np.zeros(S, dtype=np.int64)
         simple = True
@@ -361,10 +367,13 @@ class VariationalFlow:
             term_vector[i, :nt] = s.term_vector
             term_basis[i, nt : nt + H] = nb + np.arange(H)
             term_source[i, nt : nt + H] = 1 + np.arange(H)
-            watch[i, :nt] = self._watch(s)
+            w = self._watched[i]
+            watch[i, :nt, : w.contact.size] = self._watch(s, w)
+            guards["guard_contact"][i, : w.guards], guards["reset"][i, : w.guards] = w.contact[: w.guards], w.reset
+            follower[i, : w.guards] = [self._index.get(phases.tobytes(), -1) for phases in w.following]
             first_forced[i], first_basis[i] = nt, nb
-            own = np.flatnonzero(s.term_source >= 1 + m)
-            free.append((s.term_basis[own], s.term_source[own] - 1 - m, s.term_vector[own]))
+            own = np.flatnonzero(s.term_source >= 1)
+            free.append((s.term_basis[own], s.term_source[own] - 1, s.term_vector[own]))
             simple = simple and own.size == nz and not np.any(s.power)
         self._simple = simple
         Tf = max(f[0].size for f in free)
@@ -378,11 +387,13 @@ class VariationalFlow:
             right[i, :, 0 : 2 * k : 2] = vector.real.T
             right[i, :, 1 : 2 * k : 2] = -vector.imag.T
         count = [(s.exponent.size + H, s.projector.shape[0], s.term_basis.size + H) for s in self._states]
+        phase = np.array([s.phases for s in self._states], dtype=np.int64).reshape(S, m)
         self._tables = Tables(
             np.array([c[0] for c in count]), exponent, power, np.array([c[1] for c in count]), projector,
-            np.array([c[2] for c in count]), term_basis, term_source, term_vector, watch,
-            np.abs(watch[:, :, :m]), np.array([s.horizon for s in self._states]), np.array([s.closed for s in
-            self._states]).reshape(S, m), self._follower.copy(),
+            np.array([c[2] for c in count]), term_basis, term_source, term_vector, watch, np.abs(watch[:, :, :G]),
+            np.array([s.horizon for s in self._states]), phase, contacts.touching(phase),
+            np.array([w.guards for w in self._watched]), guards["guard_contact"], guards["reset"], follower,
+            contacts.arrays.first, contacts.arrays.states,
         )  # fmt: skip
         self._variation = Variation(
             left, right, np.array([f[0].size for f in free]), free_basis, free_source, first_forced,
@@ -396,25 +407,23 @@ class VariationalFlow:
         self._known_parameters.clear()
         self._force()
 
-    def _watch(self, s: ContactState) -> Complexes:
-        """(T, 2 m) watched functions and penetrations of the state's terms, without the periodic loads'."""
+    def _watch(self, s: ContactState, watched: Watched) -> Complexes:
+        """(T, w) watched functions of the state's terms, without the periodic loads'."""
         n, contacts = self.system.size, self.system.contacts
-        m = contacts.count
         shape = -contacts.sign[:, None] * contacts.shape
         delta = s.term_vector[:, :n] @ shape.T
-        rate = s.term_vector[:, n:] @ shape.T
+        rate = s.term_vector[:, n : 2 * n] @ shape.T
         constant = int(np.flatnonzero((s.term_source == 0) & (s.power[s.term_basis] == 0))[0])
         delta[constant] -= contacts.gap
-        watched = np.where(s.closed, delta, -delta)
-        by_force = self._has_face & s.closed
-        watched = np.where(by_force, contacts.stiffness * delta + contacts.dashpot * rate, watched)
-        for t in np.flatnonzero((s.term_source >= 1) & (s.term_source < 1 + m)):
-            watched[t, s.term_source[t] - 1] += 1.0
-        return np.asarray(np.concatenate([watched, delta], axis=1))
+        row, of = watched.row, watched.contact
+        table = row[:, 0] * delta[:, of] + row[:, 1] * rate[:, of] + s.term_vector[:, 2 * n :] @ watched.internal.T
+        table[constant] += row[:, 2]
+        return np.asarray(table)
 
     def _force(self) -> None:
         """Rewrite the periodic loads' responses at the present frequency and level."""
-        if self.loads.count == 0:
+        self._resonant = self._coupled
+        if self.loads.count == 0 or self._coupled:
             return
         from beamsim.flow.orbit_kernels import force_terms
 
@@ -426,8 +435,8 @@ class VariationalFlow:
         self._base_derivative[0], self._base_derivative[1] = level * dbase, unit_base
         np.multiply(level, unit_base, out=self._variation.base)
         force_terms(
-            self._tables, self._inputs, self._contacts, self._variation.first_forced, self._first_basis, self._K,
-            self._C, self.omega, self._variation.multiple, level * unit, self._variation.base, level * dforce,
+            self._tables, self._inputs, self.system.contacts.arrays, self._variation.first_forced, self._first_basis,
+            self._K, self._C, self.omega, self._variation.multiple, level * unit, self._variation.base, level * dforce,
             self._base_derivative[0], unit, unit_base, self._derivative,
         )  # fmt: skip
 
@@ -450,12 +459,11 @@ class VariationalFlow:
     # -- motion --------------------------------------------------------------------------------------------------
 
     def _room(self, length: int) -> None:
-        N, m = 2 * self.system.size, self.system.contacts.count
         self._log = (
             np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
-            np.empty((length, N)), np.empty((length, m)),
+            np.empty((length, self.size)),
         )  # fmt: skip
-        self._event_log = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.bool_))
+        self._event_log = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.int64))
 
     def base_motion(self, t: float) -> tuple[float, float]:
         """Displacement and velocity of the base."""
@@ -466,34 +474,40 @@ class VariationalFlow:
         moving = base * np.exp(iw * t)
         return float(moving.sum().real), float((iw * moving).sum().real)
 
-    def starting_state(self, z: Floats, t: float = 0.0) -> Bools:
-        """Which contacts are closed at a motion (y and faces); at zero gap the sign of rate, then acceleration."""
-        from beamsim.flow.orbit_kernels import signs_at_start
+    def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
+        """Phases of the contacts at a motion; where a guard is zero the sign of its rate decides, then of the next."""
+        from beamsim.flow.orbit_kernels import phases_at_start
 
-        n, m = self.system.size, self.system.contacts.count
-        closed = np.zeros(m, dtype=bool)
-        if m == 0:
-            return closed
+        n, contacts = self.system.size, self.system.contacts
+        phases = contacts.start
+        if contacts.count == 0:
+            return phases
         d, dv = self.base_motion(t) if self._grounded else (0.0, 0.0)
-        if not signs_at_start(self._contacts, z[: 2 * n], z[2 * n :], d, dv, closed):
-            contacts = self.system.contacts
+        if not phases_at_start(contacts.arrays, z, d, dv, phases):
             load = self.system.constant_load.astype(float)
             force = self.loads.at(self.omega, self.level)[0]
             load = load + (force * np.exp(1j * self.loads.multiple * self.omega * t)[:, None]).sum(axis=0).real
             q, v = z[:n], z[n : 2 * n]
             delta = -contacts.gap - contacts.sign * (contacts.shape @ q + np.where(contacts.on_ground, d, 0.0))
-            at_zero = np.abs(delta - z[2 * n :]) <= 1e-12 * (np.abs(contacts.gap) + np.abs(contacts.shape) @ np.abs(q))
-            push = contacts.shape.T @ (contacts.sign * contacts.stiffness * delta * (closed & ~at_zero))
-            acceleration = load - self.system.stiffness * q - self.system.damping @ v + push
-            closed |= at_zero & (contacts.shape @ v == 0.0) & (-contacts.sign * (contacts.shape @ acceleration) > 0.0)
-        return closed
+            rate = -contacts.sign * (contacts.shape @ v + np.where(contacts.on_ground, dv, 0.0))
+            push = contacts.forces(phases[None], delta[None], rate[None], z[None, 2 * n :])[0] * contacts.sign
+            acceleration = load - self.system.stiffness * q - self.system.damping @ v + push @ contacts.shape
+            bend = -contacts.sign * (contacts.shape @ acceleration)
+            watched, size = contacts.watched(phases), np.abs(contacts.gap) + np.abs(contacts.shape) @ np.abs(q)
+            for g in range(watched.guards):
+                j, row = watched.contact[g], watched.row[g]
+                value = row[0] * delta[j] + row[2] + watched.internal[g] @ z[2 * n :]
+                near = row[1] == 0.0 and rate[j] == 0.0 and abs(value) <= 1e-12 * abs(row[0]) * size[j]
+                if near and row[0] * bend[j] < 0.0:
+                    phases[j] = watched.following[g, j]
+        return phases
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
         """The state after ``duration``, with its derivatives.
 
         Parameters
         ----------
-        start : (N + m,) state (q, q') followed by the compression of the contacts' faces, m (zero where closed).
+        start : (N,) state (q, q') and the contacts' internal states.
         duration : s, positive.
         parameters : what to take derivatives by, besides the start; at most one that is not exact costs two more
             passages.
@@ -506,8 +520,7 @@ class VariationalFlow:
         from beamsim.flow import kernels
         from beamsim.flow.orbit_kernels import carry_sensitivity
 
-        n, m = self.system.size, self.system.contacts.count
-        N = 2 * n
+        N = self.size
         self.passages += 1
         index = self.state_index(self.starting_state(start, t))
         while True:
@@ -515,39 +528,32 @@ class VariationalFlow:
                 self._prepare()
             if self._resonant:
                 return carry_by_series(self, self.by_series(), start, duration, parameters, t)
-            y, face = start[:N].copy(), start[N:].copy()
-            code, now, last, n_seg, n_ev, _, contact = kernels.advance(  # type: ignore[call-arg]
-                self._tables, self._inputs, t, t + duration, index, -1, y, face, *self._log, *self._event_log,
+            y = start.copy()
+            code, now, last, n_seg, n_ev, _, guard = kernels.advance(  # type: ignore[call-arg]
+                self._tables, self._inputs, t, t + duration, index, -1, y, *self._log, *self._event_log,
                 MOST_EVALUATIONS,
             )  # fmt: skip
             if code == kernels.DONE:
                 break
             if code == kernels.NEED_STATE:
-                following = self._states[last].closed.copy()
-                following[contact] = ~following[contact]
-                self.state_index(following)
+                self.state_index(self._watched[last].following[guard].copy())
             elif code == kernels.FULL and self._log[0].size < LARGEST_LOG:
                 self._room(4 * self._log[0].size)
             else:
                 raise WorkExceeded(f"no end after {n_ev} contact events in {now - t:.6g} of {duration:.6g} s")
         exact = [p for p in parameters if self._simple or isinstance(p, Frequency | Level)]
         P = len(exact)
-        sens = np.zeros((N + m, N + m + P))
-        sens.flat[:: N + m + P + 1] = self.free
+        sens = np.zeros((N, N + P))
+        sens.flat[:: N + P + 1] = 1.0
         slope = np.zeros(N)
         seg = tuple(a[:n_seg] for a in self._log)
         smallest = carry_sensitivity(  # type: ignore[call-arg]
-            self._tables, self._inputs, self._contacts, self._variation, self._parameters(exact), n_seg, *seg,
-            self._event_log[1], sens, slope,
+            self._tables, self._inputs, self.system.contacts.arrays, self._variation, self._parameters(exact), n_seg,
+            *seg, self._event_log[1], sens, slope,
         )  # fmt: skip
-        end, rate = np.zeros(N + m), np.zeros(N + m)
-        end[:N], rate[:N] = y, slope
-        if self._any_face:
-            end[N:] = np.where(self._tables.closed[last] | ~self._has_face, 0.0, face)
-            rate[N:] = -self._inputs.face_rate * end[N:]
         passage = Passage(
-            start, end, sens[:, : N + m], sens[:, N + m :], rate, duration,
-            seg[0].copy(), seg[1].copy(), seg[2].copy(), seg[4].copy(), seg[5].copy(),
+            start, y, sens[:, :N], sens[:, N:], slope, duration,
+            seg[0].copy(), seg[1].copy(), seg[2].copy(), seg[4].copy(),
             self._event_log[0][:n_ev].copy(), self._event_log[1][:n_ev].copy(), self._event_log[2][:n_ev].copy(),
             float(smallest),
         )  # fmt: skip
@@ -570,11 +576,12 @@ class VariationalFlow:
         if known is not None:  # what moves with frequency and level in it is a view of what _force writes
             return known
         n, m, H = self.system.size, self.system.contacts.count, self.loads.count
-        P, S = len(parameters), len(self._states)
+        P, S, phases = len(parameters), len(self._states), self.system.contacts.arrays.touching.shape[1]
         k = n if StructureDirection in kinds else 0
         out = Parameters(
-            np.zeros(P, dtype=bool), np.zeros((P, S, H, 2 * n), dtype=complex), np.zeros((P, H), dtype=complex),
-            np.zeros(P, dtype=bool), np.zeros((P, m)), np.zeros((P, m)), np.zeros((P, m)), np.zeros((P, m, n)),
+            np.zeros(P, dtype=bool), np.zeros((P, S, H, self.size), dtype=complex), np.zeros((P, H), dtype=complex),
+            np.zeros(P, dtype=bool), np.zeros((P, m, phases, 3)), np.zeros((P, m, phases)), np.zeros((P, m)),
+            np.zeros((P, m, n)),
             np.zeros(P, dtype=bool), np.zeros((P, k, k)), np.zeros((P, k, k)), np.zeros((P, k, k)), np.zeros((P, k)),
             np.zeros((P, H, k), dtype=complex),
         )  # fmt: skip
@@ -589,7 +596,8 @@ class VariationalFlow:
         for i, (p, which) in enumerate(zip(parameters, periodic, strict=True)):
             if isinstance(p, ContactDirection):
                 out.moves_contacts[i] = True
-                out.stiffness[i], out.dashpot[i], out.gap[i], out.shape[i] = p.stiffness, p.dashpot, p.gap, p.shape
+                out.gap[i], out.shape[i] = p.gap, p.shape
+                out.law[i], out.decay[i] = p.law_rates(self.system.contacts)
             elif isinstance(p, StructureDirection):
                 out.moves_structure[i] = True
                 out.structure_stiffness[i], out.structure_damping[i] = p.stiffness, p.damping
@@ -608,8 +616,9 @@ class VariationalFlow:
             (
                 float(np.max(np.abs(rate), initial=0.0)) / max(float(np.max(np.abs(value), initial=0.0)), 1e-12)
                 for rate, value in (
-                    (direction.stiffness, contacts.stiffness), (direction.dashpot, contacts.dashpot),
-                    (direction.shape, contacts.shape),
+                    (direction.stiffness, contacts.arrays.force[:, :, 0]),
+                    (direction.dashpot, contacts.arrays.force[:, :, 1]), (direction.shape, contacts.shape),
+                    (np.array([direction.along is not None], dtype=float), np.ones(1)),
                 )
             ),
             default=0.0,
@@ -672,14 +681,14 @@ class VariationalFlow:
         if self._series is None:
             self._series = self.exact_flow(self._window)
             for state in self._states:
-                self._series.state_index(state.closed)
+                self._series.state_index(state.phases)
         return self._series
 
-    def number_in(self, exact: ExactFlow, closed: Bools) -> int:
+    def number_in(self, exact: ExactFlow, phases: Ints) -> int:
         """Number of a contact state, made the same in a transient flow."""
-        index = self.state_index(closed)
+        index = self.state_index(phases)
         for state in self._states[len(exact.states) :]:
-            exact.state_index(state.closed)
+            exact.state_index(state.phases)
         return index
 
     def exact_flow(self, duration: float) -> ExactFlow:
@@ -697,14 +706,15 @@ class VariationalFlow:
         base = self.loads.base_motion(self.omega, self.level, times) if self._grounded else None
         return penetration_of_states(self.system.contacts, y, base)
 
-    def closed_in(self, passage: Passage) -> Bools:
-        """(G, m) which contacts are closed in each segment of a passage."""
-        return np.array([self._states[k].closed for k in passage.state]).reshape(-1, self.system.contacts.count)
+    def phases_in(self, passage: Passage) -> Ints:
+        """(G, m) phases of the contacts in each segment of a passage."""
+        phases = np.array([self._states[k].phases for k in passage.state], dtype=np.int64)
+        return phases.reshape(-1, self.system.contacts.count)
 
     def penetration_derivative(
         self, passage: Passage, contact: int, parameters: Sequence[Parameter]
     ) -> tuple[Floats, Floats]:
-        """Derivatives of a contact's penetration at the end of a passage from t = 0: by the start (N + m,), and by the
+        """Derivatives of a contact's penetration at the end of a passage from t = 0: by the start (N,), and by the
         parameters that the passage was carried with (P,)."""
         n, c, j = self.system.size, self.system.contacts, contact
         row = -c.sign[j] * c.shape[j]
@@ -722,20 +732,19 @@ class VariationalFlow:
         return row @ passage.transition[:n], by
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
-        """(nt, N) the state (q, q') at increasing times within a passage."""
+        """(nt, N) the state at increasing times within a passage."""
         from beamsim.flow import kernels
 
-        N = 2 * self.system.size
         if self._tables is None:
             self._prepare()
-        out = np.empty((times.size, N))
+        out = np.empty((times.size, self.size))
         tables, inputs = self._tables, self._inputs
         if self._resonant:
             tables, inputs = self.by_series().tables(), self.by_series().inputs()
         table = np.ascontiguousarray(tables.term_vector)
         piece = np.zeros(passage.time.size, dtype=np.int64)
         kernels.sample(
-            tables, inputs, table, passage.time, passage.state, piece, passage.y, passage.face,
+            tables, inputs, table, passage.time, passage.state, piece, passage.y,
             np.ascontiguousarray(times), out,
         )  # fmt: skip
         return out
@@ -749,16 +758,15 @@ def _constant_source() -> Sources:
 def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
     """The system with its contacts' numbers moved by ``amount`` along a direction."""
     c = system.contacts
-    return replace(
-        system,
-        contacts=replace(
-            c,
-            stiffness=c.stiffness + amount * direction.stiffness,
-            dashpot=c.dashpot + amount * direction.dashpot,
-            gap=c.gap + amount * direction.gap,
-            shape=c.shape + amount * direction.shape,
-        ),
-    )
+    moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)
+    if direction.along is not None:
+        pairs = zip(c.laws, direction.along.laws, strict=True)
+        moved = replace(moved, laws=tuple(law.plus(other, amount) for law, other in pairs))
+    if np.any(direction.stiffness) or np.any(direction.dashpot):
+        for j in np.flatnonzero((direction.stiffness != 0.0) | (direction.dashpot != 0.0)):
+            k, c_j = moved.laws[j].stiffness, moved.laws[j].dashpot
+            moved = moved.with_numbers(int(j), k + amount * direction.stiffness[j], c_j + amount * direction.dashpot[j])
+    return replace(system, contacts=moved)
 
 
 def floquet_multipliers(monodromy: Floats) -> Complexes:

@@ -74,7 +74,8 @@ class SpecialPoint:
     point: BranchPoint
     contact: int = -1  # for a grazing: which contact
     time: float = np.nan  # s, for a grazing: when in the period
-    closing: bool = True  # a closed phase appears or vanishes (else an open one)
+    top: bool = True  # the penetration just reaches the border from below (else from above)
+    level: float = 0.0  # m, penetration at the border of two phases of the contact's law
 
 
 @dataclass(frozen=True)

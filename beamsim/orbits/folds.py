@@ -60,12 +60,11 @@ class TwoParameterCurve:
     def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
         """The passage at u, M - I, and the residual's columns by both parameters."""
         flow, parameter = self._set(u)
-        k = self.orbits.kept
         period = 2 * np.pi * self.orbits.multiple / flow.omega
-        passage = flow.carry(self.orbits.full(u[:-1]), period, (Frequency(), parameter))
-        columns = passage.parameters[k].copy()
-        columns[:, 0] -= passage.slope[k] * (period / flow.omega)
-        return passage, passage.transition[np.ix_(k, k)] - np.eye(k.size), columns
+        passage = flow.carry(u[:-2], period, (Frequency(), parameter))
+        columns = passage.parameters.copy()
+        columns[:, 0] -= passage.slope * (period / flow.omega)
+        return passage, passage.transition - np.eye(passage.end.size), columns
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As the shooting problem's; the further equation has the scale one."""
@@ -109,7 +108,7 @@ class FoldCurve(TwoParameterCurve):
         step = 2.0 * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
         J[k, :k] = -w @ (above[1] - below[1]) / step
         J[k, k:] = -w @ (above[2] - below[2]) / step
-        return np.append((passage.end - passage.start)[self.orbits.kept], g), J, passage
+        return np.append(passage.end - passage.start, g), J, passage
 
 
 @dataclass
@@ -123,14 +122,15 @@ class GrazingCurve(TwoParameterCurve):
     """
 
     contact: int = 0
-    top: bool = True  # a closed phase appears (else an open one)
+    top: bool = True  # the penetration just reaches the border from below (else from above)
     share: float = 0.0  # when in the period, near which the extreme is looked for
+    level: float = 0.0  # m, penetration at the border
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
         """The shooting residual and the penetration's extreme, with their Jacobian."""
         passage, A, columns = self._passage(u)
         flow, parameter = self._set(u)
-        height, time = extremum(flow, passage, self.contact, self.top, self.share * passage.duration)
+        height, time = extremum(flow, passage, self.contact, self.top, self.share * passage.duration, self.level)
         if not np.isfinite(height):
             raise ArithmeticError("the penetration has no extreme near the grazing")
         self.share = time / passage.duration
@@ -140,8 +140,8 @@ class GrazingCurve(TwoParameterCurve):
         k = A.shape[0]
         J = np.zeros((k + 1, k + 2))
         J[:k, :k], J[:k, k:] = A, columns
-        J[k, :k], J[k, k:] = by_start[self.orbits.kept], by_parameters
-        return np.append((passage.end - passage.start)[self.orbits.kept], height), J, passage
+        J[k, :k], J[k, k:] = by_start, by_parameters
+        return np.append(passage.end - passage.start, height), J, passage
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As a curve of folds; the extreme against the motion."""
@@ -165,7 +165,7 @@ def start_of_fold_curve(
 ) -> tuple[FoldCurve, BranchPoint] | None:
     """The curve of folds through one that was located, from its value of the second parameter on."""
     scale = orbits.scale(fold.point.u)[0][:-1]
-    A = orbits.monodromy(fold.point) - np.eye(orbits.kept.size)
+    A = orbits.monodromy(fold.point) - np.eye(orbits.flow.size)
     U, _, V = np.linalg.svd(A * scale / scale[:, None])
     curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
     point = _start(curve, fold, value, forward)
@@ -181,6 +181,6 @@ def start_of_grazing_curve(
 ) -> tuple[GrazingCurve, BranchPoint] | None:
     """The curve of grazings through one that was located, from its value of the second parameter on."""
     share = grazing.time / grazing.point.data.duration
-    curve = GrazingCurve(orbits, second, grazing.contact, grazing.closing, share)
+    curve = GrazingCurve(orbits, second, grazing.contact, grazing.top, share, grazing.level)
     point = _start(curve, grazing, value, forward)
     return None if point is None else (curve, point)

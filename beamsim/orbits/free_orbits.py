@@ -68,7 +68,7 @@ class FreeOrbits:
         if not (np.isfinite(period) and period > 0):
             raise ArithmeticError("the period became negative")
         flow, direction = self.family.flow_at(factor)
-        start = np.zeros(2 * n + self.family.extra)
+        start = np.zeros(2 * n)
         start[: 2 * n] = y
         by_factor = self.parameter == "stiffness_factor"
         passage = flow.carry(start, period, (direction,) if by_factor else ())

@@ -7,10 +7,12 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from beamsim.contacts.contacts import Contacts
 from beamsim.flow.variational import Passage, VariationalFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import ContinuationProblem, Settings, between, locate
@@ -34,34 +36,55 @@ class ContactProblem(ContinuationProblem, Protocol):
         """Whether two motions have the same order of contacts."""
 
 
-def cyclic(passage: Passage) -> tuple[tuple[int, bool], ...]:
+def cyclic(passage: Passage) -> tuple[tuple[int, int], ...]:
     """The order of events over a period, whatever event comes first."""
     s = passage.signature
     return min((s[i:] + s[:i] for i in range(len(s))), default=())
 
 
-def _shortest_phase(passage: Passage, few: Passage) -> tuple[int, bool, float] | None:
-    """Contact, kind (closed or open) and middle of the shortest phase of a contact that has fewer events in the
-    other."""
-    best: tuple[float, int, bool, float] | None = None
+@dataclass(frozen=True)
+class _Stay:
+    """A contact beyond one of its borders, over a part of a period."""
+
+    contact: int
+    level: float  # m, penetration at the border
+    top: bool  # beyond it there is more penetration
+    middle: float  # s
+
+
+def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
+    """Events by contact and border (the two phases, in order): time, phases before and after."""
+    found: dict[tuple[int, int, int], list[tuple[float, int, int]]] = {}
     for j in np.unique(passage.event_contact):
-        events = np.flatnonzero(passage.event_contact == j)
-        if events.size <= np.count_nonzero(few.event_contact == j):
+        own = passage.event_contact == j
+        after = passage.event_phase[own]
+        for t, b, a in zip(passage.event_time[own], np.roll(after, 1).tolist(), after.tolist(), strict=True):
+            found.setdefault((int(j), min(a, b), max(a, b)), []).append((float(t), b, a))
+    return found
+
+
+def _shortest_stay(contacts: Contacts, passage: Passage, few: Passage) -> _Stay | None:
+    """The shortest stay of a contact beyond a border that it crosses less often in the other motion."""
+    shortest, best = np.inf, None
+    others = _crossings(few)
+    for border, events in _crossings(passage).items():
+        if len(events) <= len(others.get(border, ())):
             continue
-        times = passage.event_time[events]
-        following = np.append(times[1:], times[0] + passage.duration)
-        for t, e, closing in zip(times, following, passage.event_closing[events], strict=True):
-            if best is None or e - t < best[0]:
-                best = (float(e - t), int(j), bool(closing), float(0.5 * (t + e)))
-    if best is None:
-        return None
-    return best[1], best[2], best[3] % passage.duration
+        ends = [t for t, _, _ in events[1:]] + [events[0][0] + passage.duration]
+        for (t, before, after), e in zip(events, ends, strict=True):
+            if e - t < shortest and before != after:
+                shortest = e - t
+                level, top = contacts.border(border[0], before, after)
+                best = _Stay(border[0], level, top, 0.5 * (t + e) % passage.duration)
+    return best
 
 
-def extremum(flow: VariationalFlow, passage: Passage, j: int, top: bool, near: float) -> tuple[float, float]:
-    """Contact j's penetration at its local maximum (or minimum) nearest to a time of a period: (value, time).
+def extremum(
+    flow: VariationalFlow, passage: Passage, j: int, top: bool, near: float, level: float = 0.0
+) -> tuple[float, float]:
+    """Contact j's penetration beyond a level, at its local maximum (or minimum) nearest to a time of a period.
 
-    Both are nan where there is none.
+    Returns (value, time); both are nan where there is none.
     """
     T = passage.duration
     sign = 1.0 if top else -1.0
@@ -71,7 +94,7 @@ def extremum(flow: VariationalFlow, passage: Passage, j: int, top: bool, near: f
         order = np.argsort(wrapped)
         d, v = flow.penetration(passage, wrapped[order])
         back = np.argsort(order)
-        return sign * d[back, j], sign * v[back, j]
+        return sign * (d[back, j] - level), sign * v[back, j]
 
     for half in (T / 64, T / 16, T / 4):
         times = near + np.linspace(-half, half, 65)
@@ -112,28 +135,28 @@ def _within(
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
     cycle_a, cycle_b = problem.cycle(a)[1], problem.cycle(b)[1]
-    if depth >= REORDERED and np.array_equal(np.sort(cycle_a.event_contact), np.sort(cycle_b.event_contact)):
+    if depth >= REORDERED and sorted(cycle_a.signature) == sorted(cycle_b.signature):
         return
     ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
     if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
-        phase = _shortest_phase(more, few)
-        if phase is not None:
-            contact, closed, when = phase
-            share = when / more.duration
+        contacts = problem.cycle(a)[0].system.contacts
+        stay = _shortest_stay(contacts, more, few)
+        if stay is not None:
+            contact, top, share = stay.contact, stay.top, stay.middle / more.duration
 
             def penetration(point: BranchPoint) -> float:
                 flow, cycle = problem.cycle(point)
-                return extremum(flow, cycle, contact, closed, share * cycle.duration)[0]
+                return extremum(flow, cycle, contact, top, share * cycle.duration, stay.level)[0]
 
             values = penetration(a), penetration(b)
             found = locate(problem, a, b, penetration, settings, values)
             if found is not None:
                 flow, cycle = problem.cycle(found)
-                value, time = extremum(flow, cycle, contact, closed, share * cycle.duration)
+                value, time = extremum(flow, cycle, contact, top, share * cycle.duration, stay.level)
                 touching = abs(value) <= TOUCHING * max(abs(values[0]), abs(values[1]))
                 if touching and (depth > MOST_HALVINGS // 2 or _explains(problem, a, found, b, settings)):
-                    yield SpecialPoint("grazing", found.parameter, found, contact, time, closed)
+                    yield SpecialPoint("grazing", found.parameter, found, contact, time, top, stay.level)
                     return
     middle = None if next(left, None) is None else between(problem, a, b, 0.5, settings)
     if middle is None:

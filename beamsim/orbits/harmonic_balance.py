@@ -96,11 +96,13 @@ class _Springs:
 
     def __init__(self, system: PiecewiseLinearSystem, cubic_springs: CubicSprings | None, typical: float) -> None:
         c = system.contacts
-        if np.any(c.no_tension & (c.dashpot > 0)):
+        if not c.one_sided:
             raise MethodError(
-                "contacts", "with law no_tension and a dashpot are beyond harmonic balance: their faces move by "
-                "themselves", "use shooting, or law kelvin_voigt",
+                "contacts", "with law no_tension and a dashpot are beyond harmonic balance: their internal states move "
+                "by themselves", "use shooting, or law kelvin_voigt",
             )  # fmt: skip
+        system = system.one_sided()
+        c = system.contacts
         self.rows = c.shape if cubic_springs is None else np.vstack([c.shape, cubic_springs.shape])
         if self.rows.shape[0] == 0:
             raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")
@@ -307,7 +309,8 @@ def _linear_energy(system: PiecewiseLinearSystem, w: float, Q: Complexes) -> flo
 def _sizes(x: Floats, system: PiecewiseLinearSystem) -> Floats:
     """((2H+1) r,) the size of each spring's motion, for each of its coefficients."""
     gap = np.zeros(x.shape[1])
-    gap[: system.contacts.count] = np.abs(system.contacts.gap)
+    clearances = system.contacts.clearances
+    gap[: clearances.size] = np.abs(clearances)
     size = np.sqrt(np.sum(x**2, axis=0))
     size = np.maximum(size, 1e-3 * max(float(gap.max(initial=0.0)), float(size.max(initial=0.0))))
     return np.asarray(np.broadcast_to(np.maximum(size, 1e-30), x.shape)).ravel()

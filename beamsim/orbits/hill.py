@@ -45,7 +45,7 @@ def hill_multipliers(
     cubic : its cubic springs.
     factor : of all nonlinear springs' stiffness.
     """
-    n, c = system.size, system.contacts
+    n, c = system.size, system.contacts.one_sided_parts()
     H = motion.highest
     stiffness, dashpot, rows = factor * c.stiffness, factor * c.dashpot, c.shape
     if cubic is not None:

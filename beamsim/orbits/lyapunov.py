@@ -32,21 +32,21 @@ def largest_exponent(stepper: CycleStepper, motion: Motion, cycles: int, seed: i
     A motion whose exponent is clearly positive is chaotic, clearly negative not settled yet (its transient still
     dies), and quasi-periodic when it is neither.
     """
-    n = motion.y.size // 2
+    n = stepper.flow.system.size
     omega = float(stepper.flow.windows.omega[0])
     weight = np.concatenate([np.full(n, omega), np.ones(n)])
-    size = float(np.max(np.abs(motion.y * weight)))
+    size = float(np.max(np.abs(motion.y[: 2 * n] * weight)))
     size = size if size > 0 else 1.0
     offset = np.random.default_rng(seed).normal(size=2 * n)
     offset *= DISTANCE * size / np.linalg.norm(offset)
     growth = []
     for _ in range(cycles + cycles // 4):
         neighbour = motion.copy()
-        neighbour.contact = -1
-        neighbour.y = motion.y + offset / weight
+        neighbour.guard = -1
+        neighbour.y[: 2 * n] += offset / weight
         stepper.carry(neighbour, 1)
         stepper.carry(motion, 1)
-        difference = (neighbour.y - motion.y) * weight
+        difference = (neighbour.y - motion.y)[: 2 * n] * weight
         distance = float(np.linalg.norm(difference))
         growth.append(np.log(max(distance, 1e-300) / (DISTANCE * size)))
         offset = difference * (DISTANCE * size / max(distance, 1e-300))

@@ -123,7 +123,7 @@ def weakened(system: PiecewiseLinearSystem, factor: float, damping: float | None
     return replace(
         system,
         damping=system.damping * (0.0 if damping is None else damping),
-        contacts=replace(c, stiffness=factor * c.stiffness, dashpot=c.dashpot * (0.0 if damping is None else factor)),
+        contacts=(c.undamped() if damping is None else c).scaled(factor),
     )
 
 
@@ -131,7 +131,7 @@ def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
     """(n,) static shape without springs, and the (m,) clearances of the one-sided springs there."""
     flexible = system.stiffness > 0
     rest = np.where(flexible, system.constant_load / np.where(flexible, system.stiffness, 1.0), 0.0)
-    c = system.contacts
+    c = system.contacts.one_sided_parts()
     return rest, c.gap + c.sign * (c.shape @ rest)
 
 
@@ -139,7 +139,7 @@ def potential_energy(
     system: PiecewiseLinearSystem, q: Floats, factor: float = 1.0, cubic: CubicSprings | None = None
 ) -> float:
     """J, springs times the factor included; dead loads too."""
-    c = system.contacts
+    c = system.contacts.one_sided_parts()
     delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
     springs = 0.5 * float(c.stiffness @ delta**2)
     if cubic is not None:
@@ -182,7 +182,7 @@ def expand_mode(
     ------
     MethodError : at an internal resonance, where the expansion has a vanishing divisor, and for rigid-body modes.
     """
-    n, c, H = system.size, system.contacts, harmonics
+    n, c, H = system.size, system.contacts.one_sided_parts(), harmonics
     w2 = system.stiffness
     if not 0 <= mode < n:
         raise MethodError("mode", f"= {mode + 1}, but the model has {n} modes", "ask for a lower one")

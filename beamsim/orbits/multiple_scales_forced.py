@@ -107,7 +107,7 @@ class ResonantForcing:
         A spring that is closed for the angle :math:`2 \alpha`, :math:`\cos\alpha = g / (|\phi| a)`, adds
         :math:`(k + i \omega c) \phi^2 (\alpha - \sin\alpha \cos\alpha) / (2 \pi \omega)`.
         """
-        c, j = self.system.contacts, self.mode
+        c, j = self.system.contacts.one_sided_parts(), self.mode
         reach = np.multiply.outer(amplitude, np.abs(c.shape[:, j]))
         cosine = np.clip(self.gap / np.maximum(reach, 1e-300), -1.0, 1.0)
         closed = np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)
@@ -157,7 +157,7 @@ class ResonantForcing:
             return float(a * abs(self.backbone(a) - sigma) - F)
 
         # far below and far above every gap the backbone is flat, so beyond these amplitudes excess has one sign
-        c = self.system.contacts
+        c = self.system.contacts.one_sided_parts()
         with np.errstate(divide="ignore"):
             reach = np.where(c.shape[:, self.mode] != 0, np.abs(self.gap / c.shape[:, self.mode]), 0.0)
         near = float(np.max(reach[np.isfinite(reach)], initial=0.0))
@@ -218,7 +218,7 @@ class ResonantForcing:
 
     def _first(self, Q: complex, omega: float) -> tuple[Complexes, Complexes, list[Complexes]]:
         """q_1, the force at leading order, and the indicators of contact."""
-        system, c, j, H = self.system, self.system.contacts, self.mode, self.harmonics
+        system, c, j, H = self.system, self.system.contacts.one_sided_parts(), self.mode, self.harmonics
         h = np.arange(H + 1)
         force = np.zeros((H + 1, system.size), dtype=complex)
         chi = []
@@ -279,7 +279,7 @@ class ResonantForcing:
 
     def _fundamental(self, Q: complex, omega: float, factor: float) -> complex:
         """Balance of the fundamental of mode j, over the factor, with first-order corrections elsewhere."""
-        system, c, j = self.system, self.system.contacts, self.mode
+        system, c, j = self.system, self.system.contacts.one_sided_parts(), self.mode
         first, force, chi = self._first(Q, omega)
         R = (system.stiffness[j] - omega**2) * Q / factor + 1j * omega * system.damping[j, j] * Q - self.load[j]
         R -= force[1, j]

@@ -98,12 +98,12 @@ def appropriate_force(damped: PiecewiseLinearSystem, flow: Any, whole: Passage, 
     ------
     ValueError : where the force does no work on the mode (it acts at a node).
     """
-    n, c = damped.size, damped.contacts
+    n, c = damped.size, damped.contacts.split()
     period = whole.duration
     omega = 2 * np.pi / period
     t, weight = quadrature_nodes(whole, float(np.sqrt(damped.stiffness.max(initial=0.0))))
     states = flow.states_at(whole, t)
-    q, v = states[:, :n], states[:, n:]
+    q, v = states[:, :n], states[:, n : 2 * n]
     by_structure = float(weight @ np.einsum("ti,ij,tj->t", v, damped.damping, v))
     closed = -c.gap - c.sign * (q @ c.shape.T) > 0
     by_contacts = float(weight @ (np.where(closed, (v @ c.shape.T) ** 2, 0.0) @ c.dashpot))
@@ -146,11 +146,11 @@ def find_phase_resonance(
     settings = Settings(iterations=25) if settings is None else settings
     z = np.zeros(problem.flow.size)
     z[: start.size] = start
-    u = np.append(z[problem.kept], omega)
+    u = np.append(z, omega)
     scale = problem.scale(u)[0]
     problem.flow.set(omega, problem.level)
     try:  # the direction in which the motion moves along itself
-        slope = problem.flow.carry(z, 2 * np.pi / omega).slope[problem.kept]
+        slope = problem.flow.carry(z, 2 * np.pi / omega).slope
     except ArithmeticError:
         return None
     along = np.append(slope, 0.0) / scale

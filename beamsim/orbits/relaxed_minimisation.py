@@ -42,11 +42,6 @@ class CountedFamily:
         """As the family's."""
         return self._family.omega
 
-    @property
-    def extra(self) -> int:
-        """As the family's."""
-        return self._family.extra
-
     def flow_at(self, factor: float) -> tuple[Any, Any]:
         """As the family's."""
         flow, direction = self._family.flow_at(factor)
@@ -99,7 +94,7 @@ def relaxed_path(
             nonlocal count
             count += 1
             q, period = w[:n] * weight[:n], float(w[n] * weight[n])
-            z = np.zeros(2 * n + orbits.family.extra)
+            z = np.zeros(2 * n)
             z[:n] = q
             passage = flow.carry(z, period)  # type: ignore[attr-defined]
             miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])

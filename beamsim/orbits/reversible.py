@@ -45,10 +45,6 @@ class Conservative(Protocol):
     def omega(self) -> Floats:
         """(n,) natural frequencies of the linear structure, rad/s, its modes being the coordinates."""
 
-    @property
-    def extra(self) -> int:
-        """Length of a state beyond (q, q')."""
-
     def flow_at(self, factor: float) -> tuple[Any, Any]:
         """The flow, and the parameter to differentiate by."""
 
@@ -69,17 +65,13 @@ class ContactStiffness:
     _last: tuple[float, VariationalFlow, Floats] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self.direction = ContactDirection.of(self.system.contacts, stiffness=self.system.contacts.stiffness)
+        self.direction = ContactDirection.of(self.system.contacts, along=self.system.contacts)
+        self.springs = self.system.contacts.one_sided_parts()
 
     @property
     def omega(self) -> Floats:
         """(n,) natural frequencies of the open structure, rad/s."""
         return np.asarray(np.sqrt(self.system.stiffness))
-
-    @property
-    def extra(self) -> int:
-        """One face a contact, unused."""
-        return self.system.contacts.count
 
     def _at(self, factor: float) -> tuple[VariationalFlow, Floats]:
         if self._last is None or self._last[0] != factor:
@@ -107,7 +99,7 @@ class ContactStiffness:
         The open structure's frequency until the gap is reached, the closed structure's from there to rest: with no
         gap the bilinear rule :math:`\\pi/\\omega_1 + \\pi/\\omega_2`.
         """
-        c = self.system.contacts
+        c = self.springs
         if c.count != 1 or np.any(self.system.constant_load):
             return None
         if c.gap[0] < 0:
@@ -126,7 +118,7 @@ class ContactStiffness:
 
     def _prestressed_estimate(self, mode: int, factor: float, energy: float) -> float | None:
         """The same with prestress: closed about static equilibrium, open from where the penetration vanishes."""
-        c = self.system.contacts
+        c = self.springs
         if factor == 0:
             return None
         omega, vectors = self.modes_at_rest(factor)
@@ -141,7 +133,7 @@ class ContactStiffness:
 
     def modes_at_rest(self, factor: float = 1.0) -> tuple[Floats, Floats]:
         """Frequencies (rad/s) and shapes of small motions about static equilibrium, its closed contacts closed."""
-        q, c = self.rest(factor), self.system.contacts
+        q, c = self.rest(factor), self.springs
         closed = -c.gap - c.sign * (c.shape @ q) > 0
         phi = c.shape[closed]
         K = np.diag(self.system.stiffness) + factor * (phi.T * c.stiffness[closed]) @ phi
@@ -149,7 +141,7 @@ class ContactStiffness:
         return np.sqrt(np.maximum(values, 0.0)), vectors
 
     def _energy(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        s, c = self.system, self.system.contacts
+        s, c = self.system, self.springs
         delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
         push = c.stiffness * delta
         gradient = s.stiffness * q - s.constant_load - factor * (c.shape.T @ (c.sign * push))
@@ -222,7 +214,7 @@ class BrakeOrbits:
         if not (np.isfinite(period) and period > 0):
             raise ArithmeticError("the period became negative")
         flow, direction = self.family.flow_at(factor)
-        start = np.zeros(2 * n + self.family.extra)
+        start = np.zeros(2 * n)
         start[:n] = q
         by_factor = self.parameter == "stiffness_factor"
         passage = flow.carry(start, 0.5 * period, (direction,) if by_factor else ())

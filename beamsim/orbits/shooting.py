@@ -1,7 +1,7 @@
 """Periodic motions of the forced system by shooting, and what happens along their branches.
 
-A motion of period :math:`T = 2\\pi j/\\omega` solves :math:`z(T; z_0, \\lambda) - z_0 = 0`, z being the state and the
-compression of the contacts' faces. The Jacobian is the monodromy matrix less one, exact
+A motion of period :math:`T = 2\\pi j/\\omega` solves :math:`z(T; z_0, \\lambda) - z_0 = 0`, z being the
+state (q, q') with the contacts' internal states. The Jacobian is the monodromy matrix less one, exact
 (:mod:`beamsim.flow.variational`).
 """
 
@@ -57,10 +57,8 @@ class ForcedOrbits:
     _spectra: list[tuple[Passage, Complexes]] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        self.kept = np.flatnonzero(self.flow.free)
-        self._block = np.ix_(self.kept, self.kept)
-        self._one = np.eye(self.kept.size)
-        self._smallest = max(1e-3 * float(np.max(np.abs(self.flow.system.contacts.gap), initial=0.0)), 1e-30)
+        self._one = np.eye(self.flow.size)
+        self._smallest = max(1e-3 * float(np.max(np.abs(self.flow.system.contacts.clearances), initial=0.0)), 1e-30)
         self._n2 = 2 * self.flow.system.size
         # the flow may be shared: what doesn't change here is set again with what does
         self.omega, self.level = self.flow.omega, self.flow.level
@@ -92,27 +90,20 @@ class ForcedOrbits:
             self._moved = (value, flow, direction)
         return self._moved[1], self._moved[2]
 
-    def full(self, u: Floats) -> Floats:
-        """State and faces (N + m,) from the unknowns."""
-        z = np.zeros(self.flow.size)
-        z[self.kept] = u[:-1]
-        return z
-
     def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
         """``z(T) - z(0)`` with its Jacobian."""
         flow, direction = self.flow_at(float(u[-1]))
         period = 2 * np.pi * self.multiple / flow.omega
         parameter: Parameter
         parameter = direction if direction is not None else Frequency() if self.parameter == "frequency" else Level()
-        z = self.full(u)
+        z = u[:-1]
         passage = flow.carry(z, period, (parameter,))
-        k = self.kept
-        J = np.empty((k.size, k.size + 1))
-        J[:, :-1] = passage.transition[self._block] - self._one
-        J[:, -1] = passage.parameters[k, 0]
+        J = np.empty((z.size, z.size + 1))
+        J[:, :-1] = passage.transition - self._one
+        J[:, -1] = passage.parameters[:, 0]
         if self.parameter == "frequency":
-            J[:, -1] -= passage.slope[k] * (period / flow.omega)
-        return (passage.end - z)[k], J, passage
+            J[:, -1] -= passage.slope * (period / flow.omega)
+        return passage.end - z, J, passage
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Displacements by the largest amplitude of the state, velocities by it times omega."""
@@ -148,11 +139,11 @@ class ForcedOrbits:
         """What a converged point means."""
         mu = self.multipliers(point)
         stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
-        return Orbit(point.parameter, self.full(point.u), point.data.duration, mu, stable, point.residual)
+        return Orbit(point.parameter, point.u[:-1], point.data.duration, mu, stable, point.residual)
 
     def monodromy(self, point: BranchPoint) -> Floats:
         """The monodromy matrix over the free unknowns."""
-        return np.asarray(point.data.transition[self._block])
+        return np.asarray(point.data.transition)
 
 
 def linear_guess(flow: VariationalFlow) -> Floats:
@@ -205,7 +196,7 @@ def find_orbit(
         while done < target:
             z = flow.carry(z, period).end
             done += 1
-        point = solve_at(problem, np.append(z[problem.kept], value), settings, value, forward)
+        point = solve_at(problem, np.append(z, value), settings, value, forward)
         if point is not None and (guess is not None or problem.orbit(point).stable):
             return point
         chance = point if chance is None else chance
@@ -225,7 +216,7 @@ def _from_heavy_damping(
     z = linear_guess(heavy)
     for _ in range(EARLY):
         z = heavy.carry(z, period).end
-    start = solve_at(damped, np.append(z[problem.kept], path.heavy), settings, path.heavy, -1.0)
+    start = solve_at(damped, np.append(z, path.heavy), settings, path.heavy, -1.0)
     if start is None:
         return None
     branch = follow_orbits(damped, start, 1.0, 2.0 * path.heavy, Settings(largest_step=0.2, most_points=MOST_DAMPED))

@@ -14,9 +14,9 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.swept_sine import SweptFlow
 from beamsim.inputs.swept import SweepWindows
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
-OutputOf = Callable[[Bools], LinearOutput]
+OutputOf = Callable[[Ints], LinearOutput]
 
 CYCLES_A_CALL = 16
 DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
@@ -58,26 +58,26 @@ class CycleStepper:
         from beamsim.flow import sweep_kernels as kernels
         from beamsim.flow.kernels import BUDGET, NEED_STATE
 
-        flow, m, N = self.flow, motion.face.size, motion.y.size
+        flow, m, N = self.flow, self.flow.system.contacts.count, motion.y.size
         output = output_of if output_of is not None else self._nothing
         order = np.zeros(0) if orders is None else np.asarray(orders, dtype=float)
-        K = output(flow.bare.states[motion.state].closed).row.shape[0]
+        K = output(flow.bare.states[motion.state].phases).row.shape[0]
         record = kernels.Cycles(
             np.full((cycles, K), -np.inf), np.full((cycles, K), np.inf), np.zeros((cycles, K)),
             np.zeros((cycles, K, order.size), dtype=complex), np.zeros((cycles, m)),
             np.zeros((cycles, m), dtype=np.int64), np.zeros(K),
         )  # fmt: skip
         empty = (
-            np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty((0, N)), np.empty((0, m)),
-            np.empty(1), np.empty(1, np.int64), np.empty(1, np.bool_),
+            np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty((0, N)),
+            np.empty(1), np.empty(1, np.int64), np.empty(1, np.int64),
         )  # fmt: skip
         tables = self._tables(output, order)
         states = np.empty((cycles, N))
         for k in range(cycles):
             at, x = k, 0.0
             while at == k:
-                code, at, x, motion.state, n_seg, n_ev, n_eval, motion.contact = kernels.march(  # type: ignore[call-arg]
-                    *tables, record, at, k + 1, x, motion.state, motion.contact, motion.y, motion.face, *empty, False,
+                code, at, x, motion.state, n_seg, n_ev, n_eval, motion.guard = kernels.march(  # type: ignore[call-arg]
+                    *tables, record, at, k + 1, x, motion.state, motion.guard, motion.y, *empty, False,
                     self.most_evaluations - self.evaluations,
                 )  # fmt: skip
                 self.events, self.segments = self.events + n_ev, self.segments + n_seg
@@ -85,9 +85,9 @@ class CycleStepper:
                 if code == BUDGET:
                     raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
                 if code == NEED_STATE:
-                    motion.state = flow.follow(motion.state, motion.contact)
-                    if flow.bare.states[motion.state].closed[motion.contact]:
-                        record.closings[k, motion.contact] += 1
+                    before = motion.state
+                    motion.state = flow.follow(before, motion.guard)
+                    record.closings[k] += flow.touching(motion.state) & ~flow.touching(before)
                     self.events += 1
                     tables = self._tables(output, order)
             states[k] = motion.y
@@ -106,22 +106,21 @@ class CycleStepper:
             flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output), flow.kernel_windows(order)
         )  # fmt: skip
 
-    def _nothing(self, closed: Bools) -> LinearOutput:
+    def _nothing(self, phases: Ints) -> LinearOutput:
         return self.flow.template.empty_output(0)
 
 
 @dataclass
 class Motion:
-    """A state that is carried along: (q, q'), the faces, the contact state, and the contact whose event is here."""
+    """A state (N,) that is carried along, the contact state, and the guard whose event is here (-1: none)."""
 
     y: Floats
-    face: Floats
     state: int
-    contact: int = -1
+    guard: int = -1
 
     def copy(self) -> Motion:
         """Another one that starts from here."""
-        return Motion(self.y.copy(), self.face.copy(), self.state, self.contact)
+        return Motion(self.y.copy(), self.state, self.guard)
 
 
 @dataclass(frozen=True)
@@ -146,13 +145,19 @@ class Settled:
     section: Floats  # (cycles kept, 2n) states at the ends of the last cycles
 
 
+def velocity_weights(flow: SweptFlow, omega: float) -> Floats:
+    """(N,) factors that make a state's entries comparable: displacements in units of velocity, internal states left
+    out."""
+    n, r = flow.system.size, flow.system.contacts.internal_states
+    return np.concatenate([np.full(n, omega), np.ones(n), np.zeros(r)])
+
+
 def settle(
     stepper: CycleStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
 ) -> Settled:
     """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size."""
-    n = motion.y.size // 2
     omega = float(stepper.flow.windows.omega[0])
-    weight = np.concatenate([np.full(n, omega), np.ones(n)])  # to velocities
+    weight = velocity_weights(stepper.flow, omega)
     section = [motion.y * weight]
     done, change = 0, np.inf
     while done < most_cycles:
@@ -162,7 +167,7 @@ def settle(
         done += chunk
         size = float(np.max(np.abs(section[-2 * longest_period :])))
         if size == 0.0:
-            return Settled(1, done, 0.0, np.array(section[-longest_period:]) / weight)
+            return Settled(1, done, 0.0, _unweighted(section[-longest_period:], weight))
         shorter = np.inf  # smallest change over fewer cycles
         for p in range(1, longest_period + 1):
             if len(section) < 3 * p + 1:
@@ -178,8 +183,14 @@ def settle(
                 break  # a shorter period is about to be reached
             shorter = min(shorter, now)
             if now <= 1e-12 * size or now * max(1.0, ratio / (1 - ratio)) <= tolerance * size:
-                return Settled(p, done, now / size, np.array(section[-max(p, 1) :]) / weight)
-    return Settled(0, done, change, np.array(section[-min(len(section), 256) :]) / weight)
+                return Settled(p, done, now / size, _unweighted(section[-max(p, 1) :], weight))
+    return Settled(0, done, change, _unweighted(section[-min(len(section), 256) :], weight))
+
+
+def _unweighted(section: list[Floats], weight: Floats) -> Floats:
+    """(cycles, 2n) states from their weighted entries."""
+    seen = weight > 0
+    return np.array(section)[:, seen] / weight[seen]
 
 
 def measure(

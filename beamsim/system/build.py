@@ -95,6 +95,8 @@ def _build(parts: Parts) -> StructuralSystem:
 
     loads = constant_loads(parts)
     contacts = stops.with_others(spring_contacts(springs, basis.size))
+    if cubic.count:  # what integrates these in time knows one-sided springs alone
+        contacts = contacts.split()
     contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, loads, cubic)
     equilibrium = find_equilibrium(parts.stiffness, basis.rigid, springs_of(contacts), loads, cubic)
     initial, warnings = initial_state(parts, contacts, loads, cubic, equilibrium)
@@ -167,17 +169,17 @@ def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibriu
     found = []
     for i, (site, (_, _, s)) in enumerate(zip(parts.snubber_sites, parts.scenario.located_snubbers, strict=True)):
         unit = parts.structure.unit_stiffness(site)
-        stiffness = float(contacts.stiffness[i])
+        stiffness = contacts.laws[i].stiffness
         found.append(
             SnubberInfo(
                 name=s.name,
                 position=site.coordinate,
                 side=resists(s),
                 stiffness=stiffness,
-                dashpot=float(contacts.dashpot[i]),
+                dashpot=contacts.laws[i].dashpot,
                 gap=float(contacts.gap[i]),
                 preload=float(equilibrium.force[i]),
-                blocked_force=float(contacts.stiffness[i] * max(-contacts.gap[i], 0.0)),
+                blocked_force=float(stiffness * max(-contacts.gap[i], 0.0)),
                 stiffness_ratio=stiffness / unit if unit > 0 else float("inf"),
                 shape=contacts.shape[i],
             )

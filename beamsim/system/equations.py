@@ -1,6 +1,6 @@
 """What the mathematics needs to know of a structure: arrays in mass-normalised coordinates.
 
-With one-sided springs closed in the set *s*, the system is linear,
+With every contact in one phase of its law, the system is linear,
 
 .. math:: \\ddot q + C_s \\dot q + K_s q = f_0 + \\sum_l L_l\\, a_l(t) + \\text{contact constants},
 
@@ -10,7 +10,7 @@ or what the coordinates stand for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.inputs.signal import Signal
@@ -19,7 +19,7 @@ from beamsim.typing import Floats
 
 @dataclass(frozen=True)
 class PiecewiseLinearSystem:
-    """A structure in n mass-normalised coordinates (M = I) with m one-sided springs."""
+    """A structure in n mass-normalised coordinates (M = I) with m contacts."""
 
     stiffness: Floats  # (n,) diagonal of K of the open structure, rad^2/s^2; exact zeros for rigid-body modes
     damping: Floats  # (n, n) symmetric C of the open structure, 1/s
@@ -30,6 +30,11 @@ class PiecewiseLinearSystem:
     def size(self) -> int:
         """n."""
         return int(self.stiffness.size)
+
+    def one_sided(self) -> PiecewiseLinearSystem:
+        """The same with one-sided springs as the only contacts; see `Contacts.one_sided_parts`."""
+        parts = self.contacts.one_sided_parts()
+        return self if parts is self.contacts else replace(self, contacts=parts)
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ class StructuralSystem:
     static_reason: str  # why there is no static equilibrium; empty where there is one
     excitation_frequency_hz: float  # nan where there is none, or several
     cubic: CubicSprings
-    springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; one-sided parts follow the snubbers in ``dynamics.contacts``
+    springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
     warnings: tuple[str, ...] = ()
 
     @property
@@ -112,6 +112,8 @@ class StructuralSystem:
 
     @property
     def contact_names(self) -> tuple[str, ...]:
-        """(m,) whose each of the contacts is: a snubber's name, or that of a piecewise-linear spring."""
-        parts = [spring.name for spring in self.springs for _ in range(spring.gap.size)]
-        return (*(snubber.name for snubber in self.snubbers), *parts)
+        """(m,) owner of each contact: a snubber's name, or that of a piecewise-linear spring."""
+        split = self.cubic.count > 0
+        laws = [(spring.name, spring.law.parts or ()) for spring in self.springs if spring.law is not None]
+        names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
+        return (*(snubber.name for snubber in self.snubbers), *names)

@@ -10,7 +10,7 @@ from scipy.special import ellipj, ellipk
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contact_point import snubber_point
-from beamsim.contacts.springs import one_sided_parts
+from beamsim.contacts.laws import piecewise_linear
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
@@ -137,8 +137,12 @@ def test_force_of_a_piecewise_linear_spring(law):
     x = np.linspace(-2, 2, 101)
     np.testing.assert_allclose(s.springs[0].force(x), force(breakpoints, slopes, x), atol=1e-14)
     c = s.dynamics.contacts
-    np.testing.assert_array_less(-1e-300, c.gap)
-    assert s.contact_names == ("ground_spring_1",) * c.count
+    np.testing.assert_array_less(-1e-300, c.clearances)
+    assert s.contact_names == ("ground_spring_1",)
+    push = c.forces(
+        np.array([[int(np.searchsorted(breakpoints, v))] for v in x]), x[:, None], 0 * x[:, None], np.zeros((101, 0))
+    )
+    np.testing.assert_allclose(push[:, 0] + s.springs[0].linear * x, force(breakpoints, slopes, x), atol=1e-14)
     assert s.snubbers == ()
 
 
@@ -173,7 +177,7 @@ def test_period_of_a_piecewise_linear_oscillator(law):
     for case, mass in ((alone, 2.0), (pair, REDUCED)):
         system = build_system(case)
         trajectory = simulate(ExactFlow(system.dynamics, system.forcing, 80.0), system.initial_state)
-        again = trajectory.event_time[(trajectory.event_contact == 0) & trajectory.event_closing]
+        again = trajectory.event_time[trajectory.event_phase == trajectory.event_phase.max()]  # once a period
         assert again.size > 3
         period = exact_period(breakpoints, slopes, 1.5, mass)
         np.testing.assert_allclose(np.diff(again), period, rtol=1e-9)
@@ -209,10 +213,12 @@ def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
 
 
 def test_one_sided_parts_of_a_law():
-    sign, stiffness, gap = one_sided_parts([-1.0, 2.0, 3.0], [5.0, 3.0, 3.0, 1.0], 1)
-    np.testing.assert_array_equal(sign, [1, -1])  # the breakpoint at 2 changes nothing
-    np.testing.assert_array_equal(stiffness, [2, -2])
-    np.testing.assert_array_equal(gap, [1, 3])
+    law = piecewise_linear([-1.0, 2.0, 3.0], [5.0, 3.0, 3.0, 1.0], 1)
+    assert [p.direction for p in law.parts] == [-1, 1]  # the breakpoint at 2 changes nothing
+    assert [p.stiffness for p in law.parts] == [2, -2]
+    assert [p.offset for p in law.parts] == [1, 3]
+    assert [p.force for p in law.phases] == [2, 0, 6]
+    assert len(law.phases) == 3
 
 
 # -- cubic springs between masses ------------------------------------------------------------------------------------

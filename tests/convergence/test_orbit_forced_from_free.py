@@ -146,7 +146,7 @@ def test_energy_balance_on_the_exact_motion(held):
     problem, point = resonance(system, force, pattern)
     omega, T = point.parameter, point.data.duration
     forcing = Forcing(pattern[None, :], (Signal.harmonic(force.level, omega),))
-    run = simulate(ExactFlow(system, forcing, 40 * T), problem.full(point.u)[:12], duration=40 * T)
+    run = simulate(ExactFlow(system, forcing, 40 * T), point.u[:-1][:12], duration=40 * T)
     times = T * np.linspace(39, 40, 4001)[:-1]
     states = run.states_at(times)
     q, v = states[:, :6], states[:, 6:]
@@ -156,7 +156,7 @@ def test_energy_balance_on_the_exact_motion(held):
     taken = np.mean(np.einsum("ti,ij,tj->t", v, system.damping, v) + ((v @ c.shape.T) ** 2 * closed) @ c.dashpot)
     assert work == pytest.approx(taken, rel=1e-3)
     assert problem.orbit(point).stable
-    np.testing.assert_allclose(states[0], problem.full(point.u)[:12], atol=1e-7)
+    np.testing.assert_allclose(states[0], point.u[:-1][:12], atol=1e-7)
 
 
 def test_cubic_spring(make_system):

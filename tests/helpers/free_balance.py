@@ -60,7 +60,7 @@ class FreeBalance:
         system = replace(
             self.system,
             damping=np.zeros_like(self.system.damping),
-            contacts=replace(c, dashpot=np.zeros_like(c.dashpot)),
+            contacts=c.undamped(),
         )
         moving = system.stiffness[system.stiffness > 0]
         typical = self.typical

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from independent import Stop, integrate, modal
 
-from beamsim.contacts.contacts import Contacts
 from beamsim.flow import reference
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
@@ -28,7 +27,10 @@ def agreement(flow, structure, contacts, load, start, duration, base=None, break
     trajectory = simulate(flow, start)
     times = np.linspace(0.0, duration, 501)
     expected = integrate(structure, stops, load, start, times, base=base, breaks=breaks, most_step=0.02, atol=1e-13)
-    error = np.abs(trajectory.states_at(times) - expected.state).max() / np.abs(expected.state).max()
+    error = (
+        np.abs(trajectory.states_at(times)[:, : expected.state.shape[1]] - expected.state).max()
+        / np.abs(expected.state).max()
+    )
     return trajectory, expected, error
 
 
@@ -152,7 +154,7 @@ def test_the_stepping_of_the_package_agrees_too(make_system, two_tones, case):
     stepped = reference.integrate(flow, start, times, integrator="DOP853", rtol=1e-12, atol=1e-13, max_step=0.02)
     np.testing.assert_array_equal(stepped.event_contact, expected.event_stop)
     np.testing.assert_array_equal(stepped.event_closing, expected.event_closing)
-    assert np.abs(stepped.y - expected.state).max() < 1e-9 * np.abs(expected.state).max()
+    assert np.abs(stepped.y[:, : expected.state.shape[1]] - expected.state).max() < 1e-9 * np.abs(expected.state).max()
 
 
 def test_the_comparison_can_fail(make_system, two_tones):
@@ -208,7 +210,7 @@ def test_at_rest_with_zero_gap_nothing_flutters(make_system):
         system = make_system([1.0, 50.0], [0.02, 1.0], shape=[[1.0, 1.0]], stiffness=[30.0])
         forcing = Forcing(np.array([[1.0, 1.0]]), (Signal.harmonic(1.0, 0.8, phase),))
         flow = ExactFlow(system, forcing, 3.0)
-        assert flow.starting_state(np.zeros(4), np.zeros(1)).tolist() == [closes]
+        assert flow.starting_state(np.zeros(4)).tolist() == [int(closes)]
         trajectory = simulate(flow, np.zeros(4))
         assert trajectory.event_time.size <= 3
         assert trajectory.event_time.size == 0 or trajectory.event_time[0] > 0.5
@@ -247,14 +249,14 @@ def test_work_is_bounded_and_reported(make_system, no_forcing):
     seed=st.integers(0, 10_000),
     factor=st.sampled_from([3.0, np.pi, 1e-6, 1e5]),
 )
-def test_zero_gap_is_homogeneous_of_degree_one(seed, factor):
+def test_zero_gap_is_homogeneous_of_degree_one(make_contacts, seed, factor):
     """Level and initial state times a factor: the whole motion times the factor."""
     rng = np.random.default_rng(seed)
     n, m = 3, 2
     omega = np.sort(rng.uniform(0.5, 8.0, n))
-    contacts = Contacts(
-        rng.normal(size=(m, n)), np.array([1.0, -1.0]), rng.uniform(5, 60, m), rng.uniform(0, 1, m), np.zeros(m),
-        np.zeros(m, dtype=bool), np.array([False, bool(seed % 2)]),
+    contacts = make_contacts(
+        rng.normal(size=(m, n)), rng.uniform(5, 60, m), rng.uniform(0, 1, m), sign=[1.0, -1.0],
+        no_tension=[False, bool(seed % 2)],
     )  # fmt: skip
     system = PiecewiseLinearSystem(omega**2, np.diag(0.02 * omega), contacts, np.zeros(n))
     load, start = rng.normal(size=(1, n)), rng.normal(size=2 * n)
@@ -270,14 +272,11 @@ def test_zero_gap_is_homogeneous_of_degree_one(seed, factor):
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_maxima_are_never_below_dense_samples(seed):
+def test_maxima_are_never_below_dense_samples(make_contacts, seed):
     """The certified extremes against a hundred thousand samples, and reached by the motion."""
     rng = np.random.default_rng(seed)
     omega = np.sort(rng.uniform(0.5, 20.0, 3))
-    contacts = Contacts(
-        rng.normal(size=(1, 3)), np.ones(1), np.array([80.0]), np.array([0.3]), np.array([0.05]),
-        np.zeros(1, dtype=bool), np.zeros(1, dtype=bool),
-    )  # fmt: skip
+    contacts = make_contacts(rng.normal(size=(1, 3)), 80.0, 0.3, 0.05)
     system = PiecewiseLinearSystem(omega**2, np.diag(0.02 * omega), contacts, np.zeros(3))
     forcing = Forcing(rng.normal(size=(1, 3)), (Signal.harmonic(1.0, 2.3),))
     flow = ExactFlow(system, forcing, 10.0)

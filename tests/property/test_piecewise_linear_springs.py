@@ -10,6 +10,7 @@ import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
+from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import Frequency, Level, PeriodicForcing, VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
@@ -213,10 +214,8 @@ def random_smooth_system(rng, n=3, m=2):
     """Cubic springs and contacts, some of them on the ground, under base motion."""
     stiffness = np.sort(rng.uniform(0.5, 9, n))
     damping = np.diag(0.05 * np.sqrt(stiffness))
-    contacts = Contacts(
-        rng.normal(size=(m, n)), np.array([1.0, -1.0]), np.array([6.0, -0.3]), np.array([0.2, 0.0]),
-        np.array([0.1, 0.15]), np.array([True, True]), np.zeros(m, dtype=bool),
-    )  # fmt: skip
+    laws = (kelvin_voigt(6.0, 0.2), kelvin_voigt(-0.3, 0.0))
+    contacts = Contacts(rng.normal(size=(m, n)), np.array([1.0, -1.0]), np.array([0.1, 0.15]), np.ones(m, bool), laws)
     system = PiecewiseLinearSystem(stiffness, damping, contacts, np.zeros(n))
     loads = PeriodicForcing(
         np.array([1, 2]), 0.3 * (rng.normal(size=(2, n)) + 1j * rng.normal(size=(2, n))), np.array([0.0, 1.0]),
@@ -231,7 +230,7 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     rng = np.random.default_rng(seed)
     system, shape, cubic, loads = random_smooth_system(rng)
     c, n, omega, on_ground = system.contacts, system.size, 1.1, np.array([True, False])
-    start = np.concatenate([0.3 * rng.normal(size=2 * n), np.zeros(c.count)])
+    start = 0.3 * rng.normal(size=2 * n)
 
     def flow(w=omega, level=1.4):
         return SmoothFlow(system, shape, cubic, loads, w, level, on_ground)

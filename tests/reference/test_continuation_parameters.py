@@ -146,7 +146,7 @@ def test_states_are_numbered_alike_along_a_path():
     times = np.linspace(0, 1 / 65.0, 50, endpoint=False)
     assert set(passage.state.tolist()) >= {0, 1, 2}
     np.testing.assert_allclose(again.states_at(passage, times), first.states_at(passage, times), rtol=1e-12, atol=1e-15)
-    np.testing.assert_array_equal(again.closed_in(passage), first.closed_in(passage))
+    np.testing.assert_array_equal(again.phases_in(passage), first.phases_in(passage))
 
 
 def _plain(text):

@@ -79,7 +79,7 @@ def bouncing(make_system, frequency, amplitude, gap):
     flow = SweptFlow(system, np.ones((1, 1)), windows.coefficient[None], windows)
     stepper = CycleStepper(flow, lambda w: w.coefficient[None])
     stepper.use(windows)
-    return stepper, Motion(np.array([0.1, 0.0]), np.zeros(1), flow.state_index(np.zeros(1, dtype=bool)))
+    return stepper, Motion(np.array([0.1, 0.0]), flow.state_index(np.zeros(1, dtype=np.int64)))
 
 
 def test_exponent_of_a_linear_motion_is_its_decay(make_system):

@@ -11,16 +11,16 @@ OMEGA = np.array([1.0, 6.3, 17.5])
 SHAPE = np.array([[1.4, -1.3, 1.1], [0.5, 1.2, 0.3]])
 
 
-@pytest.mark.parametrize("closed", [[False, False], [True, False], [True, True]])
-def test_tables_are_the_general_ones(make_system, no_forcing, closed):
+@pytest.mark.parametrize("phases", [[0, 0], [1, 0], [1, 1]])
+def test_tables_are_the_general_ones(make_system, no_forcing, phases):
     system = make_system(
         OMEGA, np.zeros(3), shape=SHAPE, stiffness=[40.0, 90.0], gap=[0.1, -0.05], sign=[1.0, -1.0],
         constant_load=[0.3, -0.2, 0.1]
     )  # fmt: skip
-    closed = np.array(closed)
-    short = undamped_state(system, closed, 60.0)
-    general = build_state(system, no_forcing(3), compile_sources(()), -1, closed, 60.0)
-    for name in ("exponent", "power", "term_basis", "term_source", "basis_of_source", "basis_below_source", "closed"):
+    phases = np.array(phases)
+    short = undamped_state(system, phases, 60.0)
+    general = build_state(system, no_forcing(3), compile_sources(()), -1, phases, 60.0)
+    for name in ("exponent", "power", "term_basis", "term_source", "basis_of_source", "basis_below_source", "phases"):
         np.testing.assert_array_equal(getattr(short, name), getattr(general, name))
     assert short.horizon == general.horizon
     for name in ("stiffness", "damping"):
@@ -42,4 +42,4 @@ def test_tables_are_the_general_ones(make_system, no_forcing, closed):
 def test_it_declines_what_it_cannot_do(make_system, omega, damping, dashpot):
     """Rigid-body modes, damping, dashpots."""
     system = make_system(omega, np.full(3, damping), shape=SHAPE, stiffness=40.0, dashpot=dashpot)
-    assert undamped_state(system, np.array([True, False]), 60.0) is None
+    assert undamped_state(system, np.array([1, 0]), 60.0) is None

@@ -31,7 +31,7 @@ class SteadyVibration:
 
     system: StructuralSystem
     omega: float  # rad/s
-    start: Floats  # (N + m,) state and faces at t = 0, to start a neighbouring search from
+    start: Floats  # (N,) state at t = 0, to start a neighbouring search from
     coordinates: Complexes  # (h, n) harmonics 1 to h of q: q = Im sum c_k e^{i k omega t}
     touching: bool  # whether contact is made and lost
     residual: float  # of periodicity, against the motion's size
@@ -71,7 +71,7 @@ def steady_vibration(
     Parameters
     ----------
     scenario : with a harmonic excitation, without cubic springs.
-    guess : state and faces at t = 0 of a neighbouring response.
+    guess : state at t = 0 of a neighbouring response.
     harmonics : number wanted.
     built : its system, where it is at hand.
 
@@ -105,9 +105,7 @@ def steady_vibration(
     n = system.dynamics.size
     # q = Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
     spectrum = 1j * np.fft.rfft(states[:, :n], axis=0)[1 : harmonics + 1] * (2.0 / _SAMPLES)
-    start = np.zeros(flow.size)
-    start[problem.kept] = point.u[:-1]
-    return SteadyVibration(system, omega, start, spectrum, passage.event_time.size > 0, point.residual)
+    return SteadyVibration(system, omega, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual)
 
 
 def _periodic(system: StructuralSystem, omega: float) -> PeriodicForcing:

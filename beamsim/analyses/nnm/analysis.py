@@ -62,12 +62,10 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     excitation = scenario.excitation if holds else NoExcitation()
     system = build_system(scenario.model_copy(update={"run": None, "excitation": excitation}))
     dynamics = system.dynamics
-    contacts = dynamics.contacts
-    none = np.zeros_like(contacts.dashpot)
     undamped = replace(
         dynamics,
         damping=np.zeros_like(dynamics.damping),
-        contacts=replace(contacts, dashpot=none, no_tension=np.zeros(contacts.count, dtype=bool)),
+        contacts=dynamics.contacts.undamped(),
     )
     return replace(system, dynamics=undamped)
 

@@ -69,7 +69,7 @@ class _Case:
         return found.q
 
     def rests_at_zero(self) -> bool:
-        return not np.any(self.dynamics.constant_load) and not np.any(self.dynamics.contacts.gap < 0)
+        return not np.any(self.dynamics.constant_load) and not np.any(self.dynamics.contacts.clearances < 0)
 
     def rest_energy(self, factor: float) -> float:
         if self.rests_at_zero():
@@ -77,7 +77,7 @@ class _Case:
         from dataclasses import replace
 
         c = self.dynamics.contacts
-        weak = replace(self.dynamics, contacts=replace(c, stiffness=max(factor, 1e-300) * c.stiffness))
+        weak = replace(self.dynamics, contacts=c.scaled(max(factor, 1e-300)))
         return potential_energy(self.dynamics, self.equilibrium(weak), factor)
 
     def expansion(self, factor: float, order: int, uniform: bool = False) -> ModeExpansion:
@@ -100,8 +100,8 @@ class _Case:
 
 def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case:
     dynamics, cubic = structure.dynamics, structure.cubic
-    c = dynamics.contacts
-    if np.any(dynamics.damping) or np.any(c.dashpot):
+    c = dynamics.contacts.split()
+    if np.any(dynamics.damping) or c.damped:
         raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
     if c.count == 0 and cubic.count == 0:
         raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))

@@ -118,7 +118,8 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     time = np.linspace(0.0, period, SAMPLES + 1)
     states = flow.states_at(whole, time)
     q, v = states[:, :n], states[:, n : 2 * n]
-    delta = np.maximum(flow.penetration(whole, time)[0], 0.0) * flow.system.contacts.stiffness
+    stiffness = np.array([law.stiffness for law in flow.system.contacts.laws[: len(system.snubbers)]])
+    delta = np.maximum(flow.penetration(whole, time)[0][:, : stiffness.size], 0.0) * stiffness
     probes = {p.name: p.shape for p in system.probes}
     harmonics = {}
     for name, shape in probes.items():

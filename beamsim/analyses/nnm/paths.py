@@ -289,7 +289,7 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     assert settings is not None
     mode = settings.mode - 1
     dynamics = system.dynamics
-    contacts = dynamics.contacts
+    contacts = dynamics.contacts.split()
     if mode >= system.modes.kept_modes:
         raise ScenarioError(
             Problem(
@@ -375,4 +375,4 @@ def _equilibrium(system: StructuralSystem) -> Callable[[PiecewiseLinearSystem], 
 def alike(system: StructuralSystem) -> bool:
     """Whether motions of all energies are the same up to a factor: no gap, no load, no smooth spring."""
     dynamics = system.dynamics
-    return not (np.any(dynamics.contacts.gap) or np.any(dynamics.constant_load) or system.cubic.count)
+    return not (np.any(dynamics.contacts.clearances) or np.any(dynamics.constant_load) or system.cubic.count)

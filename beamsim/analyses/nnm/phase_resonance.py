@@ -188,7 +188,7 @@ class _Held:
     def problem(self, level: float, omega: float, factor: float | None = None) -> ForcedOrbits:
         """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""
         system, factor = self.damped.dynamics, self.factor if factor is None else factor
-        weaker = replace(system, contacts=replace(system.contacts, stiffness=factor * system.contacts.stiffness))
+        weaker = replace(system, contacts=system.contacts.scaled(factor))
         flow: Any
         if self.damped.cubic.count:
             cubic = self.damped.cubic
@@ -356,7 +356,7 @@ def _found(held: _Held, problem: ForcedOrbits, motion: _BackboneMotion, level: f
         for step in np.geomspace(other.level, level, count + 1)[1:]:
             if point is None:
                 break
-            z = problem.full(point.u)[: 2 * held.damped.dynamics.size]
+            z = point.u[:-1][: 2 * held.damped.dynamics.size]
             problem.level = float(step)
             point = find_phase_resonance(problem, z, point.parameter)
         if point is not None:
@@ -378,7 +378,7 @@ def _by_way_of_factors(held: _Held, problem: ForcedOrbits, level: float) -> Bran
             point = find_phase_resonance(here, z, omega)
             if point is None:
                 break
-            z, omega = here.full(point.u)[: 2 * n], point.parameter
+            z, omega = point.u[:-1][: 2 * n], point.parameter
         if point is not None:
             return point
     return None

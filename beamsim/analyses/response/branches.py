@@ -219,7 +219,7 @@ def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
         for periods in SETTLED:
             for _ in range(periods):
                 z = flow.carry(z, period).end
-            orbit = solve_at(local, np.append(z[local.kept], local.value), Settings(iterations=25), local.value)
+            orbit = solve_at(local, np.append(z, local.value), Settings(iterations=25), local.value)
             if orbit is not None and local.orbit(orbit).stable:
                 return orbit
     except ArithmeticError:
@@ -357,4 +357,4 @@ def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
     flow, _ = problem.flow_at(point.parameter)
     n2 = 2 * flow.system.size
     half = flow.states_at(point.data, np.array([0.5 * point.data.duration]))[0]
-    return np.asarray((half - problem.full(point.u)[:n2]) / problem.scale(point.u)[0][:n2])
+    return np.asarray((half - point.u[:-1][:n2]) / problem.scale(point.u)[0][:n2])

@@ -61,7 +61,8 @@ def _present(model: ResponseModel, level: float) -> float:
         index = second.moved.index
         return snubber_site(model.scenario.located_snubbers[index]).coordinate
     contacts = model.system.dynamics.contacts
-    return float((contacts.gap if second.kind == "gap" else contacts.stiffness)[second.moved.index])
+    index = second.moved.index
+    return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
 def _holds(curve: BranchResult, omega: float, present: float) -> bool:

@@ -79,7 +79,7 @@ def _refuse(system: StructuralSystem) -> None:
         why = "has no one-sided spring to work on"
     elif system.forcing.base_displacement is not None and np.any(contacts.on_ground):
         why = "is written for forces, and the base also pushes through a snubber on the ground"
-    elif np.any(contacts.no_tension & (contacts.dashpot > 0)):
+    elif not contacts.one_sided:
         why = "is written for the law of Kelvin and Voigt, and a snubber's dashpot never pulls here"
     if why:
         raise ScenarioError(Problem("sweep", f"--compare multiple_scales {why}", "leave --compare out"))
@@ -227,7 +227,7 @@ def _difference(
     orders = [resonant.response(motion, factor, order) for order in (0, 1)]
     guess = np.zeros(problem.flow.size)
     guess[: 2 * n] = resonant.states(orders[1], omega, none)[0]
-    point = solve_at(problem, np.append(guess[problem.kept], omega), Settings(iterations=12), omega)
+    point = solve_at(problem, np.append(guess, omega), Settings(iterations=12), omega)
     if point is None:
         return None
     t = point.data.duration * np.arange(SAMPLES) / SAMPLES

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.typing import Bools, Complexes, Floats
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
@@ -44,7 +44,7 @@ class BaseAcceleration:
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """States at equidistant times, then at both sides of every contact event; closed contacts with each."""
+    """States at equidistant times, then at both sides of every contact event."""
 
     omega: float  # rad/s, of the excitation
     level: float
@@ -52,8 +52,7 @@ class SampledMotion:
     q: Rows  # (k, n) rows -> (S + E, k) what they make of the displacement
     v: Rows  # ... and of the velocity
     penetration: Floats  # (S + E, m)
-    rate: Floats  # (S + E, m)
-    closed: Bools  # (S + E, m)
+    force: Floats  # (S + E, m) N
     contact_share: Floats  # (m,)
     contacts: Contacts
 
@@ -78,18 +77,19 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     passage = point.data
     n = flow.system.size
     even = np.arange(SAMPLES) * (passage.duration / SAMPLES)
-    flags = flow.closed_in(passage)
+    contacts, phases = flow.system.contacts, flow.phases_in(passage)
     here = np.clip(np.searchsorted(passage.time, even, side="right") - 1, 0, passage.time.size - 1)
     inner = np.arange(1, passage.time.size)  # segments that begin with an event
     edge = passage.time[inner]
     y = np.vstack([flow.states_at(passage, even), passage.y[inner], passage.y[inner]])
-    closed = np.vstack([flags[here], flags[inner - 1], flags[inner]])
     times = np.concatenate([even, edge, edge])
     delta, rate = flow.penetration_of(y, times)
-    share = passage.length @ flags / passage.duration
+    share = passage.length @ contacts.touching(phases) / passage.duration
+    each = np.vstack([phases[here], phases[inner - 1], phases[inner]])
+    force = contacts.forces(each, delta, rate, y[:, 2 * n :])
     return SampledMotion(
         flow.omega, flow.level, times, lambda rows: y[:, :n] @ rows.T,
-        lambda rows: y[:, n:] @ rows.T, delta, rate, closed, share, flow.system.contacts,
+        lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,
     )  # fmt: skip
 
 
@@ -97,6 +97,7 @@ def sampled_motion(
     motion: HarmonicMotion, contacts: Contacts, loads: PeriodicForcing, omega: float, level: float
 ) -> SampledMotion:
     """A motion found by harmonic balance."""
+    contacts = contacts.one_sided_parts()
     m, w = contacts.count, motion.fundamental
     even = np.arange(SAMPLES) * (motion.period / SAMPLES)
     closed = np.zeros((SAMPLES, m), dtype=bool)
@@ -128,7 +129,8 @@ def sampled_motion(
     both = np.zeros((2 * edge.size, m), dtype=bool)
     both[edge.size :] = True  # the force just inside; just outside it is zero
     both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)
-    return SampledMotion(omega, level, times, q, v, delta, rate, np.vstack([closed, both]), share, contacts)
+    force = contacts.forces(np.vstack([closed, both]).astype(np.int64), delta, rate, np.zeros((times.size, 0)))
+    return SampledMotion(omega, level, times, q, v, delta, force, share, contacts)
 
 
 def measure(
@@ -140,10 +142,9 @@ def measure(
 ) -> MeasuredMotion:
     """Extremes, harmonics and forces of a motion."""
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
-    c, x = motion.contacts, motion.q(shapes)
-    push = np.where(motion.closed, c.stiffness * motion.penetration + c.dashpot * motion.rate, 0.0)
+    x = motion.q(shapes)
     carried = np.zeros(motion.times.size) if base is None else base.at(motion.omega, motion.level, motion.times)
-    acceleration = _accelerations(system, loads, motion, push, shapes) + carried[:, None]
+    acceleration = _accelerations(system, loads, motion, shapes) + carried[:, None]
     gap: dict[str, float] = {}
     stress = None
     if "gap" in limited:
@@ -156,13 +157,11 @@ def measure(
     spectrum[0] *= 0.5
     return MeasuredMotion(
         _top(x), -_top(-x), spectrum.T, np.maximum(_top(acceleration), _top(-acceleration)),
-        np.maximum(_top(push), 0.0), motion.contact_share, gap, stress,
+        np.maximum(_top(motion.force), 0.0), motion.contact_share, gap, stress,
     )  # fmt: skip
 
 
-def _accelerations(
-    system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, push: Floats, shapes: Floats
-) -> Floats:
+def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, shapes: Floats) -> Floats:
     """(S + E, probes) from the equation of motion; with smooth springs from the harmonics of the velocity."""
     dynamics, c = system.dynamics, motion.contacts
     if system.cubic.count:
@@ -175,7 +174,7 @@ def _accelerations(
     turning = np.exp(1j * np.multiply.outer(motion.times, loads.multiple * motion.omega))
     load = shapes @ dynamics.constant_load + (turning @ (force @ shapes.T)).real
     elastic = motion.q(shapes * dynamics.stiffness) + motion.v(shapes @ dynamics.damping)
-    return np.asarray(load - elastic + (push * c.sign) @ (c.shape @ shapes.T))
+    return np.asarray(load - elastic + (motion.force * c.sign) @ (c.shape @ shapes.T))
 
 
 def _top(x: Floats) -> Floats:

@@ -72,7 +72,9 @@ class FollowedParameter:
         assert self.moved is not None
         contacts, rates = self.moved(self.outward(unknown))
         step = self.last - self.first
-        return contacts, ContactDirection(*(step * r for r in (rates.stiffness, rates.dashpot, rates.gap, rates.shape)))
+        return contacts, ContactDirection(
+            step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape
+        )
 
     def path(self, flow: VariationalFlow | SmoothFlow) -> ContactPath:
         """The path of systems through a flow."""

@@ -38,7 +38,7 @@ from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import LinearOutput
@@ -170,13 +170,13 @@ def _groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
     if system.springs:
         fixed["stretch"] = stretches(flow, system.springs)
     groups = {name: _same_in_every_state(output) for name, output in fixed.items()}
-    groups["acceleration"] = lambda closed: accelerations(flow, probe_shapes, closed, absolute=True)
+    groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, absolute=True)
     groups["force"] = flow.contact_forces
     return OutputSet(groups)
 
 
-def _same_in_every_state(output: LinearOutput) -> Callable[[Bools], LinearOutput]:
-    return lambda closed: output
+def _same_in_every_state(output: LinearOutput) -> Callable[[Ints], LinearOutput]:
+    return lambda phases: output
 
 
 def _exact(
@@ -186,9 +186,8 @@ def _exact(
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress)
     times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
     groups = _groups(system, flow)
-    closed = trajectory.closed_at(times)
-    nothing_closed = np.zeros(flow.system.contacts.count, dtype=bool)
-    values = groups.split(trajectory.sample(times, groups), nothing_closed)
+    closed = flow.system.contacts.touching(trajectory.phases_at(times))
+    values = groups.split(trajectory.sample(times, groups), flow.system.contacts.start)
     energy, energy_error = energy_history(trajectory, times)
 
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
@@ -253,7 +252,7 @@ def _reference(
     )  # fmt: skip
     n = flow.system.size
     groups = _groups(system, flow)
-    values = groups.split(trajectory.sample(groups), np.zeros(flow.system.contacts.count, dtype=bool))
+    values = groups.split(trajectory.sample(groups), flow.system.contacts.start)
     if system.cubic.count:
         q = trajectory.y[:, :n] @ system.cubic.shape.T
         d = _signal(system.base_displacement, trajectory.time)[:, None] * system.cubic.felt
@@ -263,7 +262,7 @@ def _reference(
     for i, spring in enumerate(system.springs):
         if spring.on_ground and flow.base_channel < 0:  # no contact feels the base's displacement
             values["stretch"][:, i] += _signal(system.base_displacement, trajectory.time)
-    stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.closed, trajectory.face)
+    stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.phases)
     if system.cubic.count:
         stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
@@ -279,19 +278,19 @@ def _reference(
         outcome=_with_limit(trajectory.outcome),
         time=at,
         values=values,
-        closed=trajectory.closed,
+        closed=flow.system.contacts.touching(trajectory.phases),
         energy=energy,
         energy_error=balance_error(at, energy, trajectory.power_in),
         events=_events(system, trajectory),
         extremes=extremes,
         extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
         extreme_states=trajectory.y[[values["displacement"][:, 0].argmin(), values["displacement"][:, 0].argmax()]],
-        contact_share=trajectory.closed.mean(axis=0),
+        contact_share=flow.system.contacts.touching(trajectory.phases).mean(axis=0),
         work=Work(
             events=trajectory.event_time.size,
             evaluations=trajectory.evaluations,
             segments=trajectory.restarts,
-            states=len(np.unique(trajectory.closed, axis=0)),
+            states=len(np.unique(trajectory.phases, axis=0)),
             processor_time_s=trajectory.processor_time_s,
         ),
         warnings=warnings,
@@ -308,13 +307,13 @@ def _longest_step(system: StructuralSystem) -> float:
     c = system.dynamics.contacts
     if c.count == 0:
         return np.inf
-    fastest = system.dynamics.stiffness.max() + np.abs(c.stiffness) @ (c.shape**2).sum(axis=1)
+    fastest = system.dynamics.stiffness.max() + np.abs(c.arrays.force[:, :, 0]).max(axis=1) @ (c.shape**2).sum(axis=1)
     return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
-def _negative(output_of: Callable[[Bools], LinearOutput]) -> Callable[[Bools], LinearOutput]:
-    def negative(closed: Bools) -> LinearOutput:
-        return -output_of(closed)
+def _negative(output_of: Callable[[Ints], LinearOutput]) -> Callable[[Ints], LinearOutput]:
+    def negative(phases: Ints) -> LinearOutput:
+        return -output_of(phases)
 
     return negative
 

@@ -13,21 +13,19 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats, Ints
 
 
-def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, closed: Bools, face: Floats) -> Floats:
-    """(nt,) kinetic and strain energy of the structure and of its snubbers, J.
+def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints) -> Floats:
+    """(nt,) kinetic and strain energy of the structure and of its contacts, J.
 
-    ``y`` is (nt, 2n), the others (nt, m); a released ``no_tension`` snubber stores what its face keeps.
+    ``y`` is (nt, N), the others (nt, m).
     """
     n = flow.system.size
-    k = flow.system.contacts.stiffness
-    compression = np.where(closed, penetration, np.where(flow.has_face, face, 0.0))
     return np.asarray(
-        0.5 * np.einsum("ti,ti->t", y[:, n:], y[:, n:])
+        0.5 * np.einsum("ti,ti->t", y[:, n : 2 * n], y[:, n : 2 * n])
         + 0.5 * (y[:, :n] ** 2) @ flow.system.stiffness
-        + 0.5 * compression**2 @ k
+        + flow.system.contacts.stored_energy(phases, penetration, y[:, 2 * n :])
     )
 
 
@@ -45,9 +43,9 @@ def energy_history(trajectory: Trajectory, times: Floats) -> tuple[EnergyHistory
     chunk = max(1, 2_000_000 // (4 * flow.system.size + 1))
     for first in range(0, times.size, chunk):
         part = slice(first, first + chunk)
-        closed = trajectory.closed_at(times[part])
-        values = states.split(trajectory.sample(times[part], states), closed[0])
-        stored[part] = stored_energy(flow, values["state"], values["penetration"], closed, values["face"])
+        phases = trajectory.phases_at(times[part])
+        values = states.split(trajectory.sample(times[part], states), phases[0])
+        stored[part] = stored_energy(flow, values["state"], values["penetration"], phases)
         power[part] = (trajectory.sample(times[part], left) * trajectory.sample(times[part], right)) @ weight[:, 1]
     history = EnergyHistory(work_in=integral[:, 1], dissipated=integral[:, 0], stored=stored)
     return history, balance_error(times, history, power)
@@ -61,17 +59,10 @@ def balance_error(times: Floats, history: EnergyHistory, power: Floats) -> float
 
 
 def _states(flow: ExactFlow) -> OutputSet:
-    n = flow.system.size
-    whole = flow.empty_output(2 * n)
-    whole.row[:] = np.eye(2 * n)
+    whole = flow.empty_output(flow.size)
+    whole.row[:] = np.eye(flow.size)
     delta, _ = flow.penetrations()
-
-    def faces(closed: Bools) -> LinearOutput:
-        output = flow.empty_output(closed.size)
-        output.face[:] = np.diag((flow.has_face & ~closed).astype(float))
-        return output
-
-    return OutputSet({"state": lambda closed: whole, "penetration": lambda closed: delta, "face": faces})
+    return OutputSet({"state": lambda phases: whole, "penetration": lambda phases: delta})
 
 
 def _products(flow: ExactFlow):  # type: ignore[no-untyped-def]
@@ -81,8 +72,6 @@ def _products(flow: ExactFlow):  # type: ignore[no-untyped-def]
     rate_of_damping, direction = np.linalg.eigh(system.damping)
     used = np.flatnonzero(np.abs(rate_of_damping) > 0)
     moving = velocities(flow, direction[:, used].T)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relaxing = np.where(flow.has_face, contacts.stiffness**2 / contacts.dashpot, 0.0)
     signals = flow.empty_output(loads.shape[0] + 1)
     signals.direct[0, 0] = 1.0
     for index in range(loads.shape[0]):
@@ -92,20 +81,23 @@ def _products(flow: ExactFlow):  # type: ignore[no-untyped-def]
     if flow.base_channel >= 0:
         base_rate.direct_slope[np.ix_(contacts.on_ground, sources.channel == flow.base_channel)] = 1.0
 
-    def rates_and_faces(closed: Bools) -> tuple[LinearOutput, LinearOutput]:
-        _, rate = flow.penetrations()
-        on = closed[:, None].astype(float)
-        face = flow.empty_output(m)
-        face.face[:] = np.diag((flow.has_face & ~closed).astype(float))
-        return LinearOutput(rate.row * on, rate.direct * on, rate.direct_slope * on, rate.face * on), face
+    _, rate = flow.penetrations()
 
-    def left(closed: Bools) -> LinearOutput:
-        return stack(moving, *rates_and_faces(closed), signals, flow.contact_forces(closed))
+    def lost(phases: Ints) -> tuple[LinearOutput, LinearOutput]:
+        """Forces of what dissipates in the contacts, and the rates on which they act."""
+        dashpot, internal = contacts.losses(phases)
+        moved = stack(rate, flow.internal_rates(phases))
+        factor = np.concatenate([dashpot, internal])[:, None]
+        return LinearOutput(moved.row * factor, moved.direct * factor, moved.direct_slope * factor), moved
 
-    def right(closed: Bools) -> LinearOutput:
-        return stack(moving, *rates_and_faces(closed), loaded, base_rate)
+    def left(phases: Ints) -> LinearOutput:
+        return stack(moving, lost(phases)[0], signals, flow.contact_forces(phases))
 
-    weight = np.zeros((used.size + 3 * m + loads.shape[0] + 1, 2))
-    weight[: used.size + 2 * m, 0] = np.concatenate([rate_of_damping[used], contacts.dashpot, relaxing])
-    weight[used.size + 2 * m :, 1] = np.concatenate([np.ones(loads.shape[0] + 1), -contacts.sign])
+    def right(phases: Ints) -> LinearOutput:
+        return stack(moving, lost(phases)[1], loaded, base_rate)
+
+    inside = m + contacts.internal_states
+    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + m, 2))
+    weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
+    weight[used.size + inside :, 1] = np.concatenate([np.ones(loads.shape[0] + 1), -contacts.sign])
     return left, right, weight

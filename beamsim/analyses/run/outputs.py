@@ -11,9 +11,9 @@ from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.structures.stations import StressRows
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats, Ints
 
-OutputOf = Callable[[Bools], LinearOutput]
+OutputOf = Callable[[Ints], LinearOutput]
 
 
 def displacements(flow: ExactFlow, shape: Floats) -> LinearOutput:
@@ -34,23 +34,24 @@ def stretches(flow: ExactFlow, springs: Sequence[SpringInfo]) -> LinearOutput:
 
 def first_rows(output: LinearOutput, count: int) -> LinearOutput:
     """The first rows: of contacts those that are snubbers."""
-    return LinearOutput(*(part[:count] for part in (output.row, output.direct, output.direct_slope, output.face)))
+    return LinearOutput(*(part[:count] for part in (output.row, output.direct, output.direct_slope)))
 
 
 def velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
     """``shape @ q'`` for every row of ``shape`` (k, n)."""
     output = flow.empty_output(shape.shape[0])
-    output.row[:, flow.system.size :] = shape
+    output.row[:, flow.system.size : 2 * flow.system.size] = shape
     return output
 
 
-def accelerations(flow: ExactFlow, shape: Floats, closed: Bools, *, absolute: bool) -> LinearOutput:
+def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, *, absolute: bool) -> LinearOutput:
     """``shape @ q''`` from the equation of motion; with the base's own acceleration, observer 0, where ``absolute``."""
     output = flow.empty_output(shape.shape[0])
     n = flow.system.size
-    stiffness, damping, load, load_slope = flow.equation_of_motion(closed)
+    stiffness, damping, internal, load, load_slope = flow.equation_of_motion(phases)
     output.row[:, :n] = -shape @ stiffness
-    output.row[:, n:] = -shape @ damping
+    output.row[:, n : 2 * n] = -shape @ damping
+    output.row[:, 2 * n :] = shape @ internal
     output.direct[:] = shape @ load.T
     output.direct_slope[:] = shape @ load_slope.T
     if absolute and flow.observers:
@@ -73,22 +74,21 @@ def stack(*outputs: LinearOutput) -> LinearOutput:
         np.vstack([o.row for o in outputs]),
         np.vstack([o.direct for o in outputs]),
         np.vstack([o.direct_slope for o in outputs]),
-        np.vstack([o.face for o in outputs]),
     )
 
 
 @dataclass(frozen=True)
 class OutputSet:
-    """Named groups of outputs, evaluated together; called with the closed contacts, all rows at once."""
+    """Named groups of outputs, evaluated together; called with the phases of the contacts, all rows at once."""
 
     groups: dict[str, OutputOf]
 
-    def __call__(self, closed: Bools) -> LinearOutput:
+    def __call__(self, phases: Ints) -> LinearOutput:
         """All groups' rows, stacked."""
-        return stack(*(output_of(closed) for output_of in self.groups.values()))
+        return stack(*(output_of(phases) for output_of in self.groups.values()))
 
-    def split(self, values: Floats, closed: Bools) -> dict[str, Floats]:
+    def split(self, values: Floats, phases: Ints) -> dict[str, Floats]:
         """The columns of ``values`` (nt, k) of each group."""
-        sizes = [output_of(closed).row.shape[0] for output_of in self.groups.values()]
+        sizes = [output_of(phases).row.shape[0] for output_of in self.groups.values()]
         parts = np.split(values, np.cumsum(sizes)[:-1], axis=1)
         return dict(zip(self.groups, parts, strict=True))

@@ -20,7 +20,7 @@ POINTS = 2000
 def transfer(system: StructuralSystem, frequency_hz: Floats, closed: Bools | None = None) -> Complexes:
     """(F, n) coordinates for a unit amplitude of base acceleration or force, with some contacts closed for good."""
     dynamics = system.dynamics
-    contacts, n = dynamics.contacts, dynamics.size
+    contacts, n = dynamics.contacts.split(), dynamics.size
     closed = np.zeros(contacts.count, dtype=bool) if closed is None else closed
     omega = 2 * np.pi * np.asarray(frequency_hz)
     shape, k, c = contacts.shape[closed], contacts.stiffness[closed], contacts.dashpot[closed]
@@ -43,7 +43,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, closed: Bools | Non
 
 def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
     """Levels at which contact begins or is lost, from the linear motion about static equilibrium."""
-    contacts = system.dynamics.contacts
+    contacts = system.dynamics.contacts.split()
     if system.static_equilibrium is None or contacts.count == 0:
         return {}
     penetration = -contacts.gap - contacts.sign * (contacts.shape @ system.static_equilibrium)

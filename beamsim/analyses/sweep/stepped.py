@@ -79,8 +79,7 @@ def step_level(
     stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel)
     output_of = sweep_outputs(system, flow, settings.accelerations, limited)
     orders = np.array((0.0, *settings.orders))
-    start = np.array(system.initial_state, dtype=float)
-    motion = Motion(start, np.zeros(system.dynamics.contacts.count), -1)
+    motion = Motion(flow.bare.whole_state(system.initial_state), -1)
     curves, outcome, done = [], COMPLETE, 0
     for direction, frequencies in ways_taken:
         points: list[_Point] = []
@@ -202,6 +201,6 @@ def _curve(
             poincare_frequency_hz=np.repeat(frequency, [p.section.shape[0] for p in points]),
             probes=tuple(probes),
             poincare_displacement=section[:, :n] @ shapes.T,
-            poincare_velocity=section[:, n:] @ shapes.T,
+            poincare_velocity=section[:, n : 2 * n] @ shapes.T,
         ),
     )

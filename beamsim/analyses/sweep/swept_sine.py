@@ -20,7 +20,7 @@ from beamsim.inputs.swept import Leg, SweepWindows, cut_into_windows
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Floats, Ints
 
 MOST_CYCLES = 5_000_000
 
@@ -85,7 +85,7 @@ def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
 
 def sweep_outputs(
     system: StructuralSystem, flow: SweptFlow, with_accelerations: bool, limited: Collection[str] = ()
-) -> Callable[[Bools], LinearOutput]:
+) -> Callable[[Ints], LinearOutput]:
     """Displacements of the probes, forces of the snubbers, the probes' absolute accelerations, and what limits ask for.
 
     The last are the penetrations of the snubbers where ``limited`` holds "gap", and the stress along the beam where it
@@ -96,10 +96,10 @@ def sweep_outputs(
     moved = displacements(template, shapes)
     count = len(system.snubbers)
 
-    def output_of(closed: Bools) -> LinearOutput:
-        parts = [moved, first_rows(template.contact_forces(closed), count)]
+    def output_of(phases: Ints) -> LinearOutput:
+        parts = [moved, first_rows(template.contact_forces(phases), count)]
         if with_accelerations:
-            parts.append(accelerations(template, shapes, closed, absolute=system.base_acceleration is not None))
+            parts.append(accelerations(template, shapes, phases, absolute=system.base_acceleration is not None))
         return stack(*parts, *extra)
 
     extra = []
@@ -214,7 +214,7 @@ MOST_SAMPLES = 50_000_000
 
 
 def _history(
-    system: StructuralSystem, settings: SweptSine, record: CycleRecord, output_of: Callable[[Bools], LinearOutput]
+    system: StructuralSystem, settings: SweptSine, record: CycleRecord, output_of: Callable[[Ints], LinearOutput]
 ) -> SweepHistory:
     assert settings.history_rate is not None
     count = int(np.floor(record.end * settings.history_rate * (1 + 1e-12))) + 1

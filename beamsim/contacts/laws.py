@@ -1,0 +1,306 @@
+r"""Contact laws as sets of phases.
+
+While a phase lasts, the normal force is linear in the penetration :math:`\delta`, its rate and the law's internal
+states p,
+
+.. math:: N = k\,\delta + c\,\dot\delta + N_0 + h^T p, \qquad \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
+
+The energy stored is :math:`k\delta^2/2 + N_0\delta + \delta\,h^T p + p^T S p/2 + E_0` with a diagonal S, the power
+lost :math:`c\,\dot\delta^2 + \sum_i l_i \dot p_i^2`. A phase lasts while its guards, linear in :math:`\delta`,
+:math:`\dot\delta`, p and 1, stay positive. The guard that reaches zero first names the phase that follows; where the
+law needs it, the internal states start there from an affine function of the same quantities. A law of another kind is
+another list of phases, nothing else changes:
+
+* a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, with the offset N_0;
+* a *Maxwell branch* of stiffness k and relaxation time tau: one internal state with A = -1/tau, b_delta = 1/tau,
+  and a force k (delta - p), so h = -k and k is added to the phase's stiffness; S = k, l = k tau;
+* a law that *never pulls*: one more guard on each phase that touches, the force itself;
+* *friction* with a tangential spring: delta is the tangential motion; sticking is a phase with a stiffness (the slider
+  is an internal state that rests), slipping in either direction one with a constant force;
+* *hysteresis* between straight lines: phases whose offsets are internal states that rest, set by the guards' resets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from beamsim.typing import Floats
+
+SMALLEST_JUMP = 1e-12  # of the terms it is made of: a smaller jump of the force at a guard is round-off
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A function that is positive while its phase lasts, and the phase that follows.
+
+    It is ``penetration * delta + rate * delta' + internal @ p + constant``. ``reset`` gives the internal states with
+    which the next phase starts: one row (penetration, rate, 1, then one factor for each internal state) for each of
+    them; None where they go on as they are.
+    """
+
+    next: int
+    penetration: float = 0.0
+    rate: float = 0.0
+    constant: float = 0.0
+    internal: tuple[float, ...] = ()
+    reset: tuple[tuple[float, ...], ...] | None = None
+
+    def row(self, internal_states: int) -> Floats:
+        """(3 + r,) factors of the penetration, its rate, 1, and the internal states."""
+        return _row(self.penetration, self.rate, self.constant, self.internal, internal_states)
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phase of a law; see the module's equations."""
+
+    name: str
+    guards: tuple[Guard, ...]
+    touching: bool  # shown to users as closed
+    stiffness: float = 0.0  # N/m
+    dashpot: float = 0.0  # N s/m
+    force: float = 0.0  # N, at zero penetration
+    internal: tuple[float, ...] = ()  # (r,) h
+    dynamics: tuple[tuple[float, ...], ...] = ()  # (r, r) A, 1/s
+    drive: tuple[tuple[float, float, float], ...] = ()  # (r, 3) b_delta, b_r, b_0
+    stored: tuple[float, ...] = ()  # (r,) diagonal of S, N/m
+    losses: tuple[float, ...] = ()  # (r,) l, N s/m
+    energy: float = 0.0  # J, E_0
+
+    def row(self, internal_states: int) -> Floats:
+        """(3 + r,) factors of the force, as those of a guard."""
+        return _row(self.stiffness, self.dashpot, self.force, self.internal, internal_states)
+
+    @property
+    def coupled(self) -> bool:
+        """Whether internal states and structure move together: one drives the other."""
+        return any(self.internal) or any(any(row[:2]) for row in self.drive)
+
+
+@dataclass(frozen=True)
+class OneSidedSpring:
+    """A spring and dashpot that push while ``direction * delta - offset`` is positive."""
+
+    direction: float  # +1 or -1
+    stiffness: float  # N/m; negative where a piecewise-linear force softens
+    dashpot: float  # N s/m
+    offset: float  # m
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """Phases, and what follows from them.
+
+    Parameters
+    ----------
+    phases : all of them; guards name them by their place here.
+    internal_states : r, the same in every phase.
+    start : phase from which the one that belongs to a given motion is looked for.
+    parts : one-sided springs whose forces add up to the law's; None where there are none (internal states, phases that
+        end by the force).
+    stiffness, dashpot : numbers of a law that is made of these two, of which paths and derivatives may change them.
+    family : makes such a law from other numbers.
+    """
+
+    phases: tuple[Phase, ...]
+    internal_states: int = 0
+    start: int = 0
+    parts: tuple[OneSidedSpring, ...] | None = None
+    stiffness: float = np.nan
+    dashpot: float = np.nan
+    family: Callable[[float, float], ContactLaw] | None = None
+
+    def __post_init__(self) -> None:
+        for phase in self.phases:
+            following = [g.next for g in phase.guards]
+            if any(not 0 <= k < len(self.phases) for k in following):
+                raise ValueError(f"a guard of phase {phase.name!r} names a phase that the law does not have")
+            if len(set(following)) < len(following):
+                raise ValueError(f"two guards of phase {phase.name!r} name the same phase")
+
+    def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
+        """The same kind of law with other numbers."""
+        if self.family is None:
+            raise ValueError("this contact law is not made of one stiffness and one dashpot")
+        return self.family(stiffness, dashpot)
+
+    def scaled(self, factor: float) -> ContactLaw:
+        """The law with its force multiplied by a positive factor; its internal states move as before."""
+        if self.family is not None:
+            return self.family(factor * self.stiffness, factor * self.dashpot)
+        phases = tuple(
+            replace(
+                p,
+                stiffness=factor * p.stiffness,
+                dashpot=factor * p.dashpot,
+                force=factor * p.force,
+                energy=factor * p.energy,
+                internal=tuple(factor * x for x in p.internal),
+                stored=tuple(factor * x for x in p.stored),
+                losses=tuple(factor * x for x in p.losses),
+            )
+            for p in self.phases
+        )
+        parts = self.parts
+        if parts is not None:
+            parts = tuple(replace(s, stiffness=factor * s.stiffness, dashpot=factor * s.dashpot) for s in parts)
+        return replace(self, phases=phases, parts=parts)
+
+    def plus(self, other: ContactLaw, amount: float) -> ContactLaw:
+        """The force of this law and ``amount`` of another's, which has the same phases."""
+        if self.family is not None and other.family is not None:
+            return self.family(self.stiffness + amount * other.stiffness, self.dashpot + amount * other.dashpot)
+        if self.internal_states or self.parts is None or other.parts is None:
+            raise ValueError("only sums of one-sided springs can be added")
+        phases = tuple(
+            replace(
+                a,
+                stiffness=a.stiffness + amount * b.stiffness,
+                force=a.force + amount * b.force,
+                energy=a.energy + amount * b.energy,
+            )
+            for a, b in zip(self.phases, other.phases, strict=True)
+        )
+        parts = tuple(
+            replace(a, stiffness=a.stiffness + amount * b.stiffness)
+            for a, b in zip(self.parts, other.parts, strict=True)
+        )
+        return replace(self, phases=phases, parts=parts)
+
+    def undamped(self) -> ContactLaw:
+        """The law without its dashpots, which keeps no internal state then."""
+        if self.family is not None:
+            return self.family(self.stiffness, 0.0)
+        if self.internal_states:
+            raise ValueError("this contact law has no undamped form")
+        return replace(self, phases=tuple(replace(p, dashpot=0.0) for p in self.phases))
+
+    def jump(self, phase: int, guard: int) -> Floats:
+        """(3 + r,) factors of the force's jump at a guard, before the event's quantities.
+
+        At the event the guard is zero, so that a multiple of it may be taken away: what is left vanishes exactly where
+        the force is continuous.
+        """
+        r = self.internal_states
+        now, g = self.phases[phase], self.phases[phase].guards[guard]
+        after = self.phases[g.next].row(r)
+        row = after.copy()
+        if g.reset is not None:
+            row[3:] = 0.0
+            row += after[3:] @ np.array(g.reset, dtype=float).reshape(r, 3 + r)
+        row -= now.row(r)
+        function = g.row(r)
+        size = np.abs(after) + np.abs(now.row(r))
+        pivot = int(np.flatnonzero(function)[0])
+        factor = row[pivot] / function[pivot]
+        row -= factor * function
+        size += abs(factor) * np.abs(function)
+        row[pivot] = 0.0
+        row[np.abs(row) <= SMALLEST_JUMP * size] = 0.0
+        return row
+
+
+def _row(penetration: float, rate: float, constant: float, internal: tuple[float, ...], r: int) -> Floats:
+    row = np.zeros(3 + r)
+    row[0], row[1], row[2] = penetration, rate, constant
+    if internal:
+        row[3:] = internal
+    return row
+
+
+@lru_cache(maxsize=1024)
+def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
+    """Spring and dashpot side by side that push while there is penetration: ``N = k delta + c delta'``.
+
+    Examples
+    --------
+    >>> [phase.name for phase in kelvin_voigt(1e5, 10.0).phases]
+    ['open', 'closed']
+    """
+    return ContactLaw(
+        (
+            Phase("open", (Guard(1, penetration=-1.0),), touching=False),
+            Phase("closed", (Guard(0, penetration=1.0),), touching=True, stiffness=stiffness, dashpot=dashpot),
+        ),
+        parts=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
+        stiffness=stiffness,
+        dashpot=dashpot,
+        family=kelvin_voigt,
+    )
+
+
+@lru_cache(maxsize=1024)
+def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
+    """As :func:`kelvin_voigt`, but the snubber lets go where it would pull, and relaxes until it is met again.
+
+    The internal state p is the compression of the released snubber, ``p' = -(k/c) p``. It begins as the penetration at
+    release; contact is made where the penetration reaches it. While closed, the compression is the penetration and p
+    means nothing: it starts from zero and decays in the same way. Without a dashpot the law is that of Kelvin–Voigt.
+    """
+    if dashpot <= 0.0:
+        return replace(kelvin_voigt(stiffness, dashpot), family=no_tension)
+    relaxing = ((-stiffness / dashpot,),)
+    meets = Guard(1, penetration=-1.0, internal=(1.0,), reset=((0.0, 0.0, 0.0, 0.0),))
+    lets_go = Guard(0, penetration=stiffness, rate=dashpot, reset=((1.0, 0.0, 0.0, 0.0),))
+    return ContactLaw(
+        (
+            Phase("released", (meets,), touching=False, dynamics=relaxing, stored=(stiffness,), losses=(dashpot,)),
+            Phase("closed", (lets_go,), touching=True, stiffness=stiffness, dashpot=dashpot, dynamics=relaxing),
+        ),
+        internal_states=1,
+        stiffness=stiffness,
+        dashpot=dashpot,
+        family=no_tension,
+    )
+
+
+def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_rest: int) -> ContactLaw:
+    """A continuous force with given slopes between breakpoints, less the straight line of the segment ``at_rest``.
+
+    Zero penetration lies in the segment ``at_rest``, whose slope belongs to the linear structure. Neighbours of the
+    same slope are one segment.
+
+    Examples
+    --------
+    >>> law = piecewise_linear([-1.0, 2.0], [5.0, 3.0, 1.0], 1)
+    >>> [(phase.stiffness, phase.force) for phase in law.phases]
+    [(2.0, 2.0), (0.0, 0.0), (-2.0, 4.0)]
+    """
+    if len(slopes) != len(breakpoints) + 1 or any(b <= a for a, b in pairwise(breakpoints)):
+        raise ValueError("breakpoints increase, and there is one slope more than breakpoints")
+    kept = [i for i, (a, b) in enumerate(pairwise(slopes)) if a != b]
+    at_rest -= sum(1 for i in range(at_rest) if i not in kept)
+    breakpoints, slopes = [breakpoints[i] for i in kept], [slopes[i] for i in kept] + [slopes[-1]]
+    force, energy = [0.0] * len(slopes), [0.0] * len(slopes)
+    away = [(i, i + 1, breakpoints[i]) for i in range(at_rest, len(breakpoints))]
+    away += [(i, i - 1, breakpoints[i - 1]) for i in range(at_rest, 0, -1)]
+    for i, k, b in away:  # force and energy go on without a jump
+        force[k] = force[i] + (slopes[i] - slopes[k]) * b
+        energy[k] = energy[i] + 0.5 * (slopes[i] - slopes[k]) * b**2 + (force[i] - force[k]) * b
+    phases = []
+    for i, slope in enumerate(slopes):
+        guards = []
+        if i > 0:
+            guards.append(Guard(i - 1, penetration=1.0, constant=-breakpoints[i - 1]))
+        if i < len(breakpoints):
+            guards.append(Guard(i + 1, penetration=-1.0, constant=breakpoints[i]))
+        phases.append(
+            Phase(
+                f"segment {i + 1}",
+                tuple(guards),
+                touching=i != at_rest,
+                stiffness=slope - slopes[at_rest],
+                force=force[i],
+                energy=energy[i],
+            )
+        )
+    parts = [OneSidedSpring(-1.0, slopes[i] - slopes[i + 1], 0.0, -breakpoints[i]) for i in range(at_rest)]
+    parts += [
+        OneSidedSpring(1.0, slopes[i + 1] - slopes[i], 0.0, breakpoints[i]) for i in range(at_rest, len(breakpoints))
+    ]
+    return ContactLaw(tuple(phases), start=at_rest, parts=tuple(parts))

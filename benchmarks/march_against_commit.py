@@ -1,0 +1,114 @@
+"""Speed of the march in two checkouts, measured alternately: transient, swept sine, and periodic orbit.
+
+python benchmarks/march_against_commit.py BEFORE AFTER
+
+BEFORE and AFTER are folders with a checkout of beamsim each. Two processes wait for orders; each order is one timed
+repetition, so that both see the same moods of the machine. The smallest processor time of each counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+REPETITIONS = {"transient": 400, "orbit": 400, "swept sine": 15}
+CASE = "configs/one_sided_65hz.yaml"
+SWEEP = "configs/sweep_up_down.yaml"
+MODULES = {  # where a name is, in checkouts of today and in older ones
+    "build_system": ("beamsim.system.build", "beamsim.model.build"),
+    "ExactFlow": ("beamsim.flow.exact", "beamsim.dynamics.flow"),
+    "simulate": ("beamsim.flow.transient", "beamsim.dynamics.transient"),
+    "VariationalFlow": ("beamsim.flow.variational", "beamsim.dynamics.variational"),
+    "PeriodicForcing": ("beamsim.flow.variational", "beamsim.dynamics.variational"),
+    "Frequency": ("beamsim.flow.variational", "beamsim.dynamics.variational"),
+    "sweep": ("beamsim.analyses.sweep.analysis", "beamsim.analyses.sweep"),
+}
+
+
+def find(name):
+    """An object of the checkout that this process runs with."""
+    for module in MODULES[name]:
+        try:
+            return getattr(importlib.import_module(module), name)
+        except (ImportError, AttributeError):
+            continue
+    raise ImportError(f"no {name} in this checkout")
+
+
+def tasks():
+    """What is timed, by name."""
+    import numpy as np
+
+    import beamsim
+
+    scenario = beamsim.load_scenario(CASE)
+    system = find("build_system")(scenario)
+    flow = find("ExactFlow")(system.dynamics, system.forcing, scenario.run.duration)
+    simulate = find("simulate")
+
+    def transient():
+        return simulate(flow, system.initial_state).evaluations
+
+    omega = 2 * np.pi * scenario.excitation.frequency
+    loads = find("PeriodicForcing").harmonic(system.forcing.load[0] * scenario.excitation.level, omega)
+    orbits = find("VariationalFlow")(system.dynamics, loads, omega)
+    start = np.zeros(orbits.size)
+    start[: system.initial_state.size] = system.initial_state
+
+    def orbit():
+        return orbits.carry(start, 8 * np.pi / omega, (find("Frequency")(),)).event_time.size
+
+    slow = {"reduction.modes": 6, "sweep.direction": "up", "sweep.levels": ["2 g"], "sweep.to": "40 Hz"}
+    swept = beamsim.load_scenario(SWEEP, slow)
+    return {"transient": transient, "orbit": orbit, "swept sine": lambda: find("sweep")(swept).summary["cycles"]}
+
+
+def serve():
+    """Carry out orders from standard input: one timed repetition each."""
+    known = tasks()
+    for line in sys.stdin:
+        task = known[line.strip()]
+        begin = time.process_time()
+        work = task()
+        print(f"{time.process_time() - begin} {work}", flush=True)
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("before", type=Path)
+    parser.add_argument("after", type=Path)
+    arguments = parser.parse_args()
+    workers = []
+    for folder in (arguments.before, arguments.after):
+        environment = {**os.environ, "PYTHONPATH": str(folder.resolve()), "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, str(Path(__file__).resolve()), "--serve"]
+        workers.append(
+            subprocess.Popen(
+                command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+        )
+
+    def once(worker, name):
+        worker.stdin.write(name + "\n")
+        worker.stdin.flush()
+        seconds, work = worker.stdout.readline().split()
+        return float(seconds), work
+
+    for name, count in REPETITIONS.items():
+        work = [once(worker, name)[1] for worker in workers]  # compiles
+        times = [[once(worker, name)[0] for worker in workers] for _ in range(count)]
+        before, after = (1e3 * min(column) for column in zip(*times, strict=True))
+        print(f"{name:12s} before {before:9.3f} ms  after {after:9.3f} ms  ratio {after / before:.3f}  work {work}")
+    for worker in workers:
+        worker.stdin.close()
+        worker.wait()
+
+
+if __name__ == "__main__":
+    serve() if "--serve" in sys.argv else main()
