@@ -48,6 +48,18 @@ class Counter(NamedTuple):
     labels: tuple[Any, ...] = ()
 
 
+class Quantity(NamedTuple):
+    """A number of a result's summary (by name of probe, snubber or curve where there are several).
+
+    With a label it has a row, or one a name, in the table that is printed.
+    """
+
+    name: str  # in ``--json`` and among the attributes of /summary
+    unit: str
+    meaning: str
+    label: str = ""
+
+
 Along = tuple["str | Counter", ...]  # names of axes, or axes that only count
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import platform
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from beamsim.fields import attribute, declared_base, ending, stored
+from beamsim.fields import Quantity, attribute, declared_base, ending, stored
 from beamsim.outcomes import Outcome
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ def _versions() -> dict[str, str]:
 @declared_base
 class Result:
     """Base of the results of all commands: where they come from, how they ended, what is printed of them."""
+
+    SUMMARY: ClassVar[tuple[Quantity, ...]] = ()  # what may be in the summary, in the order of the printed table
 
     scenario: Scenario  # resolved
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
 LINES_SHOWN = 6
 Row = tuple[str, str]
+Summary = Mapping[str, Any]
+Text = Callable[[Summary, str, Any], str]  # of the summary, a name in it and its value
+Rows = Callable[[Summary], Mapping[str, str]]
 
 
 def print_json(values: Mapping[str, Any]) -> None:
@@ -42,53 +46,64 @@ def print_table(title: str, rows: Sequence[Row]) -> None:
 
 def run_rows(result: RunResult) -> Iterator[Row]:
     """Label and text of every row of the table of a run."""
-    s = result.summary
     yield "time", f"{result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
-    low, high = s["min_displacement_m"], s["max_displacement_m"]
-    yield from _each(
-        "peak displacement",
-        {
-            name: f"{_si(value, 'm')} (from {_si(low[name], 'm')} to {_si(high[name], 'm')})"
-            for name, value in s["peak_displacement_m"].items()
-        },
-    )
-    yield from _each("peak acceleration", {name: f"{v:.4g} g" for name, v in s["peak_acceleration_g"].items()})
-    yield from _each("peak contact force", {name: _si(v, "N") for name, v in s["peak_force_n"].items()})
-    yield from _each(
-        "time in contact",
-        {
-            name: f"{100 * v:.3g} %, {_counted(s['contacts'][name], 'contact')}"
-            for name, v in s["contact_share"].items()
-        },
-    )
-    yield from _each(
-        "peak spring force",
-        {
-            name: f"{_si(v, 'N')} at a stretch of {_si(s['peak_stretch_m'][name], 'm')}"
-            for name, v in s.get("peak_spring_force_n", {}).items()
-        },
-    )
-    yield from _each("preload", {name: _preload(s, name) for name in s["gap_m"]})
-    if "largest_bending_stress_pa" in s:
-        where = _si(s["largest_bending_stress_position_m"], "m")
-        yield "largest bending stress", f"{_si(s['largest_bending_stress_pa'], 'Pa')} at x = {where}"
-    yield from margin_rows(s.get("margins", {}))
-    yield from _each("spectral lines", dict(_spectral_lines(s["spectral_lines"])))
-    states = {"open": _frequencies(s["open_frequencies_hz"]), "closed": _frequencies(s["closed_frequencies_hz"])}
-    yield from _each("natural frequencies", states if result.snubbers else {"": states["open"]})
-    yield (
-        "reduction",
-        f"{_counted(s['kept_modes'], 'mode')} and {_counted(s['static_vectors'], 'static vector')}, "
-        f"estimated error {s['reduction_error']:.2g}",
-    )
-    yield "energy balance error", f"{s['energy_error']:.2g}"
+    yield from quantity_rows(result, _RUN_TEXTS, _RUN_ROWS)
+    yield "wall time", _si(result.wall_time_s, "s")
+
+
+def quantity_rows(result: Result, texts: Mapping[str, Text], rows: Mapping[str, Rows]) -> Iterator[Row]:
+    """A row for every quantity of the summary that has a label, or one for each name.
+
+    Parameters
+    ----------
+    texts : what stands for the value, of quantities that are not printed as number and unit.
+    rows : all rows of quantities that are lists.
+    """
+    s = result.summary
+    for quantity in type(result).SUMMARY:
+        if not quantity.label or quantity.name not in s:
+            continue
+        value = s[quantity.name]
+        text = texts.get(quantity.name, lambda _, __, number, unit=quantity.unit: _si(number, unit))
+        if quantity.name in rows:
+            yield from _each(quantity.label, rows[quantity.name](s))
+        elif isinstance(value, Mapping):
+            yield from _each(quantity.label, {name: text(s, name, item) for name, item in value.items()})
+        else:
+            yield quantity.label, text(s, "", value)
+
+
+def _displacement(s: Summary, name: str, value: Any) -> str:
+    low, high = s["min_displacement_m"][name], s["max_displacement_m"][name]
+    return f"{_si(value, 'm')} (from {_si(low, 'm')} to {_si(high, 'm')})"
+
+
+def _contact(s: Summary, name: str, share: Any) -> str:
+    return f"{100 * share:.3g} %, {_counted(s['contacts'][name], 'contact')}"
+
+
+def _spring_force(s: Summary, name: str, force: Any) -> str:
+    return f"{_si(force, 'N')} at a stretch of {_si(s['peak_stretch_m'][name], 'm')}"
+
+
+def _stress(s: Summary, _: str, stress: Any) -> str:
+    return f"{_si(stress, 'Pa')} at x = {_si(s['largest_bending_stress_position_m'], 'm')}"
+
+
+def _reduction(s: Summary, _: str, error: Any) -> str:
+    kept = f"{_counted(s['kept_modes'], 'mode')} and {_counted(s['static_vectors'], 'static vector')}"
+    return f"{kept}, estimated error {error:.2g}"
+
+
+def _solver(s: Summary, _: str, time: Any) -> str:
     bends = s.get("breakpoints_passed", 0)
     passed = f", {_counted(bends, 'breakpoint')} of springs passed" if bends else ""
-    yield (
-        "solver",
-        f"{s['method']}, {_counted(s['events'], 'event')}{passed}, processor time {_si(s['processor_time_s'], 's')}",
-    )
-    yield "wall time", _si(result.wall_time_s, "s")
+    return f"{s['method']}, {_counted(s['events'], 'event')}{passed}, processor time {_si(time, 's')}"
+
+
+def _natural_frequencies(s: Summary) -> dict[str, str]:
+    states = {"open": _frequencies(s["open_frequencies_hz"]), "closed": _frequencies(s["closed_frequencies_hz"])}
+    return states if s["gap_m"] else {"": states["open"]}
 
 
 def _each(label: str, texts: Mapping[str, str]) -> Iterator[Row]:
@@ -99,6 +114,10 @@ def _each(label: str, texts: Mapping[str, str]) -> Iterator[Row]:
 
 def margin_rows(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
     """A row for every limit: margin, value and limit, and where the value was found."""
+    yield from _each("limits", _margins(margins))
+
+
+def _margins(margins: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     from beamsim.analyses.limits import LIMITED
 
     texts = {}
@@ -111,7 +130,7 @@ def margin_rows(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
         texts[name.replace("_", " ")] = (
             f"{verdict}margin {share}: {_si(item['value'], unit)}{at}, limit {_si(item['limit'], unit)}"
         )
-    yield from _each("limits", texts)
+    return texts
 
 
 def _si(value: float, unit: str) -> str:
@@ -161,3 +180,21 @@ def _order(line: Mapping[str, Any]) -> str:
         return f"{order:.3f}"
     fraction = Fraction(order).limit_denominator(12)
     return str(fraction)
+
+
+_RUN_TEXTS: dict[str, Text] = {
+    "peak_displacement_m": _displacement,
+    "peak_acceleration_g": lambda _, __, value: f"{value:.4g} g",
+    "contact_share": _contact,
+    "peak_spring_force_n": _spring_force,
+    "gap_m": lambda s, name, _: _preload(s, name),
+    "largest_bending_stress_pa": _stress,
+    "reduction_error": _reduction,
+    "energy_error": lambda _, __, value: f"{value:.2g}",
+    "processor_time_s": _solver,
+}
+_RUN_ROWS: dict[str, Rows] = {
+    "margins": lambda s: _margins(s["margins"]),
+    "spectral_lines": lambda s: dict(_spectral_lines(s["spectral_lines"])),
+    "open_frequencies_hz": _natural_frequencies,
+}

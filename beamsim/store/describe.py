@@ -42,12 +42,15 @@ def documentation() -> str:
     parts = [_root()]
     known: dict[Any, str] = {}
     for name, kind in KINDS.items():
-        cls = getattr(import_module(kind.module), kind.name)
-        if not isinstance(cls, type):
-            continue
+        cls: Any = getattr(import_module(kind.module), kind.name)
+        if not hasattr(cls, "SUMMARY"):
+            continue  # a reader
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
         parts += [_markdown(section) for section in _merged(sections_of(cls, name, known))]
+        summary = [Row(quantity.name, quantity.unit, "attribute", quantity.meaning) for quantity in cls.SUMMARY]
+        if summary:
+            parts.append(_markdown(Section("/summary", "What is printed; also by `--json`.", summary)))
     return "\n".join(parts)
 
 

@@ -93,6 +93,14 @@ def test_there_is_a_file_of_every_kind(tmp_path):
     assert max(path.stat().st_size for path in FILES) < 100_000
 
 
+@pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
+def test_every_number_of_the_summary_is_declared(packed, tmp_path):
+    result = beamsim.open_result(unpacked(packed, tmp_path))
+    declared = [quantity.name for quantity in type(result).SUMMARY]
+    assert len(set(declared)) == len(declared)
+    assert not declared or set(result.summary) <= set(declared)
+
+
 def test_a_difference_is_seen(tmp_path):
     """The comparison fails where a unit, an axis, an attribute or a value is another."""
     path = unpacked(FILES[-1], tmp_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from beamsim.analyses.result import Result
 from beamsim.fields import (
     Counter,
+    Quantity,
     attribute,
     axis,
     dataset,
@@ -181,9 +182,48 @@ class NonlinearEstimate:
     outcome: Outcome = ending("how the search ended", default=COMPLETE)
 
 
+_SUMMARY = (
+    Quantity("stiffness_n_per_m", "N/m", "stiffness of the snubber"),
+    Quantity("standard_deviation_n_per_m", "N/m", "its standard deviation, first order"),
+    Quantity("total_standard_deviation_n_per_m", "N/m", "the same with the uncertainty of the structure's parameters"),
+    Quantity("coverage", "1", "probability of the intervals"),
+    Quantity("interval_n_per_m", "N/m", "confidence interval"),
+    Quantity("interval_first_order_n_per_m", "N/m", "confidence interval, first order"),
+    Quantity("monte_carlo_standard_deviation_n_per_m", "N/m", "standard deviation of Monte Carlo samples"),
+    Quantity("monte_carlo_interval_n_per_m", "N/m", "confidence interval by Monte Carlo sampling"),
+    Quantity("snubber", "", "name of the snubber"),
+    Quantity("method", "", "secular or thesis"),
+    Quantity("fit_to", "", "numbers of the modes used"),
+    Quantity("stiffness_by_mode_n_per_m", "N/m", "stiffness from each of these modes alone"),
+    Quantity("reachable_hz", "Hz", "for each of these modes the frequencies that some stiffness can reach"),
+    Quantity("residual", "1", "root mean square of (predicted - measured) / measured over the modes used"),
+    Quantity("frequencies_with_hz", "Hz", "predicted natural frequencies with the snubber"),
+    Quantity("measured_with_hz", "Hz", "measured ones"),
+    Quantity("difference_with_percent", "percent", "100 (predicted - measured) / measured"),
+    Quantity("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad"),
+    Quantity("eigenvalue_solutions", "1", "eigenvalue problems solved"),
+    Quantity("sensitivities", "1", "by parameter, relative change of the stiffness for that of the parameter"),
+    Quantity("frequencies_without_hz", "Hz", "predicted natural frequencies without the snubber"),
+    Quantity("measured_without_hz", "Hz", "measured ones"),
+    Quantity("difference_without_percent", "percent", "100 (predicted - measured) / measured"),
+    Quantity("mac", "1", "modal assurance criterion, measured by predicted shapes"),
+    Quantity("updated", "", "by parameter of the beam: value, standard deviation and interval, or the support chosen"),
+    Quantity("update_misfit", "1", "chi squared before and after the update"),
+    Quantity("update_eigenvalue_solutions", "1", "eigenvalue problems solved for the update"),
+    Quantity("estimated", "", "by parameter of the nonlinear fit: value, standard deviation and interval"),
+    Quantity("nonlinear_misfit", "1", "chi squared before and after the nonlinear fit"),
+    Quantity("nonlinear_degrees_of_freedom", "1", "measured numbers less parameters"),
+    Quantity("periodic_responses", "1", "periodic responses computed"),
+    Quantity("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them"),
+    Quantity("processor_time_s", "s", "processor time"),
+)
+
+
 @declared
 class IdentificationResult(Result):
     """Everything `beamsim identify-stiffness` computes."""
+
+    SUMMARY = _SUMMARY
 
     estimate: StiffnessEstimate | None = group("", on="stiffness")
     with_snubber: FrequencyTable | None = group("modes")

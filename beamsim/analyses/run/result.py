@@ -8,6 +8,7 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.fields import (
     Counter,
+    Quantity,
     attribute,
     axis,
     dataset,
@@ -211,9 +212,48 @@ def _spectrum_rank(result: Mapping[str, Any], spectrum: Spectrum) -> tuple[int, 
     return (names.index(spectrum.probe) if spectrum.probe in names else len(names), spectrum.quantity)
 
 
+_SUMMARY = (
+    Quantity("status", "", "complete, or why the computation stopped early"),
+    Quantity("method", "", "exact, or the name of the time stepper"),
+    Quantity("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
+    Quantity("peak_displacement_m", "m", "largest magnitude of a probe's relative displacement", "peak displacement"),
+    Quantity("min_displacement_m", "m", "smallest relative displacement of a probe"),
+    Quantity("max_displacement_m", "m", "largest relative displacement of a probe"),
+    Quantity("peak_acceleration_g", "g", "largest magnitude of a probe's absolute acceleration", "peak acceleration"),
+    Quantity("peak_force_n", "N", "largest contact force of a snubber", "peak contact force"),
+    Quantity("largest_gap_m", "m", "largest opening of a contact"),
+    Quantity("contact_share", "1", "share of the time in contact of a snubber", "time in contact"),
+    Quantity("contacts", "1", "closings of a snubber; a contact that begins at t = 0 counts"),
+    Quantity("events", "1", "closings and openings of all snubbers"),
+    Quantity("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
+    Quantity("peak_spring_force_n", "N", "largest magnitude of a spring's force", "peak spring force"),
+    Quantity("peak_stretch_m", "m", "largest magnitude of a spring's stretch"),
+    Quantity("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
+    Quantity("static_force_n", "N", "contact force of a snubber at static equilibrium"),
+    Quantity("blocked_force_n", "N", "force of a snubber if the structure could not move"),
+    Quantity("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
+    Quantity("largest_bending_stress_pa", "Pa", "largest bending stress at any time and place",
+             "largest bending stress"),
+    Quantity("largest_bending_stress_position_m", "m", "where that is"),
+    Quantity("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits"),
+    Quantity("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
+    Quantity("open_frequencies_hz", "Hz", "natural frequencies with every contact open", "natural frequencies"),
+    Quantity("closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
+    Quantity("kept_modes", "1", "number of modes kept by the reduction"),
+    Quantity("static_vectors", "1", "number of static vectors kept by the reduction"),
+    Quantity("reduction_error", "1", "estimated relative error of the reduction", "reduction"),
+    Quantity("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
+             "integral of |power in|", "energy balance error"),
+    Quantity("processor_time_s", "s", "processor time of the solver alone", "solver"),
+    Quantity("random", "", "of a random or sampled input, by signal: rms, crest factor, kurtosis and more"),
+)  # fmt: skip
+
+
 @declared
 class RunResult(Result):
     """Everything `beamsim run` computes."""
+
+    SUMMARY = _SUMMARY
 
     method: str = attribute("", "exact, or the name of the time stepper")
     time: Floats = axis("s", "time")
