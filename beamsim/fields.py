@@ -48,7 +48,7 @@ class Counter(NamedTuple):
     labels: tuple[Any, ...] = ()
 
 
-class Quantity(NamedTuple):
+class Entry(NamedTuple):
     """A number of a result's summary (by name of probe, snubber or curve where there are several).
 
     With a label it has a row, or one a name, in the table that is printed.

@@ -6,7 +6,7 @@ import platform
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from beamsim.fields import Quantity, attribute, declared_base, ending, stored
+from beamsim.fields import Entry, attribute, declared_base, ending, stored
 from beamsim.outcomes import Outcome
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def _versions() -> dict[str, str]:
 class Result:
     """Base of the results of all commands: where they come from, how they ended, what is printed of them."""
 
-    SUMMARY: ClassVar[tuple[Quantity, ...]] = ()  # what may be in the summary, in the order of the printed table
+    SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # what may be in the summary, in the order of the printed table
 
     scenario: Scenario  # resolved
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")

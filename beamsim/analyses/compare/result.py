@@ -6,7 +6,7 @@ import numpy as np
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import Spectrum
-from beamsim.fields import Quantity, attribute, axis, dataset, declared, group, numbered, stored
+from beamsim.fields import Entry, attribute, axis, dataset, declared, group, numbered, stored
 from beamsim.typing import Complexes, Floats, Ints
 
 _ORDER = ("order",)
@@ -69,7 +69,7 @@ class Comparison(Result):
     """Everything that ``beamsim compare`` found."""
 
     SUMMARY = (
-        Quantity("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one"),
+        Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one"),
     )
 
     channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, required=True)

@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.analyses.result import Result
 from beamsim.fields import (
     Counter,
-    Quantity,
+    Entry,
     attribute,
     axis,
     dataset,
@@ -212,22 +212,22 @@ def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
 
 
 _SUMMARY = (
-    Quantity("status", "", "complete, or why the computation stopped early"),
-    Quantity("peaks", "", "peaks of the response curves: the columns of the table peaks"),
-    Quantity("cycles", "1", "cycles of the excitation computed"),
-    Quantity("events", "1", "contact events, breakpoints of piecewise-linear springs included"),
-    Quantity("processor_time_s", "s", "processor time of the solver alone"),
-    Quantity("truncation", "1", "bound on what the expansion of the sine leaves out, of its amplitude"),
-    Quantity("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement"),
-    Quantity("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration"),
-    Quantity("peak_force_n", "N", "by curve, largest contact force of a snubber"),
-    Quantity("contact_share", "1", "by curve, mean share of the time in contact of a snubber"),
-    Quantity("open_frequencies_hz", "Hz", "natural frequencies with every contact open"),
-    Quantity("closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
-    Quantity("kept_modes", "1", "number of modes kept by the reduction"),
-    Quantity("static_vectors", "1", "number of static vectors kept by the reduction"),
-    Quantity("reduction_error", "1", "estimated relative error of the reduction"),
-    Quantity("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded"),
+    Entry("status", "", "complete, or why the computation stopped early"),
+    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks"),
+    Entry("cycles", "1", "cycles of the excitation computed"),
+    Entry("events", "1", "contact events, breakpoints of piecewise-linear springs included"),
+    Entry("processor_time_s", "s", "processor time of the solver alone"),
+    Entry("truncation", "1", "bound on what the expansion of the sine leaves out, of its amplitude"),
+    Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement"),
+    Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration"),
+    Entry("peak_force_n", "N", "by curve, largest contact force of a snubber"),
+    Entry("contact_share", "1", "by curve, mean share of the time in contact of a snubber"),
+    Entry("open_frequencies_hz", "Hz", "natural frequencies with every contact open"),
+    Entry("closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
+    Entry("kept_modes", "1", "number of modes kept by the reduction"),
+    Entry("static_vectors", "1", "number of static vectors kept by the reduction"),
+    Entry("reduction_error", "1", "estimated relative error of the reduction"),
+    Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded"),
 )
 
 
