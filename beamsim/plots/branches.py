@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P", "grazing": "x",
          "symmetry_breaking": "*"}  # fmt: skip
+DASHES = (0, (3, 1.5))  # of what is unstable
+THINNER = 0.8
+_NAMES = {"neimark_sacker": "Neimark–Sacker"}
 
 
 def stretches(x: Floats, y: Floats, stable: Bools, wanted: bool) -> tuple[Floats, Floats]:
@@ -24,6 +27,31 @@ def stretches(x: Floats, y: Floats, stable: Bools, wanted: bool) -> tuple[Floats
         keep = keep | np.append(keep[1:], False) | np.append(False, keep[:-1])
     gap = np.where(keep, 0.0, np.nan)
     return x + gap, y + gap
+
+
+def plot_branch(
+    ax: Axes, x: Floats, y: Floats, stable: Bools, *, color: Any, width: float, label: str | None = None,
+    zorder: float = 2.0,
+) -> None:  # fmt: skip
+    """A branch as a line: stable stretches full, unstable ones thinner and dashed."""
+    ax.plot(*stretches(x, y, stable, True), color=color, linewidth=width, label=label, zorder=zorder)
+    unstable = stretches(x, y, stable, False)
+    ax.plot(*unstable, color=color, linewidth=THINNER * width, linestyle=DASHES, zorder=zorder)
+
+
+def mark_special(ax: Axes, kind: str, places: Sequence[tuple[float, float]], size: float = 5.0) -> None:
+    """Special points of one kind, named in the legend; nothing where there are none."""
+    if not places:
+        return
+    ax.plot(
+        *np.transpose(places), linestyle="none", marker=MARKS[kind], markersize=size, color="0.2",
+        markerfacecolor="white", markeredgewidth=0.18 * size, label=_NAMES.get(kind, kind.replace("_", " ")), zorder=4,
+    )  # fmt: skip
+
+
+def explain_dashes(ax: Axes) -> None:
+    """An entry of the legend for what is unstable."""
+    ax.plot([], [], color="0.3", linewidth=1.2, linestyle=DASHES, label="unstable")
 
 
 def figure_of(title: str, draw: Callable[[Axes], object]) -> Figure:

@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.result import FrequencyResponse
-from beamsim.plots.branches import MARKS, figure_of, stretches
+from beamsim.plots.branches import MARKS, figure_of, mark_special, plot_branch
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for
 from beamsim.typing import Floats
@@ -24,9 +24,7 @@ LEGEND_WIDTH = 84  # characters
 MANY = 80  # special points, from which their marks are small
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
 STRETCHES = 400  # of frequency, over which a sweep's cycles are drawn as one point
-_DASHED = (0, (3, 1.5))
 _OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves they lie under
-_NAMES = {"neimark_sacker": "Neimark–Sacker"}
 _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": "Position"}
 
 
@@ -67,19 +65,18 @@ def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
 def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
     """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; the mean is order 0."""
     first = result.branches[0]
-    own = [b for b in result.branches if b.period_multiple == 1 and _same(b.level, first.level)]
-    values = [np.abs(b.harmonics[probe]) for b in own]
+    alike = [b for b in result.branches if b.period_multiple == 1 and _same(b.level, first.level)]
+    values = [np.abs(b.harmonics[probe]) for b in alike]
     scale = scale_for("m", *values)
     x = _parameter_scale(result)
     top = max(float(v.max(initial=0.0)) for v in values)
     for order in range(min(first.harmonics[probe].shape[1], MOST_CURVES)):
         style = curve_style(order)
-        for k, (branch, amplitude) in enumerate(zip(own, values, strict=True)):
+        for k, (branch, amplitude) in enumerate(zip(alike, values, strict=True)):
             y = amplitude[:, order] * scale.factor
             at = branch.parameter * x.factor
             label = f"order {order}" if k == 0 else None
-            ax.plot(*stretches(at, y, branch.stable, True), color=style["color"], linewidth=1.3, label=label)
-            ax.plot(*stretches(at, y, branch.stable, False), color=style["color"], linewidth=1.0, linestyle=_DASHED)
+            plot_branch(ax, at, y, branch.stable, color=style["color"], width=1.3, label=label)
     if top > 0:
         ax.set_yscale("log")
         ax.set_ylim(1e-4 * top * scale.factor, 2.0 * top * scale.factor)
@@ -159,20 +156,11 @@ def _curves(result: FrequencyResponse, ax: Axes, values: Any, scale: Scale, *, l
         width = 1.0 if aside else 1.4
         shown = None if label in named else label
         named.add(label)
-        ax.plot(*stretches(at, y, branch.stable, True), color=style["color"], linewidth=width, label=shown, zorder=3)
-        dashed = stretches(at, y, branch.stable, False)
-        ax.plot(*dashed, color=style["color"], linewidth=0.8 * width, linestyle=_DASHED, zorder=3)
+        plot_branch(ax, at, y, branch.stable, color=style["color"], width=width, label=shown, zorder=3)
     count = sum(len(b.special) for b in result.branches if b.period_multiple == 1)
-    size = 4.5 if count <= MANY else 2.0
-    for kind, mark in MARKS.items():
-        own = list(_marked(result, kind, values))
-        if own:
-            at_value, height = np.array(own).T
-            label = _NAMES.get(kind, kind.replace("_", " "))
-            ax.plot(
-                at_value * x.factor, height * scale.factor, linestyle="none", marker=mark, markersize=size, color="0.2",
-                markerfacecolor="white", markeredgewidth=0.18 * size, label=label, zorder=4,
-            )  # fmt: skip
+    for kind in MARKS:
+        places = [(a * x.factor, y * scale.factor) for a, y in _marked(result, kind, values)]
+        mark_special(ax, kind, places, 4.5 if count <= MANY else 2.0)
     at = np.concatenate([b.parameter for b in result.branches])
     if result.parameter == "frequency" and at.max() > 8.0 * at.min():
         ax.set_xscale("log")

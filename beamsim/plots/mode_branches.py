@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.plots.branches import MARKS, stretches
+from beamsim.plots.branches import explain_dashes, mark_special, plot_branch
 from beamsim.plots.labels import put_names
 from beamsim.plots.style import curve_style, finish, scale_for
 from beamsim.typing import Floats
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 Curve = tuple[Floats, Floats]
 
-UNSTABLE = (0, (3, 1.5))  # dashes
 WIDE = 20.0  # ratio of the largest to the smallest amplitude that asks for a logarithmic axis
 DECADE = 10.0  # the same of the energies: a logarithmic axis has no room for its numbers below
 
@@ -73,12 +72,10 @@ def _branches(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> None:
         named.add(text)
         cuts = _cuts(result) if branch.kind == "backbone" else np.zeros(0, dtype=int)
         x, y, stable = np.insert(x, cuts, np.nan), np.insert(y, cuts, np.nan), np.insert(branch.stable, cuts, True)
-        paint = curve_style(colour)["color"]
-        ax.plot(*stretches(x, y, stable, True), label=label, color=paint, linewidth=width)
-        ax.plot(*stretches(x, y, stable, False), linestyle=UNSTABLE, color=paint, linewidth=width)
+        plot_branch(ax, x, y, stable, color=curve_style(colour)["color"], width=width, label=label)
         dashed = dashed or not bool(branch.stable.all())
     if dashed:
-        ax.plot([], [], color="0.3", linewidth=1.2, linestyle=UNSTABLE, label="unstable")
+        explain_dashes(ax)
     _marks(ax, result, curves)
     _name_tongues(ax, result, curves)
 
@@ -116,10 +113,7 @@ def _marks(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> None:
             which = int(np.argmin([float(o.min()) for o in off])) if kind == "symmetry_breaking" else 0
             k = int(np.argmin(off[which]))
             places.append((float(curves[which][0][k]), float(curves[which][1][k])))
-        ax.plot(
-            *np.transpose(places), linestyle="none", marker=MARKS[kind], markersize=5, color="0.2",
-            markerfacecolor="white", label=kind.replace("_", " "),
-        )  # fmt: skip
+        mark_special(ax, kind, places)
 
 
 def _name_tongues(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> None:

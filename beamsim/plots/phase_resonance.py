@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.plots.branches import figure_of, stretches
+from beamsim.plots.branches import explain_dashes, figure_of, plot_branch
 from beamsim.plots.labels import put_names
 from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for, thinned
@@ -39,20 +39,18 @@ def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
     scale = scale_for("m", found, *curves)
     ridge = result.predicted
     ax.plot(ridge.frequency_hz, ridge.amplitude[name] * scale.factor, label="nonlinear mode", **_RIDGE)
-    dashes = (0, (3, 1.5))
     drawn = [(ridge.frequency_hz, ridge.amplitude[name] * scale.factor)]
     places = {}
     for k, m in enumerate(result.motions):
         colour = curve_style(k)["color"]
         if m.curve is not None:
             x, y = m.curve.frequency_hz, m.curve.peak_displacement[name] * scale.factor
-            ax.plot(*stretches(x, y, m.curve.stable, True), color=colour, linewidth=1.2)
-            ax.plot(*stretches(x, y, m.curve.stable, False), color=colour, linewidth=0.9, linestyle=dashes)
+            plot_branch(ax, x, y, m.curve.stable, color=colour, width=1.2)
             top = int(np.argmax(y))
             drawn.append((x, y))
             places[_level_text(m.level, level)] = (float(x[top]), float(y[top]))
     if any(m.curve is not None and not m.curve.stable.all() for m in result.motions):
-        ax.plot([], [], color="0.3", linewidth=0.9, linestyle=dashes, label="unstable")
+        explain_dashes(ax)
     for which, marker, face, label in ((0, "o", "white", "predicted"), (1, "D", "0.15", "phase resonance")):
         at = [m.predicted_frequency_hz if which == 0 else m.frequency_hz for m in result.motions]
         ax.plot(

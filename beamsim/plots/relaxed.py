@@ -1,4 +1,4 @@
-"""The thesis's method beside exact shooting, step by step."""
+"""Relaxed minimisation (Hazim 2010) compared with exact shooting, step by step."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot_relaxed_cost", "plot_relaxed_difference", "plot_relaxed_frequency", "plot_relaxed_functional",
-           "thesis_figure"]  # fmt: skip
 
 _FATES = {
     "same": ("o", "beside the backbone's motion"),
@@ -26,7 +24,7 @@ _FATES = {
 
 
 def plot_relaxed_frequency(result: NormalModeResult, ax: Axes) -> Axes:
-    """Frequency over the factor: shooting's backbone and tongues, the thesis's steps by what they are beside."""
+    """Frequency over the factor: shooting's backbone and tongues, its steps by what they are beside."""
     relaxed = result.relaxed
     assert relaxed is not None
     for k, branch in enumerate(b for b in result.branches if b.kind != "non_brake"):
@@ -41,7 +39,7 @@ def plot_relaxed_frequency(result: NormalModeResult, ax: Axes) -> Axes:
         if here.any():
             ax.plot(
                 relaxed.factor[here], relaxed.frequency_hz[here], linestyle="none", marker=mark, markersize=3.5,
-                color=curve_style(1)["color"], markerfacecolor="white", label=f"thesis, {text}",
+                color=curve_style(1)["color"], markerfacecolor="white", label=f"relaxed minimisation, {text}",
             )  # fmt: skip
     finish(ax, "Stiffness factor ε", "Frequency (Hz)")
     ax.legend(loc="best", frameon=False, fontsize="x-small")
@@ -103,5 +101,5 @@ def thesis_figure(result: NormalModeResult) -> Figure:
     plot_relaxed_cost(result.relaxed, d)
     for above in (a, b):
         above.set_xlabel("")
-    figure.suptitle(f"{result.title}\nrelaxed minimisation (the thesis's method) beside shooting", fontsize="medium")
+    figure.suptitle(f"{result.title}\nrelaxed minimisation (Hazim 2010) and shooting", fontsize="medium")
     return figure

@@ -12,6 +12,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.shooting import find_orbit
 from beamsim.scenario import load_scenario
 from beamsim.structures.moving_point import ACCURATE, compliance_defect
+from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -82,7 +83,7 @@ def test_a_curve_in_frequency_crosses_it(case):
 @pytest.fixture(scope="module")
 def moving():
     scenario = load_scenario(BEAM, {"run": None})
-    return scenario, *build_with_moving_point(scenario, 0.15, 0.27)
+    return scenario, *build_with_moving_point(scenario, Place("beam", 0.15), Place("beam", 0.27))
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_duffing_oscillator(make_system, energy):
     last = orbits.orbit(list(Backbone(orbits, start, 1.0, 0, points=50))[-1])
     a2 = (-1 + np.sqrt(1 + 4 * g * energy)) / g
     m = g * a2 / (2 * (1 + g * a2))
-    assert last.shape[0] ** 2 == pytest.approx(a2, rel=1e-11)
+    assert last.state[0] ** 2 == pytest.approx(a2, rel=1e-11)
     assert last.period == pytest.approx(4 * ellipk(m) / np.sqrt(1 + g * a2), rel=1e-11)
 
 
@@ -139,8 +139,8 @@ def test_tongues_of_the_beam(beam_backbone):
     found = {(t.mode + 1, t.ratio): t for t in backbone.tongues}
     assert (2, 6) in found
     assert (2, 5) in found
-    assert found[2, 6].parameter == pytest.approx(0.005, abs=0.004)
-    assert found[2, 5].parameter == pytest.approx(0.07, abs=0.02)
+    assert found[2, 6].origin == pytest.approx(0.005, abs=0.004)
+    assert found[2, 5].origin == pytest.approx(0.07, abs=0.02)
     for tongue in found.values():
         assert min(backbone.share(p) for p in tongue.points) < 0.5
         assert max(p.residual for p in tongue.points) < 1e-10

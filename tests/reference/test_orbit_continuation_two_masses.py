@@ -111,9 +111,9 @@ def test_stable_motions_attract(curve, index):
     assert orbit.stable
     flow, _ = problem.flow_at(point.parameter)
     long = 300 * orbit.period
-    near = orbit.z[:4] * (1 + 1e-3)
+    near = orbit.state[:4] * (1 + 1e-3)
     end = simulate(flow.exact_flow(long), near, duration=long)
-    np.testing.assert_allclose(end.final_y[:4], orbit.z[:4], atol=1e-6)
+    np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 
 def test_special_points_are_what_they_are_called(curve):
@@ -156,11 +156,11 @@ def test_branch_of_doubled_period(curve):
     best = min(stable, key=lambda p: abs(doubled.orbit(p).multipliers[0]))
     orbit = doubled.orbit(best)
     flow, _ = doubled.flow_at(best.parameter)
-    half = flow.carry(orbit.z, orbit.period / 2).end
-    assert np.linalg.norm(half - orbit.z) > 1e-2
+    half = flow.carry(orbit.state, orbit.period / 2).end
+    assert np.linalg.norm(half - orbit.state) > 1e-2
     long = 300 * orbit.period
-    end = simulate(flow.exact_flow(long), orbit.z[:4] * (1 + 1e-5), duration=long)
-    np.testing.assert_allclose(end.final_y[:4], orbit.z[:4], atol=1e-6)
+    end = simulate(flow.exact_flow(long), orbit.state[:4] * (1 + 1e-5), duration=long)
+    np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 
 def test_fold_followed_in_the_level(flow_of, curve):
@@ -245,10 +245,10 @@ def test_with_a_dashpot(flow_of, law):
     np.testing.assert_allclose(grazing, [0.6534401404, 0.5818996390], atol=1e-8)
     contacting = [p for p in points if p.data.event_time.size and problem.orbit(p).stable]
     orbit = problem.orbit(contacting[len(contacting) // 2])
-    problem.flow.set(omega=orbit.omega)
+    problem.flow.set(omega=orbit.parameter)
     long = 300 * orbit.period
-    end = simulate(problem.flow.exact_flow(long), orbit.z[:4] * (1 + 1e-4), duration=long)
-    np.testing.assert_allclose(end.final_y[:4], orbit.z[:4], atol=1e-6)
+    end = simulate(problem.flow.exact_flow(long), orbit.state[:4] * (1 + 1e-4), duration=long)
+    np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 
 def test_level_does_not_matter_without_gap(flow_of):

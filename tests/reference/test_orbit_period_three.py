@@ -74,12 +74,12 @@ def test_independent_integration_comes_back(orbits, found):
     # the two codes may count a coordinate positive where the other counts it negative
     sign = np.tile(np.sign(stop.row * orbits.flow.system.contacts.shape[0]), 2)
     np.testing.assert_allclose(np.abs(stop.row), np.abs(orbits.flow.system.contacts.shape[0]), rtol=1e-6)
-    start = sign * orbit.z[: 2 * n]
+    start = sign * orbit.state[: 2 * n]
     end = integrate(
         structure, [stop], lambda t: -structure.inertia * level * np.sin(2 * np.pi * HZ * t), start,
         np.array([orbit.period]), most_step=1e-3, rtol=1e-9,
     ).state[-1]  # fmt: skip
-    size = np.repeat([1.0, orbit.omega], n) * np.linalg.norm(start[:n])
+    size = np.repeat([1.0, orbit.parameter], n) * np.linalg.norm(start[:n])
     np.testing.assert_allclose(end / size, start / size, atol=1e-6)
 
 

@@ -279,7 +279,7 @@ class NormalModeResult(Result):
 
     @property
     def non_brake(self) -> tuple[BranchResult, ...]:
-        """The branches of motions that are never at rest all at once."""
+        """The branches of orbits that are not brake orbits."""
         return tuple(b for b in self.branches if b.kind == "non_brake")
 
     @property

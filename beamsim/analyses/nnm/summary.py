@@ -1,4 +1,4 @@
-"""What ``beamsim nnm`` prints, as plain values: the backbone, what leaves it, and what is laid beside it."""
+"""What ``beamsim nnm`` prints, as plain values: the backbone, what leaves it, and what is compared with it."""
 
 from __future__ import annotations
 
