@@ -15,12 +15,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.flow.passage import (
+    LARGEST_LOG,
+    MOST_EVALUATIONS,
+    Frequency,
+    Level,
+    Parameter,
+    Passage,
+    PeriodicFlow,
+    WorkExceeded,
+)
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import ContactState
     from beamsim.flow.exact import ExactFlow
-    from beamsim.flow.variational import Parameter, Passage, VariationalFlow
 
 NEAR = 1e-4  # |i k w - lambda| over w below which more than four digits would be lost
 DIFFERENCE = 1e-6  # relative step of the differences
@@ -43,7 +52,7 @@ def transition(state: ContactState, inputs: int, length: float) -> Floats:
 
 
 def carry_by_series(
-    flow: VariationalFlow, exact: ExactFlow, start: Floats, duration: float, parameters: Sequence[Parameter], t: float
+    flow: PeriodicFlow, exact: ExactFlow, start: Floats, duration: float, parameters: Sequence[Parameter], t: float
 ) -> Passage:
     """As :meth:`beamsim.flow.variational.VariationalFlow.carry`, for the same loads in ``exact``."""
     passage = _motion(flow, exact, start, duration, t)
@@ -53,10 +62,9 @@ def carry_by_series(
     return replace(passage, transition=matrix, parameters=by)
 
 
-def _motion(flow: VariationalFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
+def _motion(flow: PeriodicFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
     """The passage without its derivatives."""
     from beamsim.flow import kernels
-    from beamsim.flow.variational import LARGEST_LOG, MOST_EVALUATIONS, Passage, WorkExceeded
 
     N, room = flow.size, FIRST_LOG
     first = flow.number_in(exact, flow.starting_state(start, t))
@@ -85,7 +93,7 @@ def _motion(flow: VariationalFlow, exact: ExactFlow, start: Floats, duration: fl
     )  # fmt: skip
 
 
-def _rate(flow: VariationalFlow, y: Floats, phases: Ints, t: float) -> Floats:
+def _rate(flow: PeriodicFlow, y: Floats, phases: Ints, t: float) -> Floats:
     """Time derivative of the state in given phases."""
     s, c, n = flow.system, flow.system.contacts, flow.system.size
     delta, rate = _penetration(flow, y, t)
@@ -98,14 +106,14 @@ def _rate(flow: VariationalFlow, y: Floats, phases: Ints, t: float) -> Floats:
     return np.concatenate([y[n : 2 * n], acceleration, inside])
 
 
-def _penetration(flow: VariationalFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
+def _penetration(flow: PeriodicFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
     c, n = flow.system.contacts, flow.system.size
     d, v = flow.base_motion(t)
     delta = -c.gap - c.sign * (c.shape @ y[:n] + np.where(c.on_ground, d, 0.0))
     return delta, -c.sign * (c.shape @ y[n : 2 * n] + np.where(c.on_ground, v, 0.0))
 
 
-def _by_start(flow: VariationalFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
+def _by_start(flow: PeriodicFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
     """The transition matrix: the product over segments and events."""
     N, inputs = flow.size, exact.sources.count
     S = np.eye(N)
@@ -135,7 +143,7 @@ def segment_end(exact: ExactFlow, passage: Passage, g: int) -> Floats:
     return np.asarray((gamma[:, : basis.size] @ basis).real)
 
 
-def _saltation(flow: VariationalFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
+def _saltation(flow: PeriodicFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
     """What an event does to small changes of the state just before it."""
     c, n, N, a = flow.system.contacts, flow.system.size, flow.size, flow.system.contacts.arrays
     guard = next(i for i in range(a.guards[j, before[j]]) if a.next[j, before[j], i] == after)
@@ -171,9 +179,8 @@ def _saltation(flow: VariationalFlow, before: Ints, j: int, after: int, y: Float
     return out
 
 
-def _by_parameter(flow: VariationalFlow, p: Parameter, start: Floats, duration: float, t: float) -> Floats:
+def _by_parameter(flow: PeriodicFlow, p: Parameter, start: Floats, duration: float, t: float) -> Floats:
     """A central difference of two passages."""
-    from beamsim.flow.variational import Frequency, Level, VariationalFlow
 
     if not isinstance(p, Frequency | Level):
         return flow.by_difference(start, duration, p, t)
@@ -182,6 +189,6 @@ def _by_parameter(flow: VariationalFlow, p: Parameter, start: Floats, duration: 
     ends = []
     for step in (h, -h):
         omega, level = (flow.omega + step, flow.level) if frequency else (flow.omega, flow.level + step)
-        other = VariationalFlow(flow.system, flow.forcing, omega, level)
+        other = flow.under(omega, level)
         ends.append(_motion(other, other.by_series(), start, duration, t).end)
     return np.asarray((ends[0] - ends[1]) / (2 * h))

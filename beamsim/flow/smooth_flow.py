@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.flow.variational import (
+from beamsim.flow.passage import (
     ContactDirection,
     Frequency,
     Level,

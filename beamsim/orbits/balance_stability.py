@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance

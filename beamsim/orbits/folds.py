@@ -18,7 +18,8 @@ from typing import Literal
 
 import numpy as np
 
-from beamsim.flow.variational import ContactDirection, Frequency, Level, Passage, VariationalFlow
+from beamsim.flow.passage import ContactDirection, Frequency, Level, Passage
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import ContinuationProblem, Settings, solve_at
 from beamsim.orbits.grazing import extremum

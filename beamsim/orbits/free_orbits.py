@@ -14,7 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.flow.variational import Passage, floquet_multipliers
+from beamsim.flow.passage import Passage
+from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.grazing import cyclic

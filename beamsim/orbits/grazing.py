@@ -13,7 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.variational import Passage, VariationalFlow
+from beamsim.flow.passage import Passage
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import ContinuationProblem, Settings, between, locate
 from beamsim.typing import Floats

@@ -27,7 +27,7 @@ from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.flow.passage import PeriodicForcing
     from beamsim.orbits.branch import BranchPoint
     from beamsim.system.equations import PiecewiseLinearSystem
 

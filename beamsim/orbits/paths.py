@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.flow.passage import ContactDirection, StructureDirection
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import ContactDirection, StructureDirection, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 
 HEAVY = 0.5  # added damping ratio at the beginning of a path of falling damping
 SMALLEST_RATIO = 1e-3  # unit in which the added damping is counted where the structure has less

@@ -36,7 +36,7 @@ from beamsim.orbits.continuation import Settings, correct
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
-    from beamsim.flow.variational import Passage
+    from beamsim.flow.passage import Passage
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.equations import PiecewiseLinearSystem
 

@@ -20,7 +20,8 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from beamsim.flow.variational import ContactDirection, Passage, VariationalFlow, moved_system
+from beamsim.flow.passage import ContactDirection, Passage, moved_system
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, locate
 from beamsim.orbits.grazing import grazings

@@ -14,15 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from beamsim.flow.variational import (
-    Direction,
-    Frequency,
-    Level,
-    Parameter,
-    Passage,
-    VariationalFlow,
-    floquet_multipliers,
-)
+from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage
+from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, between, correct, locate, solve_at
 from beamsim.orbits.grazing import cyclic, grazings

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from beamsim.flow.variational import ContactDirection, Frequency, Level, PeriodicForcing, VariationalFlow
+from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 

@@ -7,8 +7,9 @@ import pytest
 from free_balance import FreeBalance
 
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation

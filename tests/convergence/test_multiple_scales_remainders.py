@@ -8,7 +8,8 @@ from expansions import expand_forced, forced_remainder, free_remainder
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import expand_mode, expand_mode_at_energy, observed_orders, weakened
 from beamsim.orbits.multiple_scales_forced import ResonantForcing

@@ -6,9 +6,10 @@ import pytest
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.smooth_flow import CubicStiffness, SmoothFlow
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import observed_orders

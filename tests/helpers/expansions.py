@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import PeriodicForcing
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.aft import one_sided
 from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, expand_mode, product_harmonics, weakened

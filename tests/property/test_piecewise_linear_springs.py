@@ -11,8 +11,9 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import FLOATS, RUNS_AWAY, CubicSprings, Springs, find_equilibrium
 from beamsim.contacts.laws import kelvin_voigt
+from beamsim.flow.passage import Frequency, Level, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import Frequency, Level, PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit

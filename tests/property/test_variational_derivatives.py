@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.flow.variational import (
-    ContactDirection,
-    Frequency,
-    Level,
-    PeriodicForcing,
-    StructureDirection,
-    VariationalFlow,
-)
+from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing, StructureDirection
+from beamsim.flow.variational import VariationalFlow
 
 OMEGA = np.array([1.0, 6.3, 17.5])
 SHAPE = np.array([[1.4, -1.3, 1.1], [0.5, 1.2, 0.3]])

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
 from beamsim.outcomes import OutcomeCode

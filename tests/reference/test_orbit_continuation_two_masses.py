@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow, moved_system
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.folds import GrazingCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.paths import ContactPath

@@ -11,8 +11,9 @@ import pytest
 from independent import Beam, Stop, integrate
 
 import beamsim
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits import continuation
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points

@@ -28,10 +28,6 @@ KNOWN_MODULE_CIRCLES: list[set[str]] = [
         "beamsim.scenario.sweep",
         "beamsim.scenario.warnings",
     },
-    {
-        "beamsim.flow.resonant_passage",
-        "beamsim.flow.variational",
-    },
 ]
 KNOWN_PACKAGE_CIRCLES: list[set[str]] = []
 KNOWN_STRUCTURE_TESTS: set[str] = set()

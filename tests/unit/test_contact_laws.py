@@ -7,8 +7,9 @@ from scipy.integrate import solve_ivp
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import ContactLaw, Guard, Phase, kelvin_voigt, no_tension, piecewise_linear
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import Frequency, PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 

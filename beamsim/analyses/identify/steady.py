@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem

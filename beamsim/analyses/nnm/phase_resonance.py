@@ -43,7 +43,7 @@ from beamsim.system.build import build_system
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.flow.passage import PeriodicForcing
     from beamsim.orbits.reversible import BrakeOrbits
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem

@@ -15,7 +15,8 @@ import numpy as np
 from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.analyses.response.result import ForcedExpansionComparison
 from beamsim.errors import Problem, ScenarioError, locating
-from beamsim.flow.variational import PeriodicForcing, VariationalFlow
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import observed_orders, weakened
 from beamsim.orbits.multiple_scales_forced import ResonantForcing, SteadyMotion

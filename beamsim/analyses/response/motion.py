@@ -16,7 +16,7 @@ from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
-    from beamsim.flow.variational import PeriodicForcing
+    from beamsim.flow.passage import PeriodicForcing
     from beamsim.orbits.branch import BranchPoint
     from beamsim.orbits.harmonic_balance import HarmonicMotion
     from beamsim.orbits.shooting import ForcedOrbits

@@ -10,8 +10,9 @@ import numpy as np
 from beamsim.analyses.response.motion import BaseAcceleration
 from beamsim.contacts.contact_rates import MovedContact
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.passage import ContactDirection, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import ContactDirection, PeriodicForcing, VariationalFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
