@@ -1,4 +1,4 @@
-"""Datasets, groups and tables as every result file holds them: one writer and one reader of each."""
+"""Datasets that no dataclass declares: those of design studies, whose responses are known only when they run."""
 
 from __future__ import annotations
 
@@ -9,11 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.store import schema
-from beamsim.store.declared import read, write
 from beamsim.store.schema import Field
-from beamsim.structures.stations import Stations
-from beamsim.system.structural import ModeTable
 
 
 def put(group: h5py.Group, field: Field, values: Any, *scales: h5py.Dataset, scale: bool = False) -> h5py.Dataset:
@@ -31,13 +27,6 @@ def put(group: h5py.Group, field: Field, values: Any, *scales: h5py.Dataset, sca
     for axis, dimension in enumerate(scales):
         dataset.dims[axis].attach_scale(dimension)
     return dataset
-
-
-def named_group(parent: h5py.Group, folder: str, name: str, index: int) -> h5py.Group:
-    """The group of one probe or snubber, ``<folder>/<name>``; `ordered` reads such groups in the order of `index`."""
-    group = parent.create_group(f"{folder}/{schema.group_name(name)}")
-    group.attrs.update({"name": name, "index": index})
-    return group
 
 
 def ordered(parent: h5py.Group, folder: str, *, required: bool = False) -> list[h5py.Group]:
@@ -70,24 +59,3 @@ def texts(dataset: h5py.Dataset) -> list[str]:
 def words(values: Iterable[str]) -> NDArray[np.object_]:
     """Texts as `put` takes them."""
     return np.array(list(values), dtype=h5py.string_dtype("utf-8"))
-
-
-def write_stations(group: h5py.Group, stations: Stations) -> h5py.Dataset:
-    """Write the stations; returns their scale ``position``."""
-    write(group, stations)
-    return group["position"]
-
-
-def read_stations(group: h5py.Group) -> Stations:
-    """Inverse of `write_stations`."""
-    return Stations(**read(Stations, group))
-
-
-def write_modes(parent: h5py.Group, modes: ModeTable) -> None:
-    """Write the group ``modes``: natural frequencies, damping, shapes, what the reduction kept."""
-    write(parent.create_group("modes"), modes)
-
-
-def read_modes(parent: h5py.Group) -> ModeTable:
-    """Inverse of `write_modes`."""
-    return ModeTable(**read(ModeTable, parent["modes"]))

@@ -30,8 +30,6 @@ class Field(NamedTuple):
     flags: tuple[str, str] | None = None
 
 
-TIME = Field("time", "s", "time")
-
 MODE_NUMBER = Field("mode", "1", "mode number")
 
 
