@@ -1,6 +1,7 @@
 """Nonlinear modes where random structures once tripped them up."""
 
 from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -44,17 +45,17 @@ def test_work_between_two_neighbours_is_bounded(monkeypatch):
 
     class Passage:
         def __init__(self, number):
-            self.event_contact = np.arange(number)
             self.event_time = np.zeros(number)
+            self.signature = tuple((j, 1) for j in range(number))
 
     class Unruly:
         def same_events(self, a, b):
             return False
 
         def cycle(self, point):
-            return None, Passage(next(events))
+            return SimpleNamespace(system=SimpleNamespace(contacts=None)), Passage(next(events))
 
-    monkeypatch.setattr(grazing, "_shortest_phase", lambda more, few: None)
+    monkeypatch.setattr(grazing, "_shortest_stay", lambda contacts, more, few: None)
     monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
     assert list(grazing.grazings(Unruly(), object(), object(), Settings())) == []
     assert len(looked) == grazing.MOST_MIDDLES
@@ -64,7 +65,7 @@ def test_contacts_met_in_another_order_graze_nothing(monkeypatch):
     looked = []
 
     class Passage:
-        event_contact = np.array([0, 1])
+        signature = ((0, 1), (1, 1))
         event_time = np.zeros(2)
 
     class Reordered:
