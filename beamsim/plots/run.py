@@ -12,6 +12,8 @@ from beamsim.analyses.run.result import ProbeHistory, RunResult, SnubberHistory,
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
+from beamsim.structures.assembly import snubber_site
+from beamsim.structures.places import Place
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -134,8 +136,13 @@ def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
     """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers."""
     if not result.bodies:
         raise ValueError("no body has a deflected shape: the masses of a chain are points")
-    beam = result.bodies[body or next(iter(result.bodies))]
-    faces = [(-1.0 if s.side == "below" else 1.0) * s.gap for s in result.snubbers.values()]
+    body = body or next(iter(result.bodies))
+    beam = result.bodies[body]
+    snubbers = list(result.snubbers.values())
+    if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
+        sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
+        snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == body]
+    faces = [(-1.0 if s.side == "below" else 1.0) * s.gap for s in snubbers]
     length = scale_for("m", beam.extreme_shapes, np.array(faces))
     along = scale_for("m", beam.position)
     x = beam.position * along.factor
@@ -149,7 +156,7 @@ def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
     for shape, dashes, label in curves:
         if np.all(np.isfinite(shape)):
             ax.plot(x, shape * length.factor, color="#0b3c5d", linestyle=dashes, linewidth=1.5, label=label)
-    for k, (s, face) in enumerate(zip(result.snubbers.values(), faces, strict=True)):
+    for k, (s, face) in enumerate(zip(snubbers, faces, strict=True)):
         ax.plot(
             [s.position * along.factor],
             [face * length.factor],
@@ -219,6 +226,8 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         figure, axes = panels(len(result.bodies), height=4.4 if len(result.bodies) == 1 else 3.2 * len(result.bodies))
         for ax, body in zip(axes, result.bodies, strict=True):
             plot_deflected_shapes(result, ax, body)
+            if len(result.bodies) > 1:
+                ax.set_title(body, fontsize="medium")
         figures["deflected_shapes"] = figure
     return figures
 

@@ -12,7 +12,15 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 0.127324
 """
 
-from beamsim.scenario.beam import Beam, GeneralSection, PointMass, RectangleSection, Supports, TubeSection
+from beamsim.scenario.beam import (
+    Beam,
+    GeneralSection,
+    PointMass,
+    RectangleSection,
+    StiffnessBeam,
+    Supports,
+    TubeSection,
+)
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.continuation import Continuation
@@ -32,11 +40,12 @@ from beamsim.scenario.nnm import (
     StiffnessFactorContinuation,
 )
 from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, ShootingMethod, ThesisMethod
-from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, PlacedForce, Probe
+from beamsim.scenario.place import AtPlace, ConstantForce, PlacedForce, Probe
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.snubber import (
+    BodySnubber,
     ChainSnubber,
     LinkSnubber,
     MassSnubber,
@@ -59,10 +68,10 @@ from beamsim.scenario.template import template
 
 __all__ = [
     "AppliedTo",
-    "AtMass",
-    "AtPosition",
+    "AtPlace",
     "Beam",
     "Body",
+    "BodySnubber",
     "Chain",
     "ChainSnubber",
     "ConstantForce",
@@ -115,6 +124,7 @@ __all__ = [
     "SpectrumSettings",
     "Step",
     "SteppedSine",
+    "StiffnessBeam",
     "StiffnessFactorContinuation",
     "Supports",
     "Sweep",

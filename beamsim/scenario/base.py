@@ -207,6 +207,9 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
     elif isinstance(value, tuple):
         for index, item in enumerate(value):
             yield from walk(item, (*path, index))
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from walk(item, (*path, name))
 
 
 def by_key(choose: Callable[[Any], str | None], message: str, remedy: str) -> Discriminator:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Tag
+from pydantic import Discriminator, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.errors import Problem
+from beamsim.scenario.base import BY_KIND, Path, Schema, fail, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
+from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import (
     Area,
+    BendingStiffness,
     Density,
     Elements,
     Length,
+    MassPerLength,
     Modulus,
     PointMassValue,
     Position,
@@ -128,10 +133,156 @@ class PointMass(Schema):
     """The mass; it has no rotary inertia."""
 
 
-class Beam(Body):
-    """A uniform Euler-Bernoulli beam along x from 0 (left) to `length` (right)."""
+_HOLDS_DEFLECTION = ("clamped", "pinned")
+
+
+class BeamBody(Body):
+    """What beams answer, whatever their bending stiffness was given by."""
 
     body_kind: ClassVar[str] = "beam"
+
+    if TYPE_CHECKING:
+        length: float
+        elements: int
+        supports: Supports
+        point_masses: tuple[PointMass, ...]
+
+        @property
+        def bending_stiffness(self) -> float:
+            """E I, N m^2."""
+
+        @property
+        def mass_per_length(self) -> float:
+            """Mass per length, kg/m."""
+
+        @property
+        def stress_per_moment(self) -> float | None:
+            """Stress at the extreme fibre for a unit moment, Pa per N m; None where that is unknown."""
+
+    @property
+    def gives_stress(self) -> bool:
+        """Whether a bending stress can be recovered."""
+        return self.stress_per_moment is not None
+
+    @property
+    def rough_frequency_hz(self) -> float:
+        """That of the first mode, about, Hz."""
+        return math.pi / 2.0 * math.sqrt(self.bending_stiffness / self.mass_per_length) / self.length**2
+
+    def default_probe(self) -> tuple[str, AtPlace]:
+        """A free end, else the middle."""
+        moving = ("free", "guided")
+        if self.supports.right in moving:
+            return "right_end", AtPlace(position=self.length)
+        if self.supports.left in moving:
+            return "left_end", AtPlace(position=0.0)
+        return "middle", AtPlace(position=self.length / 2.0)
+
+    def on_the_body(self, position: float) -> float:
+        """The position, moved to the end if it is beyond it by round-off only."""
+        return self.length if self.length < position <= self.length * (1.0 + 1e-12) else position
+
+    def problems(self, where: Path) -> Iterator[Problem]:
+        """Nothing left to move; point masses beyond the ends."""
+        inside = [mass for mass in self.point_masses if 0.0 < mass.position < self.length]
+        if self.elements == 1 and self.supports.left == self.supports.right == "clamped" and not inside:
+            yield Problem(
+                path_text((*where, "elements")),
+                "= 1 leaves no degree of freedom between two clamped ends",
+                "use 2 or more",
+            )
+        for index, mass in enumerate(self.point_masses):
+            yield from self.position_problems(where, (*where, "point_masses", index, "position"), mass.position, "")
+
+    def held_end(self, position: float) -> tuple[str, str] | None:
+        """(end, support) if no deflection is possible at the position."""
+        for end, x in (("left", 0.0), ("right", self.length)):
+            support = getattr(self.supports, end)
+            if position == x and support in _HOLDS_DEFLECTION:
+                return end, support
+        return None
+
+    def holds(self, position: float) -> bool:
+        """Whether a support is at a position."""
+        return self.held_end(position) is not None
+
+    def position_problems(self, where: Path, at: Path, position: float, what: str) -> Iterator[Problem]:
+        """What is wrong with a position; ``what`` does nothing on a support, and is empty for what may stand there."""
+        if position > self.length:
+            given = _distinct(position, self.length)
+            yield Problem(
+                path_text(at),
+                f"= {given[0]} m lies beyond {path_text((*where, 'length'))} = {given[1]} m",
+                f"positions run from 0 to {given[1]} m, from the left end",
+            )
+        elif what and (held := self.held_end(position)) is not None:
+            yield Problem(
+                path_text(at),
+                f"= {position:g} m is the {held[1]} {held[0]} end, which cannot deflect: {what} has no effect there",
+                f"move it along the beam, or change {path_text((*where, 'supports', held[0]))}",
+            )
+
+    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """Why no snubber can move to a position of the beam."""
+        if position > self.length * (1 + 1e-12):
+            yield Problem(
+                path_text(at),
+                f"= {position:g} m lies beyond {path_text((*where, 'length'))} = {self.length:g} m",
+                f"positions run from 0 to {self.length:g} m, from the left end",
+            )
+        if (held := self.held_end(position)) is not None:
+            yield Problem(
+                path_text(at),
+                f"= {position:g} m is the {held[1]} {held[0]} end, which cannot deflect",
+                "begin or end a little beside it",
+            )
+
+    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+        """A polynomial with a deflection or slope that the supports prevent."""
+        supports = self.supports
+        for end, support, x in (("left", supports.left, 0.0), ("right", supports.right, self.length)):
+            for what, order, held in (
+                ("deflection", 0, support in _HOLDS_DEFLECTION),
+                ("slope", 1, support in ("clamped", "guided")),
+            ):
+                terms = [c * (j if order else 1) * x ** (j - order) for j, c in enumerate(numbers) if j >= order]
+                scale = sum(
+                    abs(c) * (j if order else 1) * self.length ** (j - order) for j, c in enumerate(numbers) if j
+                )
+                scale += 0.0 if order or not numbers else abs(numbers[0])
+                if held and abs(sum(terms)) > 1e-9 * scale:
+                    of = what if at[-1] == "displacement" else f"{what} velocity"
+                    yield Problem(
+                        path_text(at),
+                        f"= [{', '.join(f'{c:g}' for c in numbers)}] has the {of} {sum(terms):g} "
+                        f"at the {support} {end} end, where it must be 0",
+                        "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
+                    )
+
+    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+        """Too few elements for the excitation."""
+        if highest_hz > 0.0:
+            omega = 2.0 * math.pi * highest_hz
+            wavelength = 2.0 * math.pi * (self.bending_stiffness / self.mass_per_length / omega**2) ** 0.25
+            per_wave = wavelength / (self.length / self.elements)
+            if per_wave < 6.0:
+                yield (
+                    f"{path_text((*where, 'elements'))} = {self.elements} gives {per_wave:.1f} elements a bending "
+                    f"wavelength at {highest_hz:g} Hz: use 6 or more"
+                )
+
+
+def _distinct(a: float, b: float) -> tuple[str, str]:
+    """Print two numbers with enough digits to distinguish them."""
+    for digits in range(6, 18):
+        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if texts[0] != texts[1]:
+            return texts
+    return repr(a), repr(b)
+
+
+class Beam(BeamBody):
+    """A uniform Euler-Bernoulli beam along x from 0 (left) to `length` (right)."""
 
     length: Length
     """Length."""
@@ -169,10 +320,6 @@ class Beam(Body):
                 (missing,) if flat else (),
             )
 
-    def on_the_body(self, position: float) -> float:
-        """The position, moved to the end if it is beyond it by round-off only."""
-        return min(position, self.length)
-
     @property
     def cross_section(self) -> RectangleSection | TubeSection | GeneralSection:
         """The section, also when it was given by width and thickness."""
@@ -206,3 +353,67 @@ class Beam(Body):
     def mass_per_length(self) -> float:
         """Rho S, kg/m."""
         return self.density * self.area
+
+    @property
+    def stress_per_moment(self) -> float:
+        """Stress at the extreme fibre for a unit moment, Pa per N m."""
+        return self.extreme_fibre / self.second_moment
+
+    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+        """Moduli of no solid, depth, too few elements."""
+        at = path_text(where)
+        if not 1e5 <= self.youngs_modulus <= 2e12:
+            yield (
+                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is that of no solid: "
+                "a unit such as GPa may be missing"
+            )
+        if not 1.0 <= self.density <= 25_000.0:
+            yield (f"{at}.density = {self.density:g} kg/m^3 is that of no solid: a unit such as g/cm^3 may be missing")
+        depth = 2.0 * self.extreme_fibre
+        if depth > self.length / 10.0:
+            yield (
+                f"the beam is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) is "
+                "doubtful when the depth is more than a tenth of the length"
+            )
+        yield from super().doubts(where, highest_hz)
+
+
+class StiffnessBeam(BeamBody):
+    """A uniform beam by its bending stiffness and mass per length, such as a sandwich panel."""
+
+    length: Length
+    """Length."""
+    bending_stiffness: BendingStiffness
+    """Bending stiffness E I."""
+    mass_per_length: MassPerLength
+    """Mass per unit length."""
+    extreme_fibre: Length | None = None
+    """Distance of the outermost fibre from the neutral axis, for the bending stress."""
+    youngs_modulus: Modulus | None = None
+    """Young's modulus of the outermost fibre, for the bending stress: a strain alone gives none."""
+    elements: Elements = 20
+    """Number of finite elements (cubic Hermite), before nodes are added at point masses."""
+    supports: Supports = Supports()
+    """How the two ends are held; clamped and free by default."""
+    damping: BeamDamping = ModalDamping()
+    """Damping; none by default."""
+    point_masses: tuple[PointMass, ...] = ()
+    """Lumped masses."""
+
+    @property
+    def stress_per_moment(self) -> float | None:
+        """E c / (E I) of the extreme fibre, Pa per N m; None where its distance or modulus is unknown."""
+        if self.extreme_fibre is None or self.youngs_modulus is None:
+            return None
+        return self.youngs_modulus * self.extreme_fibre / self.bending_stiffness
+
+
+def by_stiffness(value: Any) -> bool:
+    """Whether a raw beam is given by its bending stiffness."""
+    return isinstance(value, StiffnessBeam) or (isinstance(value, dict) and "bending_stiffness" in value)
+
+
+AnyBeam = Annotated[
+    Annotated[Beam, Tag("<section>")] | Annotated[StiffnessBeam, Tag("<stiffness>")],
+    Discriminator(lambda value: "<stiffness>" if by_stiffness(value) else "<section>"),
+]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from beamsim.scenario.base import Path, Schema
+from beamsim.errors import Problem
+from beamsim.scenario.base import Path, Schema, path_text
+from beamsim.scenario.place import AtPlace
 
 
 class Located(NamedTuple):
@@ -16,7 +19,10 @@ class Located(NamedTuple):
 
 
 class Body(Schema):
-    """One body of a scenario; a kind of body is a subclass."""
+    """One body of a scenario; a kind of body is a subclass.
+
+    What is here holds for a body without snubbers, springs or ends of its own; ``where`` is the path of the body.
+    """
 
     body_kind: ClassVar[str] = ""
     """Which assembly is its own, see `beamsim.structures.assembly`."""
@@ -27,15 +33,80 @@ class Body(Schema):
     reduced_by_default: ClassVar[bool] = True
     """Whether it has modes that are left out unless they are asked for."""
 
-    def on_the_body(self, position: float) -> float:
-        """The position, moved to the end if it is beyond it by round-off only."""
-        return position
+    @property
+    def mode_count(self) -> int | None:
+        """Number of modes there are; None where that is for the mesh to say."""
+        return None
+
+    @property
+    def gives_stress(self) -> bool:
+        """Whether a bending stress can be recovered."""
+        return False
+
+    @property
+    def rough_frequency_hz(self) -> float:
+        """Order of magnitude of a low natural frequency, Hz."""
+        return 0.0
 
     @property
     def own_snubbers(self) -> tuple[Any, ...]:
         """Snubbers listed in the body itself, under ``snubbers``."""
         return ()
 
+    def own_names(self) -> list[tuple[Path, tuple[Any, ...]]]:
+        """Lists below the body whose items share one set of names."""
+        return []
+
     def nonlinear_springs(self) -> list[tuple[Path, Any]]:
         """Springs of the body that are not linear, with their paths below the body."""
         return []
+
+    def default_probe(self) -> tuple[str, AtPlace]:
+        """Name and place of the probe where nothing else tells one."""
+        raise NotImplementedError
+
+    def on_the_body(self, position: float) -> float:
+        """The position, moved to the end if it is beyond it by round-off only."""
+        return position
+
+    def holds(self, position: float) -> bool:
+        """Whether nothing can deflect at a position."""
+        return False
+
+    def problems(self, where: Path) -> Iterator[Problem]:
+        """What is wrong with the body by itself."""
+        yield from ()
+
+    def position_problems(self, where: Path, at: Path, position: float, what: str) -> Iterator[Problem]:
+        """What is wrong with a position on the body; ``what`` does nothing on a support, and is empty for what may."""
+        yield Problem(
+            path_text(at), f"applies to a beam, but {_this(where)} is a {self.body_kind}",
+            "give a mass by its number, mass: 1",
+        )  # fmt: skip
+
+    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+        """What is wrong with the number of a mass of the body."""
+        yield Problem(
+            path_text(at), f"applies to a chain, but {_this(where)} is a {self.body_kind}",
+            "give a position on the beam, position: 270 mm",
+        )  # fmt: skip
+
+    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """Why no snubber can move to a position of the body, where `at` names it."""
+        yield from self.position_problems(where, at, position, "")
+
+    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+        """What is wrong with the numbers of a displacement or velocity to start from."""
+        yield from ()
+
+    def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
+        """Springs that a stiffness factor up to ``largest`` would give a negative slope."""
+        yield from ()
+
+    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+        """A sentence for each doubtful number; the excitation goes up to ``highest_hz``."""
+        yield from ()
+
+
+def _this(where: Path) -> str:
+    return "the structure" if len(where) == 1 else path_text(where)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from beamsim.scenario.base import Path, fail, known
+from beamsim.errors import Problem
+from beamsim.scenario.base import Path, fail, known, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.names import named
+from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 from beamsim.scenario.snubber import ChainSnubber
-from beamsim.scenario.spring import GroundSpring, LinkSpring
+from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring
 
 
 class Chain(Body):
@@ -63,6 +67,77 @@ class Chain(Body):
     def count(self) -> int:
         """Number of masses."""
         return len(self.masses)
+
+    @property
+    def mode_count(self) -> int:
+        """As many as masses."""
+        return self.count
+
+    @property
+    def rough_frequency_hz(self) -> float:
+        """That of the lightest mass on the stiffest spring, Hz."""
+        return math.sqrt(self.stiffest_spring / min(self.masses)) / (2.0 * math.pi)
+
+    def own_names(self) -> list[tuple[Path, tuple[Any, ...]]]:
+        """Snubbers and springs share one set of names."""
+        return [((name,), getattr(self, name)) for name in ("snubbers", "springs_to_ground", "springs_between")]
+
+    def default_probe(self) -> tuple[str, AtPlace]:
+        """The last mass."""
+        return f"mass_{self.count}", AtPlace(mass=self.count)
+
+    def problems(self, where: Path) -> Iterator[Problem]:
+        """Snubbers and springs on masses that there are not."""
+        for name in ("snubbers", "springs_to_ground", "springs_between"):
+            for index, item in enumerate(getattr(self, name)):
+                for key in ("mass", "between", "masses"):
+                    value = getattr(item, key, None)
+                    numbers = value if isinstance(value, tuple) else () if value is None else (value,)
+                    for k, number in enumerate(numbers):
+                        at: Path = (
+                            (*where, name, index, key, k) if isinstance(value, tuple) else (*where, name, index, key)
+                        )
+                        yield from self.mass_problems(where, at, number)
+
+    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+        """A number above that of the masses."""
+        if mass > self.count:
+            yield Problem(
+                path_text(at),
+                f"= {mass}, but the chain has {self.count} masses",
+                f"masses are numbered from 1 to {self.count}",
+            )
+
+    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """Snubbers do not move between masses."""
+        yield Problem(
+            path_text((*at[:-1], "kind")),
+            "= position applies to a beam, but the structure is a chain",
+            "follow gap or stiffness",
+        )
+
+    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+        """Not one number a mass."""
+        if numbers and len(numbers) != self.count:
+            given = f"{len(numbers)} {'number' if len(numbers) == 1 else 'numbers'}"
+            yield Problem(
+                path_text(at), f"has {given} for {self.count} masses", "give one number per mass, or leave it out"
+            )
+
+    def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
+        """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
+        for (name, index), spring in self.nonlinear_springs():
+            if not isinstance(spring, PiecewiseLinearSpring):
+                continue
+            slope = spring.slope_at_rest
+            least = slope + largest * (min(spring.stiffnesses) - slope)
+            if least < 0:
+                yield Problem(
+                    f"nnm.continue_in.{key}",
+                    f"= {largest:g} gives {path_text((*where, name, index))} the slope {least:g} N/m: the factor "
+                    f"multiplies its changes of slope from the {slope:g} N/m at rest",
+                    f"go up to {slope / (slope - min(spring.stiffnesses)):.6g} at most",
+                )
 
     @property
     def own_snubbers(self) -> tuple[Any, ...]:

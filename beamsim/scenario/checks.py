@@ -8,31 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, walk
-from beamsim.scenario.beam import PointMass
-from beamsim.scenario.continuation import Continuation, continuation_problems
-from beamsim.scenario.designs import design_problems
+from beamsim.scenario.body import Body
+from beamsim.scenario.continuation import Continuation
+from beamsim.scenario.continuation_checks import continuation_problems
+from beamsim.scenario.designs import Vary, design_problems
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.identification_checks import identification_problems
-from beamsim.scenario.limits import limit_problems
-from beamsim.scenario.names import Named
-from beamsim.scenario.nnm import StiffnessFactorContinuation
+from beamsim.scenario.limits import Limits, limit_problems
+from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
 from beamsim.scenario.phase_resonance import phase_resonance_problems
-from beamsim.scenario.place import AtMass, AtPosition, ConstantForce, OneOfTwoPlaces, Probe
+from beamsim.scenario.place import AtPlace, Probe, Sited
 from beamsim.scenario.quantities import LevelValue
-from beamsim.scenario.run import ModeStart, PolynomialStart
-from beamsim.scenario.snubber import LinkSnubber, MassSnubber, Snubber
-from beamsim.scenario.spring import BetweenMasses, OnMass, PiecewiseLinearSpring
-from beamsim.scenario.sweep import SweptSine
-
-if TYPE_CHECKING:
-    from beamsim.scenario.beam import Beam
-    from beamsim.scenario.chain import Chain
-    from beamsim.scenario.run import Run
-    from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.run import ModeStart, PolynomialStart, Run
+from beamsim.scenario.snubber import Snubber
+from beamsim.scenario.sweep import Sweep, SweptSine
+from beamsim.scenario.whole import ScenarioParts
 
 MOST_SAMPLES = 100_000_000
 """Largest number of output samples; longer histories would not fit into memory."""
@@ -40,10 +35,39 @@ MOST_SAMPLES = 100_000_000
 Found = Iterator[Problem]
 
 
-def problems(scenario: Scenario) -> list[Problem]:
+class _Checked(ScenarioParts, Protocol):
+    """A scenario with all its sections."""
+
+    @property
+    def whole(self) -> Schema: ...
+    @property
+    def bodies(self) -> dict[str, Any]: ...
+    @property
+    def beam(self) -> Body | None: ...
+    @property
+    def chain(self) -> Body | None: ...
+    @property
+    def snubbers(self) -> tuple[Any, ...]: ...
+    @property
+    def probes(self) -> tuple[Probe, ...]: ...
+    @property
+    def run(self) -> Run | None: ...
+    @property
+    def sweep(self) -> Sweep | None: ...
+    @property
+    def identify_stiffness(self) -> IdentifyStiffness | None: ...
+    @property
+    def nnm(self) -> NonlinearMode | None: ...
+    @property
+    def vary(self) -> Vary | None: ...
+    @property
+    def limits(self) -> Limits | None: ...
+
+
+def problems(scenario: _Checked) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
     checks = (
-        _structure, _places, _names, _run, _start, _sweep, _identification, _modes, phase_resonance_problems, _designs,
+        _structure, _places, _names, _run, _start, _sweep, _identification, _modes, _phase_resonance, _designs,
         _limits,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
@@ -61,112 +85,71 @@ def _problem(path: Path, message: str, remedy: str = "") -> Problem:
     return Problem(path_text(path), message, remedy)
 
 
-def _structure(scenario: Scenario) -> Found:
-    if scenario.beam is None and scenario.chain is None:
+def _structure(scenario: _Checked) -> Found:
+    given = [name for name in ("beam", "chain") if getattr(scenario, name) is not None]
+    if not given and not scenario.bodies:
         yield _problem((), "the scenario has no structure", "give beam: or chain: (beamsim new writes a template)")
-    elif scenario.beam is not None and scenario.chain is not None:
+    elif len(given) == 2:
         yield _problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
-    elif scenario.chain is not None and scenario.snubbers:
+    elif given and scenario.bodies:
+        yield _problem(("bodies",), f"and {given[0]} exclude each other", f"list the {given[0]} among the bodies")
+    elif given == ["chain"] and any(getattr(s, "position", None) is not None for s in scenario.snubbers):
         yield _problem(("snubbers",), "act on a beam", "list the snubbers of a chain in chain.snubbers, by mass")
-    beam = scenario.beam
-    if beam is not None and beam.elements == 1 and beam.supports.left == beam.supports.right == "clamped":
-        inside = [mass for mass in beam.point_masses if 0.0 < mass.position < beam.length]
-        if not inside:
-            yield _problem(
-                ("beam", "elements"), "= 1 leaves no degree of freedom between two clamped ends", "use 2 or more"
-            )
+    for name, body in scenario.all_bodies.items():
+        yield from _guarded(body.problems(scenario.body_path(name)))
 
 
-def _places(scenario: Scenario) -> Found:
-    """Everything with a place must be on the structure, where it can act."""
+def _places(scenario: _Checked) -> Found:
+    """Everything that sits somewhere must sit on a body, where it can act."""
     for path, part in walk(scenario):
         yield from _guarded(_place(scenario, path, part))
 
 
-def _place(scenario: Scenario, path: Path, part: Schema) -> Found:
-    position: float | None = None
-    mass: int | None = None
-    if isinstance(part, (LinkSnubber, BetweenMasses)):
-        key = "between" if isinstance(part, LinkSnubber) else "masses"
-        for index, number in enumerate(getattr(part, key)):
-            yield from _on_chain(scenario, (*path, key, index), number)
-    elif isinstance(part, OneOfTwoPlaces):
-        position, mass = part.position, part.mass
-    elif isinstance(part, (AtPosition, Snubber, PointMass)):
-        position = part.position
-    elif isinstance(part, (AtMass, MassSnubber, OnMass)):
-        mass = part.mass
-    if position is not None:
-        yield from _on_beam(scenario, path, part, position)
-    if mass is not None:
-        yield from _on_chain(scenario, (*path, "mass"), mass)
-
-
-def _on_beam(scenario: Scenario, path: Path, part: Schema, position: float) -> Found:
-    beam, at = scenario.beam, (*path, "position")
-    if beam is None:
-        if scenario.chain is not None and not isinstance(part, Snubber):
-            yield _problem(at, "applies to a beam, but the structure is a chain", "give a mass by its number, mass: 1")
+def _place(scenario: _Checked, path: Path, part: Schema) -> Found:
+    if path[:1] in (("beam",), ("chain",), ("bodies",)):  # see `_structure`
         return
-    if position > beam.length:
-        given = _distinct(position, beam.length)
-        yield _problem(
-            at,
-            f"= {given[0]} m lies beyond beam.length = {given[1]} m",
-            f"positions run from 0 to {given[1]} m, from the left end",
-        )
+    if isinstance(part, AtPlace):
+        place = part
+    elif isinstance(part, (Sited, Snubber)) and part.at is None:
+        place = part.places[0]
+    else:
         return
-    held = _held_end(beam, position)
-    if held is None or isinstance(part, (PointMass, Probe, ConstantForce)):
-        return
-    end, support = held
-    what = "a snubber" if isinstance(part, Snubber) else "a force"
-    yield _problem(
-        at,
-        f"= {position:g} m is the {support} {end} end, which cannot deflect: {what} has no effect there",
-        f"move it along the beam, or change beam.supports.{end}",
-    )
-
-
-def _distinct(a: float, b: float) -> tuple[str, str]:
-    """Print two numbers with enough digits to distinguish them."""
-    for digits in range(6, 18):
-        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
-        if texts[0] != texts[1]:
-            return texts
-    return repr(a), repr(b)
-
-
-def _held_end(beam: Beam, position: float) -> tuple[str, str] | None:
-    """Return (end, support) if no deflection is possible at the position."""
-    if position == 0.0 and beam.supports.left in ("clamped", "pinned"):
-        return "left", beam.supports.left
-    if position == beam.length and beam.supports.right in ("clamped", "pinned"):
-        return "right", beam.supports.right
-    return None
-
-
-def _on_chain(scenario: Scenario, at: Path, mass: int) -> Found:
-    if scenario.chain is None:
-        if scenario.beam is not None:
+    name = scenario.default_body
+    if place.body is not None:
+        name = place.body
+        if name not in scenario.all_bodies:
+            close = get_close_matches(name, scenario.all_bodies, n=1)
+            known = f"did you mean {close[0]}?" if close else f"the bodies are {', '.join(scenario.all_bodies)}"
+            yield _problem((*path, "body"), f"= {name} is an unknown body", known)
+            return
+    elif not name:
+        if len(scenario.all_bodies) > 1:
+            bodies = ", ".join(scenario.all_bodies)
             yield _problem(
-                at, "applies to a chain, but the structure is a beam", "give a position on the beam, position: 270 mm"
+                path,
+                f"names no body, and there are several: {bodies}",
+                f"name one: at: {{body: {next(iter(scenario.all_bodies))}, position: 270 mm}}",
             )
-    elif mass > scenario.chain.count:
-        count = scenario.chain.count
-        yield _problem(at, f"= {mass}, but the chain has {count} masses", f"masses are numbered from 1 to {count}")
+        return
+    body, where = scenario.all_bodies[name], scenario.body_path(name)
+    if place.mass is not None:
+        yield from body.mass_problems(where, (*path, "mass"), place.mass)
+    elif place.position is not None:
+        if path[0] == "snubbers" and where == ("chain",):  # see `_structure`
+            return
+        what = {"snubbers": "a snubber", "probes": "", "constant_forces": ""}.get(str(path[0]), "a force")
+        yield from body.position_problems(where, (*path, "position"), place.position, what)
 
 
-def _names(scenario: Scenario) -> Found:
-    chain = scenario.chain
-    if chain is not None:
-        lists = ("snubbers", "springs_to_ground", "springs_between")
-        yield from _guarded(_unique((("chain", name), getattr(chain, name)) for name in lists))
-    yield from _guarded(_unique([(("snubbers",), scenario.snubbers)]))
+def _names(scenario: _Checked) -> Found:
+    shared: list[tuple[Path, Sequence[Any]]] = [(("snubbers",), scenario.snubbers)]
+    for name, body in scenario.all_bodies.items():
+        shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]
+    yield from _guarded(_unique(shared))
     yield from _guarded(_unique([(("probes",), scenario.probes)]))
 
 
-def _unique(lists: Iterable[tuple[Path, Sequence[Named | Probe]]]) -> Found:
+def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Found:
     """Names within lists must be unique."""
     first: dict[str, Path] = {}
     for path, items in lists:
@@ -179,7 +162,7 @@ def _unique(lists: Iterable[tuple[Path, Sequence[Named | Probe]]]) -> Found:
             first.setdefault(item.name, (*path, index))
 
 
-def _run(scenario: Scenario) -> Found:
+def _run(scenario: _Checked) -> Found:
     run = scenario.run
     if run is None:
         return
@@ -187,7 +170,7 @@ def _run(scenario: Scenario) -> Found:
     yield from _guarded(_spectrum(scenario, run))
 
 
-def _sampling(scenario: Scenario, run: Run) -> Found:
+def _sampling(scenario: _Checked, run: Run) -> Found:
     rate = run.sample_rate
     if rate is None:
         return
@@ -214,7 +197,7 @@ def _sampling(scenario: Scenario, run: Run) -> Found:
         )
 
 
-def _spectrum(scenario: Scenario, run: Run) -> Found:
+def _spectrum(scenario: _Checked, run: Run) -> Found:
     spectrum = run.spectrum
     if spectrum.last is not None and spectrum.last > run.duration * (1.0 + 1e-12):
         yield _problem(
@@ -237,55 +220,36 @@ def _spectrum(scenario: Scenario, run: Run) -> Found:
         )
 
 
-def _start(scenario: Scenario) -> Found:
+def _start(scenario: _Checked) -> Found:
     start = None if scenario.run is None else scenario.run.start
-    if isinstance(start, ModeStart) and scenario.chain is not None and start.mode > scenario.chain.count:
-        count = scenario.chain.count
-        yield _problem(
-            ("run", "start", "mode"),
-            f"= {start.mode}, but a chain of {count} masses has {count} modes",
-            f"choose a mode from 1 to {count}",
-        )
+    if isinstance(start, ModeStart):
+        yield from _mode_number(scenario, ("run", "start", "mode"), start.mode)
     if not isinstance(start, PolynomialStart):
         return
-    for name in ("displacement", "velocity"):
-        values: tuple[float, ...] = getattr(start, name)
-        at = ("run", "start", name)
-        if scenario.chain is not None:
-            yield from _guarded(_one_a_mass(at, values, scenario.chain.count))
-        elif scenario.beam is not None:
-            yield from _guarded(_fits_supports(at, values, scenario.beam))
+    if len(scenario.all_bodies) > 1:
+        yield _problem(
+            ("run", "start"),
+            f"gives one shape, and there are {len(scenario.all_bodies)} bodies",
+            "start from static_equilibrium, rest, {mode: 1, amplitude: 1 mm} or {released_force: ...}",
+        )
+        return
+    for name, body in scenario.all_bodies.items():
+        for quantity in ("displacement", "velocity"):
+            numbers = getattr(start, quantity)
+            yield from _guarded(body.start_problems(scenario.body_path(name), ("run", "start", quantity), numbers))
 
 
-def _one_a_mass(at: Path, values: tuple[float, ...], count: int) -> Found:
-    if values and len(values) != count:
-        given = f"{len(values)} {'number' if len(values) == 1 else 'numbers'}"
-        yield _problem(at, f"has {given} for {count} masses", "give one number per mass, or leave it out")
+def _mode_number(scenario: _Checked, at: Path, mode: int) -> Found:
+    """Modes of which there are only so many."""
+    counts = [body.mode_count for body in scenario.all_bodies.values()]
+    known = [count for count in counts if count is not None]
+    total = sum(known)
+    if len(known) == len(counts) and mode > total:
+        what = f"a chain of {total} masses has" if len(counts) == 1 else f"the bodies together have {total} masses and"
+        yield _problem(at, f"= {mode}, but {what} {total} modes", f"choose a mode from 1 to {total}")
 
 
-def _fits_supports(at: Path, polynomial: tuple[float, ...], beam: Beam) -> Found:
-    """Reject a shape with a deflection or slope that the supports prevent."""
-    for end, support, x in (("left", beam.supports.left, 0.0), ("right", beam.supports.right, beam.length)):
-        for what, order, held in (
-            ("deflection", 0, support in ("clamped", "pinned")),
-            ("slope", 1, support in ("clamped", "guided")),
-        ):
-            terms = [c * (j if order else 1) * x ** (j - order) for j, c in enumerate(polynomial) if j >= order]
-            scale = sum(
-                abs(c) * (j if order else 1) * beam.length ** (j - order) for j, c in enumerate(polynomial) if j
-            )
-            scale += 0.0 if order or not polynomial else abs(polynomial[0])
-            if held and abs(sum(terms)) > 1e-9 * scale:
-                of = what if at[-1] == "displacement" else f"{what} velocity"
-                yield _problem(
-                    at,
-                    f"= [{', '.join(f'{c:g}' for c in polynomial)}] has the {of} {sum(terms):g} "
-                    f"at the {support} {end} end, where it must be 0",
-                    "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
-                )
-
-
-def _sweep(scenario: Scenario) -> Found:
+def _sweep(scenario: _Checked) -> Found:
     sweep, excitation = scenario.sweep, scenario.excitation
     if sweep is None:
         return
@@ -317,7 +281,7 @@ def _sweep(scenario: Scenario) -> Found:
                     )
 
 
-def _identification(scenario: Scenario) -> Found:
+def _identification(scenario: _Checked) -> Found:
     section = scenario.identify_stiffness
     if section is None:
         return
@@ -328,46 +292,31 @@ def _identification(scenario: Scenario) -> Found:
         yield _problem(
             at, f"= {section.snubber} is not the name of a snubber", known if names else "give the snubber in snubbers"
         )
-    yield from identification_problems(scenario, section)
+    yield from identification_problems(scenario, scenario.whole, section)
 
 
-def _modes(scenario: Scenario) -> Found:
-    if scenario.chain is None or scenario.nnm is None:
+def _modes(scenario: _Checked) -> Found:
+    nnm = scenario.nnm
+    if nnm is None:
         return
-    if scenario.nnm.mode > scenario.chain.count:
-        count = scenario.chain.count
-        yield _problem(
-            ("nnm", "mode"),
-            f"= {scenario.nnm.mode}, but a chain of {count} masses has {count} modes",
-            f"choose a mode from 1 to {count}",
-        )
-    if isinstance(scenario.nnm.continue_in, StiffnessFactorContinuation):
-        yield from _guarded(_factor(scenario.chain, scenario.nnm.continue_in))
+    yield from _mode_number(scenario, ("nnm", "mode"), nnm.mode)
+    if isinstance(going := nnm.continue_in, StiffnessFactorContinuation):
+        key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
+        for name, body in scenario.all_bodies.items():
+            yield from _guarded(body.factor_problems(scenario.body_path(name), key, largest))
 
 
-def _factor(chain: Chain, going: StiffnessFactorContinuation) -> Found:
-    """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
-    key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
-    for name in ("springs_to_ground", "springs_between"):
-        for index, spring in enumerate(getattr(chain, name)):
-            if not isinstance(spring, PiecewiseLinearSpring):
-                continue
-            slope = spring.slope_at_rest
-            least = slope + largest * (min(spring.stiffnesses) - slope)
-            if least < 0:
-                yield _problem(
-                    ("nnm", "continue_in", key),
-                    f"= {largest:g} gives chain.{name}[{index}] the slope {least:g} N/m: the factor multiplies its "
-                    f"changes of slope from the {slope:g} N/m at rest",
-                    f"go up to {slope / (slope - min(spring.stiffnesses)):.6g} at most",
-                )
+def _phase_resonance(scenario: _Checked) -> Found:
+    nnm = scenario.nnm
+    if nnm is not None and nnm.phase_resonance is not None:
+        yield from phase_resonance_problems(scenario, nnm.phase_resonance, nnm.solver.kind)
 
 
-def _designs(scenario: Scenario) -> Found:
+def _designs(scenario: _Checked) -> Found:
     if scenario.vary is not None:
-        yield from design_problems(scenario, scenario.vary)
+        yield from design_problems(scenario.whole, scenario.vary)
 
 
-def _limits(scenario: Scenario) -> Found:
+def _limits(scenario: _Checked) -> Found:
     if scenario.limits is not None:
         yield from limit_problems(scenario, scenario.limits)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from difflib import get_close_matches
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.errors import Problem
 from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
 from beamsim.scenario.quantities import (
     Count,
@@ -16,16 +13,12 @@ from beamsim.scenario.quantities import (
     Frequency,
     Gap,
     Level,
-    LevelValue,
     Name,
     Position,
     Ratio,
     Stiffness,
     SweepRate,
 )
-
-if TYPE_CHECKING:
-    from beamsim.scenario.scenario import Scenario
 
 MOST_HARMONICS = 500
 LONGEST_PERIOD = 64
@@ -293,103 +286,3 @@ def refuse_empty_levels(sweep: Any) -> None:
         raise fail(
             "is an empty list", "give at least one level, or leave it out (null drops an inherited list)", ("levels",)
         )
-
-
-def continuation_problems(scenario: Scenario, sweep: Continuation) -> Iterator[Problem]:
-    """Inconsistencies between a continuation and its structure and excitation."""
-    excitation = scenario.excitation
-    structure = scenario.beam or scenario.chain
-    if structure is None:
-        return
-    given: list[tuple[str, Any]] = [("follow_folds_in", sweep.follow_folds_in), ("continue_in", sweep.continue_in)]
-    for key, path in given:
-        if isinstance(path, LevelPath):
-            for name, level in (("from", path.from_), ("to", path.to)):
-                meant = level.quantity if isinstance(level, LevelValue) else None
-                quantity = getattr(excitation, "quantity", None)
-                if meant not in (None, quantity):
-                    yield Problem(
-                        f"sweep.{key}.{name}",
-                        f"is given in a unit of {meant}, and the excitation's level is of {quantity}",
-                        "give it in the unit of excitation.level",
-                    )
-        if isinstance(path, SnubberPath):
-            yield from _snubber_problems(scenario, f"sweep.{key}", path)
-    second = sweep.follow_folds_in
-    if second is not None:
-        own = _own_value(scenario, sweep, second)
-        low, high = sorted((float(second.from_), float(second.to)))
-        if own is not None and not low <= own <= high:
-            yield Problem(
-                "sweep.follow_folds_in",
-                f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {own:g}, where "
-                "the folds are found",
-                "widen the range to hold it",
-            )
-    if isinstance(sweep.method, HarmonicBalance) and not (scenario.all_snubbers or scenario.nonlinear_springs):
-        yield Problem(
-            "sweep.method", "= harmonic_balance needs a snubber or a nonlinear spring", "use shooting, or add a snubber"
-        )
-
-
-def _own_value(scenario: Scenario, sweep: Continuation, path: Any) -> float | None:
-    if isinstance(path, LevelPath):
-        return float(sweep.levels[0]) if sweep.levels else getattr(scenario.excitation, "level", None)
-    index = snubber_index(scenario, path)
-    return None if index is None else getattr(scenario.all_snubbers[index], path.kind)
-
-
-def snubber_index(scenario: Scenario, path: SnubberPath) -> int | None:
-    """Which snubber a path means; None where it means none."""
-    names = [snubber.name for snubber in scenario.all_snubbers]
-    if path.snubber is None:
-        return 0 if len(names) == 1 else None
-    return names.index(path.snubber) if path.snubber in names else None
-
-
-def _snubber_problems(scenario: Scenario, at: str, path: Any) -> Iterator[Problem]:
-    names = [snubber.name for snubber in scenario.all_snubbers]
-    if not names:
-        yield Problem(f"{at}.kind", f"= {path.kind} needs a snubber, and there is none", "add one to snubbers")
-        return
-    index = snubber_index(scenario, path)
-    if index is None:
-        if path.snubber is None:
-            yield Problem(f"{at}.snubber", "is missing", f"there are several: choose one of {', '.join(names)}")
-            return
-        close = get_close_matches(path.snubber, names, n=1)
-        known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
-        yield Problem(f"{at}.snubber", f"= {path.snubber} is not the name of a snubber", known)
-        return
-    preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
-    if preloaded:
-        yield Problem(
-            f"{at}.kind",
-            f"= {path.kind} would change the gap that the preload of {preloaded[0]} asks for at every step",
-            "give its gap instead of its preload",
-        )
-    if isinstance(path, PositionPath):
-        yield from _position_problems(scenario, at, path)
-
-
-def _position_problems(scenario: Scenario, at: str, path: PositionPath) -> Iterator[Problem]:
-    beam = scenario.beam
-    if beam is None:
-        yield Problem(
-            f"{at}.kind", "= position applies to a beam, but the structure is a chain", "follow gap or stiffness"
-        )
-        return
-    for name, value in (("from", path.from_), ("to", path.to)):
-        if value > beam.length * (1 + 1e-12):
-            yield Problem(
-                f"{at}.{name}",
-                f"= {value:g} m lies beyond beam.length = {beam.length:g} m",
-                f"positions run from 0 to {beam.length:g} m, from the left end",
-            )
-        for end, place in (("left", 0.0), ("right", beam.length)):
-            if value == place and getattr(beam.supports, end) in ("clamped", "pinned"):
-                yield Problem(
-                    f"{at}.{name}",
-                    f"= {value:g} m is the {getattr(beam.supports, end)} {end} end, which cannot deflect",
-                    "begin or end a little beside it",
-                )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import Field, Tag
 from pydantic.json_schema import JsonSchemaValue
@@ -25,9 +25,6 @@ from beamsim.scenario.quantities import (
     Whole,
 )
 from beamsim.scenario.units import UnitError
-
-if TYPE_CHECKING:
-    from beamsim.scenario.scenario import Scenario
 
 MOST_CASES = 200_000
 """Largest number of cases of a study."""
@@ -210,24 +207,37 @@ class Axis:
         return len(self.values) or self.points
 
 
-def axes(scenario: Scenario) -> tuple[Axis, ...]:
+class Varied(Protocol):
+    """A scenario in which something is varied."""
+
+    @property
+    def whole(self) -> Schema:
+        """The scenario itself."""
+
+    @property
+    def vary(self) -> Vary | None:
+        """What is varied."""
+
+
+def axes(scenario: Varied) -> tuple[Axis, ...]:
     """The varied parameters of a scenario that passed its checks."""
     assert scenario.vary is not None
-    return tuple(_axis(scenario, parameter) for parameter in scenario.vary.parameters)
+    return tuple(_axis(scenario.whole, parameter) for parameter in scenario.vary.parameters)
 
 
-def case_count(scenario: Scenario) -> int:
+def case_count(scenario: Varied) -> int:
     """Number of cases."""
-    vary = scenario.vary
-    if vary is None:
-        return 1
+    return 1 if scenario.vary is None else _case_count(scenario.vary)
+
+
+def _case_count(vary: Grid | Zipped | LatinHypercube) -> int:
     if isinstance(vary, LatinHypercube):
         return vary.samples
     counts = [_count(parameter) for parameter in vary.parameters]
     return counts[0] if isinstance(vary, Zipped) else math.prod(counts)
 
 
-def design_problems(scenario: Scenario, vary: Grid | Zipped | LatinHypercube) -> Iterator[Problem]:
+def design_problems(scenario: Schema, vary: Grid | Zipped | LatinHypercube) -> Iterator[Problem]:
     """Unknown paths, values that their fields do not accept, too many cases."""
     taken: dict[Path, int] = {}
     for index, parameter in enumerate(vary.parameters):
@@ -254,7 +264,7 @@ def design_problems(scenario: Scenario, vary: Grid | Zipped | LatinHypercube) ->
                 f"have {', '.join(map(str, counts))} values, which cannot be zipped",
                 "give all of them equally many, or write kind: grid",
             )
-    count = case_count(scenario)
+    count = _case_count(vary)
     if count > MOST_CASES:
         yield Problem(
             "vary",
@@ -270,7 +280,7 @@ def _count(parameter: Schema) -> int:
     return parameter.points
 
 
-def _axis(scenario: Scenario, parameter: Any) -> Axis:
+def _axis(scenario: Schema, parameter: Any) -> Axis:
     """Resolve a parameter; raises what `fail` builds, ``at`` being relative to the parameter."""
     from beamsim.scenario.parameters import choices_at, field_type_at, value_at
 
@@ -336,7 +346,7 @@ def _axis(scenario: Scenario, parameter: Any) -> Axis:
     return Axis(**common, values=(), low=low, high=high, points=points, spacing=spacing, distribution=distribution)
 
 
-def _places(scenario: Scenario, path: str, at: Path) -> list[Path]:
+def _places(scenario: Schema, path: str, at: Path) -> list[Path]:
     from beamsim.scenario.parameters import choices_at, find_parameters, value_at
 
     try:
@@ -353,13 +363,13 @@ def _places(scenario: Scenario, path: str, at: Path) -> list[Path]:
     return places
 
 
-def _takes_words(scenario: Scenario, place: Path) -> bool:
+def _takes_words(scenario: Schema, place: Path) -> bool:
     from beamsim.scenario.parameters import field_type_at
 
     return isinstance(field_type_at(scenario, place), Whole)  # reduction.modes: all
 
 
-def _read(scenario: Scenario, place: Path, value: Value, at: Path) -> Value:
+def _read(scenario: Schema, place: Path, value: Value, at: Path) -> Value:
     """Read a value as the field at a place does."""
     from beamsim.scenario.parameters import choices_at, field_type_at
 
@@ -379,7 +389,7 @@ def _read(scenario: Scenario, place: Path, value: Value, at: Path) -> Value:
         shown = f"{value:.12g}" if isinstance(value, float) else value
         raise fail(f"= {shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
     if isinstance(number, LevelValue):
-        wanted = getattr(scenario.excitation, "quantity", None)
+        wanted = getattr(getattr(scenario, "excitation", None), "quantity", None)
         if number.quantity not in (None, wanted):
             raise fail(
                 f"= {value} is given in a unit of {number.quantity}, and the excitation's level is of {wanted}",
@@ -392,7 +402,7 @@ def _read(scenario: Scenario, place: Path, value: Value, at: Path) -> Value:
     return number if isinstance(number, (int, float, str)) else float(number)
 
 
-def _deviation(scenario: Scenario, place: Path, tolerance: Value, nominal: float) -> float:
+def _deviation(scenario: Schema, place: Path, tolerance: Value, nominal: float) -> float:
     """Deviation in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
     from beamsim.scenario.parameters import field_type_at
     from beamsim.scenario.units import RATIO, read_level, read_quantity
@@ -405,7 +415,7 @@ def _deviation(scenario: Scenario, place: Path, tolerance: Value, nominal: float
         elif isinstance(field, Quantity) and field.dimension.unit:
             deviation = read_quantity(tolerance, field.dimension)
         elif isinstance(field, LevelType):
-            quantity = getattr(scenario.excitation, "quantity", "acceleration")
+            quantity = getattr(getattr(scenario, "excitation", None), "quantity", "acceleration")
             deviation = read_level(tolerance, (LEVEL_DIMENSIONS[quantity],))[0]
         else:
             deviation = read_quantity(tolerance, RATIO)
@@ -417,9 +427,9 @@ def _deviation(scenario: Scenario, place: Path, tolerance: Value, nominal: float
     return deviation
 
 
-def _unit(scenario: Scenario, field: FieldType | None) -> str:
+def _unit(scenario: Schema, field: FieldType | None) -> str:
     if isinstance(field, Quantity):
         return field.dimension.unit or "1"
     if isinstance(field, LevelType):
-        return LEVEL_DIMENSIONS[getattr(scenario.excitation, "quantity", "acceleration")].unit
+        return LEVEL_DIMENSIONS[getattr(getattr(scenario, "excitation", None), "quantity", "acceleration")].unit
     return "1"

@@ -8,20 +8,18 @@ from typing import Annotated, Any, Literal
 from pydantic import Tag
 
 from beamsim.scenario.base import Schema, by_key, fail
-from beamsim.scenario.place import AtMass, AtPosition, choose_place
+from beamsim.scenario.place import AtPlace, names_a_place
 from beamsim.scenario.quantities import LevelValue
 
 Quantity = Literal["acceleration", "velocity", "displacement", "force"]
 
 
 def _choose_target(value: Any) -> str | None:
-    return "<base>" if value == "base" else choose_place(value)
+    return "<base>" if value == "base" else "<place>" if names_a_place(value) else None
 
 
 AppliedTo = Annotated[
-    Annotated[Literal["base"], Tag("<base>")]
-    | Annotated[AtPosition, Tag("<position>")]
-    | Annotated[AtMass, Tag("<mass>")],
+    Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")],
     by_key(
         _choose_target,
         "names neither the base nor a point",
@@ -72,7 +70,7 @@ class Driven(Schema):
     """Common part of all excitations."""
 
     applied_to: AppliedTo
-    """Base, a position of the beam, or a mass of the chain."""
+    """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several."""
     quantity: Quantity | None = None
     """Acceleration, velocity or displacement of the base, or force at a point; by default as the unit of the level."""
 

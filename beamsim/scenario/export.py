@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 if TYPE_CHECKING:
-    from beamsim.scenario.scenario import Scenario
+    from beamsim.scenario.base import Schema
 
 
 class _Dumper(yaml.SafeDumper):
@@ -30,10 +30,10 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 
 _Dumper.add_representer(str, _represent_text)
 
-_FIRST = ("name", "kind", "position", "mass", "between", "masses", "applied_to", "level")
+_FIRST = ("name", "kind", "body", "at", "position", "mass", "between", "masses", "applied_to", "level")
 
 
-def to_yaml(scenario: Scenario) -> str:
+def to_yaml(scenario: Schema) -> str:
     """Return the resolved scenario as YAML text; see `Scenario.to_yaml`."""
     data = _tidy(scenario.model_dump(mode="json", by_alias=True, exclude_none=True))
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)
@@ -44,7 +44,11 @@ def _tidy(value: Any) -> Any:
     if isinstance(value, dict):
         first = [key for key in _FIRST if key in value]
         keys = first + [key for key in value if key not in first]
-        return {key: _tidy(value[key]) for key in keys if value[key] != []}
+        return {
+            key: {name: _tidy(body) for name, body in value[key].items()} if key == "bodies" else _tidy(value[key])
+            for key in keys
+            if value[key] != [] and (key != "bodies" or value[key])
+        }
     if isinstance(value, list):
         return [_tidy(item) for item in value]
     return value

@@ -12,21 +12,29 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic
 
 if TYPE_CHECKING:
+    from beamsim.scenario.base import Schema
     from beamsim.scenario.identification import IdentifyStiffness, SoughtParameter
-    from beamsim.scenario.scenario import Scenario
+    from beamsim.scenario.whole import ScenarioParts
 
 Path = tuple[str | int, ...]
 _TOP = "identify_stiffness"
 
 
-def identification_problems(scenario: Scenario, section: IdentifyStiffness) -> Iterator[Problem]:
-    """Unknown parameters, invalid bounds, tests without a matching probe."""
+def identification_problems(scenario: ScenarioParts, schema: Schema, section: IdentifyStiffness) -> Iterator[Problem]:
+    """Parameters that do not exist, bounds that make no sense, tests that nothing predicts; ``schema`` holds both."""
+    if len(scenario.all_bodies) > 1:
+        yield Problem(
+            _TOP,
+            f"identifies a snubber on one body, and there are {len(scenario.all_bodies)}",
+            "keep the body it sits on: beam: or chain:",
+        )
+        return
     for index, known in enumerate(section.parameter_uncertainty):
-        yield from _numbers(scenario, known.parameter, (_TOP, "parameter_uncertainty", index, "parameter"))
-    yield from _sought(scenario, section.update, (_TOP, "update"), words=True)
+        yield from _numbers(schema, known.parameter, (_TOP, "parameter_uncertainty", index, "parameter"))
+    yield from _sought(schema, section.update, (_TOP, "update"), words=True)
     if section.nonlinear is None:
         return
-    yield from _sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
+    yield from _sought(schema, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
     if not isinstance(scenario.excitation, Harmonic):
         yield Problem(
             f"{_TOP}.nonlinear",
@@ -49,7 +57,7 @@ def identification_problems(scenario: Scenario, section: IdentifyStiffness) -> I
             )
 
 
-def _numbers(scenario: Scenario, path: str, at: Path) -> Iterator[Problem]:
+def _numbers(scenario: Schema, path: str, at: Path) -> Iterator[Problem]:
     from beamsim.scenario.parameters import choices_at, find_parameters, value_at
 
     try:
@@ -64,7 +72,7 @@ def _numbers(scenario: Scenario, path: str, at: Path) -> Iterator[Problem]:
             yield Problem(path_text(at), f"= {path} is not a number", "name a number")
 
 
-def _sought(scenario: Scenario, items: Sequence[SoughtParameter], at: Path, *, words: bool) -> Iterator[Problem]:
+def _sought(scenario: Schema, items: Sequence[SoughtParameter], at: Path, *, words: bool) -> Iterator[Problem]:
     from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at
 
     seen: dict[Path, int] = {}

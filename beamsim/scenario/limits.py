@@ -12,7 +12,7 @@ from beamsim.scenario.base import Schema, fail
 from beamsim.scenario.quantities import Length, PositiveForce, Quantity
 
 if TYPE_CHECKING:
-    from beamsim.scenario.scenario import Scenario
+    from beamsim.scenario.whole import ScenarioParts
 
 _STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
 _ACCELERATION = replace(units.ACCELERATION, example="20 g")
@@ -47,10 +47,14 @@ class Limits(Schema):
         return {name: value for name, value in values.items() if value is not None}
 
 
-def limit_problems(scenario: Scenario, limits: Limits) -> Iterator[Problem]:
+def limit_problems(scenario: ScenarioParts, limits: Limits) -> Iterator[Problem]:
     """Limits on quantities that this structure does not have."""
-    if limits.bending_stress is not None and scenario.beam is None:
-        yield Problem("limits.bending_stress", "applies to a beam, but the structure is a chain", "leave it out")
+    bodies = scenario.all_bodies.values()
+    if limits.bending_stress is not None and not any(body.gives_stress for body in bodies):
+        if all(body.body_kind == "chain" for body in bodies):
+            yield Problem("limits.bending_stress", "applies to a beam, but the structure is a chain", "leave it out")
+        else:
+            yield Problem("limits.bending_stress", "needs a beam whose section is known", "give its extreme_fibre")
     for name in ("peak_force", "gap"):
         if getattr(limits, name) is not None and not scenario.all_snubbers:
             yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")

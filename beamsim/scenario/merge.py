@@ -18,7 +18,7 @@ from beamsim.scenario.tree import Node, from_python, parse
 
 Overrides = Mapping[str, object] | Sequence[str]
 
-REPLACED_WHOLE = frozenset({"applied_to", "start", "released_force", "reduction"})
+REPLACED_WHOLE = frozenset({"applied_to", "at", "start", "released_force", "reduction"})
 """Mappings told apart by the keys they have; merging two of them would make neither."""
 
 

@@ -35,8 +35,12 @@ def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo 
     """Return the class whose key the location's last part is, and the field if there is one."""
     schema, field = root, None
     choices: dict[str, type[Schema]] = {}
+    within_mapping = False
     for part in location:
         if isinstance(part, int):
+            continue
+        if within_mapping:  # the part is a name, such as a body's
+            within_mapping = False
             continue
         if _is_tag(part) and part in choices:
             schema, choices = choices[part], {}
@@ -48,6 +52,7 @@ def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo 
         name = schema.keys().get(part, part)
         field = schema.model_fields.get(name)
         choices = {} if field is None else members(field.annotation)
+        within_mapping = field is not None and get_origin(field.annotation) is dict
     return schema, field
 
 

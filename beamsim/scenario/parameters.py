@@ -9,18 +9,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 from beamsim.scenario.base import Schema, fail, path_text
 from beamsim.scenario.quantities import FieldType
-from beamsim.scenario.scenario import Scenario
 
 Path = tuple[str | int, ...]
+AnySchema = TypeVar("AnySchema", bound=Schema)
 
 _PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]|\.")
 
 
-def find_parameters(scenario: Scenario, path: str, more: tuple[type, ...] = ()) -> list[Path]:
+def find_parameters(scenario: Schema, path: str, more: tuple[type, ...] = ()) -> list[Path]:
     """The places that a path names, at least one: numbers and words, and values of the types in ``more``.
 
     Raises
@@ -35,22 +35,23 @@ def find_parameters(scenario: Scenario, path: str, more: tuple[type, ...] = ()) 
     return found
 
 
-def value_at(scenario: Scenario, place: Path) -> Any:
+def value_at(scenario: Schema, place: Path) -> Any:
     """The value at a place."""
     value: Any = scenario
     for part in place:
-        value = value[part] if isinstance(part, int) else getattr(value, _attribute(value, part))
+        held: Any = value
+        value = held[part] if isinstance(value, (tuple, dict)) else getattr(value, _attribute(value, str(part)))
     return value
 
 
-def with_values(scenario: Scenario, values: Mapping[Path, object]) -> Scenario:
+def with_values(scenario: AnySchema, values: Mapping[Path, object]) -> AnySchema:
     """The same scenario with other values at these places (SI numbers within their bounds: nothing is checked)."""
     for place, value in values.items():
         scenario = _replaced(scenario, place, value)
     return scenario
 
 
-def read_as(scenario: Scenario, place: Path, value: object) -> float:
+def read_as(scenario: Schema, place: Path, value: object) -> float:
     """Read a number, perhaps with a unit, as the field at a place would.
 
     Raises
@@ -74,7 +75,7 @@ def read_as(scenario: Scenario, place: Path, value: object) -> float:
     return float(value)
 
 
-def choices_at(scenario: Scenario, place: Path) -> tuple[str, ...]:
+def choices_at(scenario: Schema, place: Path) -> tuple[str, ...]:
     """The words that the field at a place may hold (supports); none for a number."""
     from typing import Literal, get_args, get_origin
 
@@ -85,7 +86,7 @@ def choices_at(scenario: Scenario, place: Path) -> tuple[str, ...]:
     return tuple(get_args(annotation)) if get_origin(annotation) is Literal else ()
 
 
-def field_type_at(scenario: Scenario, place: Path) -> FieldType | None:
+def field_type_at(scenario: Schema, place: Path) -> FieldType | None:
     """What reads the value at a place; None for words and plain flags."""
     last = max(k for k, part in enumerate(place) if isinstance(part, str))
     owner = value_at(scenario, place[:last])
@@ -140,6 +141,10 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
         known = [name for name in names if name]
         remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
         raise fail(f"= {path} does not exist: {path_text(walked)} has no {part}", remedy)
+    if isinstance(value, dict):
+        if part in value:
+            return _walk(value[part], rest, (*walked, part), path, leaves)
+        raise fail(f"= {path} does not exist: {path_text(walked)} has no {part}", f"the names are {', '.join(value)}")
     if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
         raise fail(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
     keys = type(value).keys()
@@ -175,6 +180,8 @@ def _replaced(owner: Any, place: Path, value: object) -> Any:
         items = list(owner)
         items[part] = _replaced(items[part], rest, value) if rest else value
         return tuple(items)
+    if isinstance(owner, dict):
+        return {**owner, part: _replaced(owner[part], rest, value)}
     name = _attribute(owner, part)
     inner = _replaced(getattr(owner, name), rest, value) if rest else value
     return owner.model_copy(update={name: inner})

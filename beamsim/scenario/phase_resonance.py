@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Schema, fail
+from beamsim.scenario.base import Schema, fail, path_text
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.quantities import Count, Level, LevelValue, Ratio
+from beamsim.scenario.spring import OnMass
 
 if TYPE_CHECKING:
-    from beamsim.scenario.scenario import Scenario
+    from beamsim.scenario.whole import ScenarioParts
 
 WIDEST = 0.5
 MOST_PERIODS = 10_000
@@ -42,12 +43,10 @@ class PhaseResonance(Schema):
             )
 
 
-def phase_resonance_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Conditions on a scenario for phase resonance."""
-    if scenario.nnm is None or scenario.nnm.phase_resonance is None:
-        return
-    section, excitation = scenario.nnm.phase_resonance, scenario.excitation
-    if scenario.nnm.solver.kind == "multiple_scales":
+def phase_resonance_problems(scenario: ScenarioParts, section: PhaseResonance, method: str) -> Iterator[Problem]:
+    """What a scenario lacks, or has too much of, to hold its mode by a force; ``method`` is that of the mode."""
+    excitation = scenario.excitation
+    if method == "multiple_scales":
         yield Problem("nnm.phase_resonance", "needs the exact mode, not its expansion", "use method: shooting")
     if not isinstance(excitation, Harmonic):
         yield Problem(
@@ -71,21 +70,21 @@ def phase_resonance_problems(scenario: Scenario) -> Iterator[Problem]:
         yield from _driven_through_contacts(scenario)
 
 
-def _driven_through_contacts(scenario: Scenario) -> Iterator[Problem]:
+def _driven_through_contacts(scenario: ScenarioParts) -> Iterator[Problem]:
     """Springs to the ground through which a moving base excites the structure too; its work has no single conjugate."""
-    where = "snubbers" if scenario.chain is None else "chain.snubbers"
-    for index, snubber in enumerate(scenario.all_snubbers):
+    for path, _, snubber in scenario.located_snubbers:
         if getattr(snubber, "mounted_on", "base") == "ground":
             yield Problem(
-                f"{where}[{index}].mounted_on",
-                "= ground: phase resonance does not support a moving base that excites the structure through a contact",
+                f"{path_text(path)}.mounted_on",
+                "= ground lets the moving base push through the contact too, which phase resonance does not account "
+                "for",
                 "mount it on the base, or apply a point force",
             )
-    for index, spring in enumerate([] if scenario.chain is None else scenario.chain.springs_to_ground):
-        if spring.kind != "linear":
+    for path, _, spring in scenario.nonlinear_springs:
+        if isinstance(spring, OnMass):
             yield Problem(
-                f"chain.springs_to_ground[{index}].kind",
-                f"= {spring.kind}: phase resonance does not support a moving base that excites the structure through a "
-                "nonlinear spring",
+                f"{path_text(path)}.kind",
+                f"= {getattr(spring, 'kind', '')} lets the moving base push through a nonlinear spring, which phase "
+                "resonance does not account for",
                 "apply a force to a mass instead",
             )

@@ -1,52 +1,56 @@
-"""Places on a structure, with probes and constant forces."""
+"""Places on the bodies of a scenario, and what sits there: probes and constant forces."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Tag
-
-from beamsim.scenario.base import Schema, by_key, fail
+from beamsim.scenario.base import Schema, fail
 from beamsim.scenario.quantities import Force, MassNumber, Name, Position
 
-
-class AtPosition(Schema):
-    """A point of the beam."""
-
-    position: Position
-    """Distance from the left end."""
+_REMEDY = "give position: 270 mm on a beam, or mass: 2 on a chain"
 
 
-class AtMass(Schema):
-    """A mass of the chain."""
+class AtPlace(Schema):
+    """A point of a body."""
 
-    mass: MassNumber
-    """Number of the mass, from 1."""
+    body: Name | None = None
+    """Name of the body; may be left out where there is only one."""
+    position: Position | None = None
+    """Distance from the left end of a beam."""
+    mass: MassNumber | None = None
+    """Number of a mass of a chain, from 1."""
+
+    def settle(self) -> None:
+        """Demand exactly one point."""
+        if self.position is None and self.mass is None:
+            raise fail("names no place", _REMEDY)
+        if self.position is not None and self.mass is not None:
+            raise fail("and position exclude each other", "position belongs to a beam, mass to a chain", ("mass",))
+
+    @property
+    def point(self) -> float:
+        """The position in m, or the number of the mass."""
+        if self.position is not None:
+            return self.position
+        assert self.mass is not None
+        return float(self.mass)
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Itself: what sits somewhere names one place or two."""
+        return (self,)
 
 
-def choose_place(value: Any) -> str | None:
-    """Tag of the place a raw value means."""
-    if isinstance(value, AtPosition):
-        return "<position>"
-    if isinstance(value, AtMass):
-        return "<mass>"
-    if isinstance(value, dict):
-        if "position" in value:
-            return "<position>"
-        if "mass" in value:
-            return "<mass>"
-    return None
+def names_a_place(value: Any) -> bool:
+    """Whether a raw value is meant as a place."""
+    return isinstance(value, AtPlace) or (isinstance(value, dict) and any(key in value for key in AtPlace.keys()))  # noqa: SIM118
 
 
-Point = Annotated[
-    Annotated[AtPosition, Tag("<position>")] | Annotated[AtMass, Tag("<mass>")],
-    by_key(choose_place, "names no place", "write {position: 270 mm} on a beam or {mass: 2} on a chain"),
-]
+class Sited(Schema):
+    """Something at a place: ``at``, or its short form ``position`` or ``mass`` where there is one body."""
 
-
-class OneOfTwoPlaces(Schema):
-    """An item at a position of the beam or on a mass of the chain."""
-
+    at: AtPlace | None = None
+    """The place: {body: panel, position: 270 mm} or {mass: 2}; the body may be left out where there is only one."""
     position: Position | None = None
     """Distance from the left end of the beam."""
     mass: MassNumber | None = None
@@ -54,28 +58,34 @@ class OneOfTwoPlaces(Schema):
 
     def settle(self) -> None:
         """Demand exactly one place."""
-        if self.position is None and self.mass is None:
-            raise fail("names no place", "give position: 270 mm on a beam, or mass: 2 on a chain")
-        if self.position is not None and self.mass is not None:
+        if self.at is not None:
+            for key in ("position", "mass"):
+                if getattr(self, key) is not None:
+                    raise fail("and at exclude each other", "keep at: it names the place", (key,))
+        elif self.position is None and self.mass is None:
+            raise fail("names no place", _REMEDY)
+        elif self.position is not None and self.mass is not None:
             raise fail("and position exclude each other", "position belongs to a beam, mass to a chain", ("mass",))
 
     @property
-    def place(self) -> AtPosition | AtMass:
+    def place(self) -> AtPlace:
         """Where it is."""
-        if self.position is not None:
-            return AtPosition(position=self.position)
-        assert self.mass is not None
-        return AtMass(mass=self.mass)
+        return self.at if self.at is not None else AtPlace(position=self.position, mass=self.mass)
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The one place."""
+        return (self.place,)
 
 
-class Probe(OneOfTwoPlaces):
+class Probe(Sited):
     """A point whose motion is recorded."""
 
     name: Name
     """Name, unique; it names the datasets of the result file."""
 
 
-class PlacedForce(OneOfTwoPlaces):
+class PlacedForce(Sited):
     """A force at a point, upwards."""
 
     force: Force

@@ -6,10 +6,13 @@ import math
 from pathlib import Path as FilePath
 from typing import Any, ClassVar
 
+from pydantic import Field
+
 from beamsim.errors import ScenarioError
 from beamsim.scenario import checks
 from beamsim.scenario.base import Path, Schema, UnknownValueError, known
-from beamsim.scenario.beam import Beam
+from beamsim.scenario.beam import AnyBeam
+from beamsim.scenario.bodies import AnyBody
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.designs import Vary
@@ -18,10 +21,10 @@ from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import named
 from beamsim.scenario.nnm import NonlinearMode
-from beamsim.scenario.place import ConstantForce, Probe
-from beamsim.scenario.quantities import Gravity, Text
+from beamsim.scenario.place import AtPlace, ConstantForce, Probe
+from beamsim.scenario.quantities import Gravity, Name, Text
 from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.snubber import ChainSnubber, LinkSnubber, Snubber
+from beamsim.scenario.snubber import AnySnubber
 from beamsim.scenario.sweep import Sweep
 from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
@@ -32,12 +35,14 @@ class Scenario(Schema):
 
     title: Text = ""
     """Title for tables and plots."""
-    beam: Beam | None = None
+    beam: AnyBeam | None = None
     """The structure, if it is a beam."""
     chain: Chain | None = None
     """The structure, if it is a chain of masses."""
-    snubbers: tuple[Snubber, ...] = ()
-    """One-sided stops on the beam (those of a chain are listed in it)."""
+    bodies: dict[Name, AnyBody] = Field(default_factory=dict)
+    """The bodies by name, where there are several; beam or chain alone is short for one."""
+    snubbers: tuple[AnySnubber, ...] = ()
+    """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
     gravity: Gravity = 0.0
     """Acceleration of gravity, towards negative displacement."""
     constant_forces: tuple[ConstantForce, ...] = ()
@@ -65,9 +70,8 @@ class Scenario(Schema):
         """Resolve defaults that need the whole, then check the parts against each other."""
         if known(self.snubbers):
             self.resolve("snubbers", named(self.snubbers, "snubber"))
-        if self.beam is not None and known(self.beam) and known(self.beam.length):
-            self._snap_to_end(self.beam.length)
-        if known(self.run, self.excitation, self.beam, self.chain):
+        self._snap_to_ends()
+        if known(self.run, self.excitation, self.beam, self.chain, self.bodies):
             self._choose_sample_rate()
         problems = checks.problems(self)
         if problems:
@@ -80,7 +84,8 @@ class Scenario(Schema):
         return self.__dict__ == other.__dict__
 
     def __hash__(self) -> int:
-        return hash(tuple(self.__dict__[name] for name in type(self).model_fields))
+        values = (self.__dict__[name] for name in type(self).model_fields)
+        return hash(tuple(tuple(value.items()) if isinstance(value, dict) else value for value in values))
 
     # The origin is not part of the scenario: equality and YAML ignore it.
     _source: str = "scenario"
@@ -116,25 +121,35 @@ class Scenario(Schema):
         run = None if self._text is None else self._text.plain().get("run")
         return isinstance(run, dict) and run.get("sample_rate") is None
 
+    body_sections: ClassVar[tuple[str, ...]] = ("beam", "chain", "bodies")
+    """Sections that hold bodies."""
+
+    @property
+    def whole(self) -> Schema:
+        """Itself, for what asks for numbers by their paths."""
+        return self
+
     @property
     def all_bodies(self) -> dict[str, Body]:
-        """The bodies by name."""
-        bodies: dict[str, Body | None] = {"beam": self.beam, "chain": self.chain}
+        """The bodies by name; a beam or chain alone is called beam or chain."""
+        bodies: dict[str, Body | None] = {"beam": self.beam, "chain": self.chain, **self.bodies}
         return {name: body for name, body in bodies.items() if body is not None}
 
-    body_sections: ClassVar[tuple[str, ...]] = ("beam", "chain")
-    """Sections that hold bodies."""
+    @property
+    def default_body(self) -> str:
+        """The body that a place without one means; empty where there are several."""
+        bodies = self.all_bodies
+        return next(iter(bodies)) if len(bodies) == 1 else ""
 
     def body_path(self, name: str) -> Path:
         """Where a body is written."""
-        return (name,)
+        return ("bodies", name) if name in self.bodies else (name,)
 
     @property
     def located_snubbers(self) -> tuple[Located, ...]:
         """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies."""
         bodies = self.all_bodies
-        default = next(iter(bodies), "")
-        shared = (Located(("snubbers", k), default, snubber) for k, snubber in enumerate(self.snubbers))
+        shared = (Located(("snubbers", k), self.default_body, snubber) for k, snubber in enumerate(self.snubbers))
         own = (
             Located((*self.body_path(name), "snubbers", k), name, snubber)
             for name, body in bodies.items()
@@ -162,22 +177,26 @@ class Scenario(Schema):
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:
-        """The probes; without any, one at each snubber, else at a free end or the last mass."""
+        """The probes; without any, one at each snubber, on both places it acts between, else where a body says."""
         if self.probes:
             return self.probes
-        if self.chain is not None:
-            if self.chain.snubbers:
-                return _probes_of(self.chain.snubbers)
-            return (Probe(name=f"mass_{self.chain.count}", mass=self.chain.count),)
-        if self.snubbers:
-            return tuple(Probe(name=snubber.name, position=snubber.position) for snubber in self.snubbers)
-        assert self.beam is not None
-        moving = ("free", "guided")
-        if self.beam.supports.right in moving:
-            return (Probe(name="right_end", position=self.beam.length),)
-        if self.beam.supports.left in moving:
-            return (Probe(name="left_end", position=0.0),)
-        return (Probe(name="middle", position=self.beam.length / 2.0),)
+        several = len(self.all_bodies) > 1
+        probes: dict[str, AtPlace] = {}
+        for _, body, snubber in self.located_snubbers:
+            if len(snubber.places) == 1:
+                probes[snubber.name] = _on(body if several else None, snubber.places[0])
+        for _, body, snubber in self.located_snubbers:
+            for place in snubber.probed_places if len(snubber.places) > 1 else ():
+                own = _on(body if several else None, place)
+                probes.setdefault(_probe_name(own), own)
+        if not probes:
+            for name, body_section in self.all_bodies.items():
+                called, place = body_section.default_probe()
+                probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
+        return tuple(
+            Probe(name=name, at=place) if several else Probe(name=name, position=place.position, mass=place.mass)
+            for name, place in probes.items()
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -201,7 +220,8 @@ class Scenario(Schema):
             return
         try:
             highest = self.excitation.highest_frequency_hz
-            rate = max(100.0 * highest, 50.0 * self._rough_frequency_hz(), 2000.0 / run.duration)
+            rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
+            rate = max(100.0 * highest, 50.0 * rough, 2000.0 / run.duration)
             rate = min(rate, max(MANY_SAMPLES / run.duration, 20.0 * highest))
             tones = self.excitation.frequencies_hz
             rate = _whole_multiple(rate, tones[0]) if len(tones) == 1 else _round_number(rate)
@@ -209,33 +229,33 @@ class Scenario(Schema):
             return
         self.resolve("run", run.model_copy(update={"sample_rate": rate}))
 
-    def _rough_frequency_hz(self) -> float:
-        """Return the order of magnitude of a low natural frequency, Hz."""
-        if self.beam is not None:
-            beam = self.beam
-            return math.pi / 2.0 * math.sqrt(beam.bending_stiffness / beam.mass_per_length) / beam.length**2
-        if self.chain is None:
-            return 0.0
-        return math.sqrt(self.chain.stiffest_spring / min(self.chain.masses)) / (2.0 * math.pi)
-
     def _plain_sweep_levels(self) -> None:
         """Forget the units of the sweep's levels, which are those of the excitation."""
         if self.sweep is not None:
             self.resolve("sweep", self.sweep.plain_levels())
 
-    def _snap_to_end(self, length: float) -> None:
+    def _snap_to_ends(self) -> None:
         """Put on the end what is beyond it by round-off (3 ft and 36 in differ in the last digit)."""
-        for name in ("beam", "snubbers", "constant_forces", "excitation", "probes", "run"):
-            self.resolve(name, _snapped(self.__dict__[name], length))
+        if not known(self.beam, self.chain, self.bodies):
+            return
+        bodies = {name: body for name, body in self.all_bodies.items() if known(body, *body.__dict__.values())}
+        if self.beam is not None and "beam" in bodies:
+            self.resolve("beam", _snapped(self.beam, bodies, "beam"))
+        if self.bodies:
+            self.resolve("bodies", {name: _snapped(body, bodies, name) for name, body in self.bodies.items()})
+        default = self.default_body
+        for name in ("snubbers", "constant_forces", "excitation", "probes", "run"):
+            self.resolve(name, _snapped(self.__dict__[name], bodies, default))
 
 
-def _probes_of(snubbers: tuple[ChainSnubber, ...]) -> tuple[Probe, ...]:
-    """Return a probe at each snubber on a mass, and one on every mass that a snubber between two acts on."""
-    probes = {snubber.name: snubber.mass for snubber in snubbers if not isinstance(snubber, LinkSnubber)}
-    for snubber in snubbers:
-        for mass in snubber.between if isinstance(snubber, LinkSnubber) else ():
-            probes.setdefault(f"mass_{mass}", mass)
-    return tuple(Probe(name=name, mass=mass) for name, mass in probes.items())
+def _on(body: str | None, place: AtPlace) -> AtPlace:
+    return place if place.body is not None or body is None else place.model_copy(update={"body": body})
+
+
+def _probe_name(place: AtPlace) -> str:
+    """Name of a default probe: mass_2, or with its body inner_0.77."""
+    point = f"mass_{place.mass}" if place.mass is not None else f"{place.position:g}"
+    return point if place.body is None else f"{place.body}_{point}"
 
 
 def _whole_multiple(least: float, unit: float) -> float:
@@ -248,17 +268,19 @@ def _round_number(least: float) -> float:
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0, 20.0) if step * decade >= least * (1.0 - 1e-12))
 
 
-def _snapped(value: object, length: float) -> object:
+def _snapped(value: object, bodies: dict[str, Body], default: str) -> object:
+    """The same with positions on the ends of their bodies; ``default`` is the body of a position that names none."""
     if isinstance(value, tuple):
-        items = tuple(_snapped(item, length) for item in value)
+        items = tuple(_snapped(item, bodies, default) for item in value)
         return items if any(new is not old for new, old in zip(items, value, strict=True)) else value
     if not isinstance(value, Schema):
         return value
     changed: dict[str, object] = {}
-    for name, old in value.__dict__.items():
-        new = _snapped(old, length)
-        if name == "position" and isinstance(old, float) and length < old <= length * (1.0 + 1e-12):
-            new = length
-        if new is not old:
-            changed[name] = new
+    name = getattr(value, "body", None) or default
+    for key, old in value.__dict__.items():
+        new = _snapped(old, bodies, default)
+        if key == "position" and isinstance(old, float) and isinstance(name, str) and name in bodies:
+            new = bodies[name].on_the_body(old)
+        if new != old if isinstance(old, float) else new is not old:
+            changed[key] = new
     return value.model_copy(update=changed) if changed else value

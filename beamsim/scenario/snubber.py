@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Tag
+from pydantic import Discriminator, Field, Tag
 
 from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
 from beamsim.scenario.names import Named
+from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import (
     Dashpot,
     Gap,
@@ -74,6 +75,16 @@ class SnubberBase(Named):
                 "and gap exclude each other", "keep one of the two; the gap follows from the preload", ("preload",)
             )
 
+    @property
+    def probed_places(self) -> tuple[AtPlace, ...]:
+        """The places in the order in which they are written, where probes are by default."""
+        return self.places
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The place, or both places, the lower one first."""
+        raise NotImplementedError
+
 
 class _Stop(SnubberBase):
     """A snubber mounted on the base or on the ground."""
@@ -85,10 +96,63 @@ class _Stop(SnubberBase):
 
 
 class Snubber(_Stop):
-    """A one-sided spring, with or without dashpot, on the beam."""
+    """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
 
-    position: Position
+    at: AtPlace | None = None
+    """The place: {body: panel, position: 270 mm}; the body may be left out where there is only one."""
+    position: Position | None = None
     """Distance from the left end of the beam."""
+    mass: MassNumber | None = None
+    """Number of the mass of a chain, from 1."""
+
+    def settle(self) -> None:
+        """Demand exactly one place."""
+        given = [key for key in ("at", "position", "mass") if getattr(self, key) is not None]
+        if not given:
+            raise fail("is missing", "give for example position: 270 mm", ("position",))
+        if len(given) > 1:
+            raise fail(f"and {given[0]} exclude each other", "keep one of the two", (given[1],))
+        super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The one place."""
+        return (self.at if self.at is not None else AtPlace(position=self.position, mass=self.mass),)
+
+
+class BodySnubber(SnubberBase):
+    """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
+
+    between: Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    """The two places; the first lies below the second."""
+    resists: Literal["approach", "separation"] = "approach"
+    """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
+
+    def settle(self) -> None:
+        """Demand two different places."""
+        if len(self.between) != 2:
+            given = f"{len(self.between)} place{'' if len(self.between) == 1 else 's'}"
+            remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
+            raise fail(f"names {given}", remedy, ("between",))
+        if self.between[0] == self.between[1]:
+            raise fail("joins a place to itself", "name two different places", ("between",))
+        super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Both places, the lower one first."""
+        return self.between
+
+
+def choose_sites(value: Any) -> str:
+    """Tag of a snubber of the scenario: at a place or between two."""
+    between = isinstance(value, BodySnubber) or (isinstance(value, dict) and value.get("between") is not None)
+    return "<between>" if between else "<place>"
+
+
+AnySnubber = Annotated[
+    Annotated[Snubber, Tag("<place>")] | Annotated[BodySnubber, Tag("<between>")], Discriminator(choose_sites)
+]
 
 
 class MassSnubber(_Stop):
@@ -96,6 +160,11 @@ class MassSnubber(_Stop):
 
     mass: MassNumber
     """Number of the mass, from 1."""
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The one place."""
+        return (AtPlace(mass=self.mass),)
 
 
 class LinkSnubber(SnubberBase):
@@ -110,6 +179,16 @@ class LinkSnubber(SnubberBase):
         """Demand two different masses."""
         check_pair(self.between, "between")
         super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Both places, the mass with the lower number first."""
+        return tuple(AtPlace(mass=number) for number in sorted(self.between))
+
+    @property
+    def probed_places(self) -> tuple[AtPlace, ...]:
+        """The masses in the order in which they are written."""
+        return tuple(AtPlace(mass=number) for number in self.between)
 
 
 def choose_place(value: Any) -> str | None:

@@ -12,6 +12,7 @@ from pydantic import Field, Tag
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_KIND, Schema, fail
 from beamsim.scenario.names import Named
+from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
 
 Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
@@ -40,6 +41,11 @@ class OnMass(Spring):
     mass: MassNumber
     """Number of the mass, from 1."""
 
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The one place."""
+        return (AtPlace(mass=self.mass),)
+
 
 class BetweenMasses(Spring):
     """A spring between two masses, neighbours or not."""
@@ -51,6 +57,11 @@ class BetweenMasses(Spring):
         """Demand two different masses."""
         check_pair(self.masses, "masses")
         super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Both places, the mass with the lower number first."""
+        return tuple(AtPlace(mass=number) for number in sorted(self.masses))
 
 
 class LinearSpring(Schema):

@@ -4,25 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
+from beamsim.scenario.base import path_text
 from beamsim.scenario.damping import ModalDamping
 from beamsim.scenario.excitation import HalfSine, Step
-from beamsim.scenario.place import OneOfTwoPlaces
-
-if TYPE_CHECKING:
-    from beamsim.scenario.beam import Beam
-    from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.place import ConstantForce, Probe, Sited
+from beamsim.scenario.run import Reduction, Run
+from beamsim.scenario.whole import ScenarioParts
 
 MANY_SAMPLES = 5_000_000
 """More output samples than this make a file of a gigabyte or so."""
 
 
-def doubts(scenario: Scenario) -> Iterator[str]:
+class _Doubted(ScenarioParts, Protocol):
+    """What doubts need of a scenario beside its bodies."""
+
+    @property
+    def run(self) -> Run | None: ...
+    @property
+    def reduction(self) -> Reduction | None: ...
+    @property
+    def constant_forces(self) -> tuple[ConstantForce, ...]: ...
+    @property
+    def probes(self) -> tuple[Probe, ...]: ...
+
+
+def doubts(scenario: _Doubted) -> Iterator[str]:
     """Yield a sentence for each questionable value."""
-    if scenario.beam is not None:
-        yield from _beam(scenario.beam, max(scenario.excitation.frequencies_hz, default=0.0))
-    yield from _damping(scenario)
+    highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
+    for name, body in scenario.all_bodies.items():
+        yield from body.doubts(scenario.body_path(name), highest_hz)
+    for name, body in scenario.all_bodies.items():
+        yield from _damping(path_text(scenario.body_path(name)), body.damping)
     yield from _idle_forces(scenario)
     yield from _timing(scenario)
     reduction = scenario.reduction
@@ -35,58 +49,26 @@ def doubts(scenario: Scenario) -> Iterator[str]:
             )
 
 
-def _beam(beam: Beam, highest_hz: float) -> Iterator[str]:
-    if not 1e5 <= beam.youngs_modulus <= 2e12:
-        yield f"beam.youngs_modulus = {beam.youngs_modulus:g} Pa is not plausible; a unit such as GPa may be missing"
-    if not 1.0 <= beam.density <= 25_000.0:
-        yield f"beam.density = {beam.density:g} kg/m^3 is not plausible; a unit such as g/cm^3 may be missing"
-    depth = 2.0 * beam.extreme_fibre
-    if depth > beam.length / 10.0:
-        yield (
-            f"the beam is {depth:g} m deep and {beam.length:g} m long: Euler-Bernoulli theory (no shear) is doubtful "
-            "when the depth is more than a tenth of the length"
-        )
-    if highest_hz > 0.0:
-        omega = 2.0 * math.pi * highest_hz
-        wavelength = 2.0 * math.pi * (beam.bending_stiffness / beam.mass_per_length / omega**2) ** 0.25
-        per_wave = wavelength / (beam.length / beam.elements)
-        if per_wave < 6.0:
-            yield (
-                f"beam.elements = {beam.elements} gives {per_wave:.1f} elements a bending wavelength "
-                f"at {highest_hz:g} Hz: use 6 or more"
-            )
-
-
-def _damping(scenario: Scenario) -> Iterator[str]:
-    structure = scenario.beam or scenario.chain
-    damping = None if structure is None else structure.damping
+def _damping(where: str, damping: Any) -> Iterator[str]:
     if isinstance(damping, ModalDamping):
         ratios = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio,)
         if max(ratios) >= 1.0:
-            where = "chain" if scenario.beam is None else "beam"
             yield f"{where}.damping.ratio = {max(ratios):g} is critical or above; was {max(ratios):g} % meant?"
 
 
-def _idle_forces(scenario: Scenario) -> Iterator[str]:
-    beam = scenario.beam
-    if beam is None:
-        return
-    held = [
-        position
-        for position, support in ((0.0, beam.supports.left), (beam.length, beam.supports.right))
-        if support in ("clamped", "pinned")
-    ]
-    places: list[tuple[str, tuple[OneOfTwoPlaces, ...]]] = [
+def _idle_forces(scenario: _Doubted) -> Iterator[str]:
+    places: list[tuple[str, tuple[Sited, ...]]] = [
         ("constant_forces", scenario.constant_forces),
         ("probes", scenario.probes),
     ]
     for name, items in places:
         for index, item in enumerate(items):
-            if item.position in held:
+            body = scenario.all_bodies.get(item.place.body or scenario.default_body)
+            if body is not None and item.place.position is not None and body.holds(item.place.position):
                 yield f"{name}[{index}] sits on a support, which cannot deflect"
 
 
-def _timing(scenario: Scenario) -> Iterator[str]:
+def _timing(scenario: _Doubted) -> Iterator[str]:
     run, excitation = scenario.run, scenario.excitation
     if run is None:
         return

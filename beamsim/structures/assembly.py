@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.chain import assemble_chain
 from beamsim.structures.places import Site, site_of
+from beamsim.structures.several import assemble_bodies
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located, Scenario
@@ -19,13 +20,13 @@ ASSEMBLE: dict[str, Callable[[Any, str], Structure]] = {"beam": assemble_beam, "
 
 def assemble(scenario: Scenario) -> Structure:
     """The structure without snubbers."""
-    ((name, body),) = scenario.all_bodies.items()
-    return ASSEMBLE[body.body_kind](body, name)
+    bodies = [ASSEMBLE[body.body_kind](body, name) for name, body in scenario.all_bodies.items()]
+    return bodies[0] if len(bodies) == 1 else assemble_bodies(bodies)
 
 
 def site_in(scenario: Scenario, item: Any) -> Site:
     """Where something of a scenario sits that stands at its top level: a probe, a force, the excitation."""
-    return site_of(item, next(iter(scenario.all_bodies)))
+    return site_of(item, scenario.default_body)
 
 
 def snubber_site(contact: Located) -> Site:

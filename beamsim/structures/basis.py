@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,8 @@ class ReducedBasis:
     pattern: Floats  # (patterns, n): p
     acceleration_modes: Floats  # (modes, n): a = vectors[:, :modes] @ acceleration_modes
     highest_frequency: float  # scaled angular frequency that the reduction was made for
+    # of several bodies: each body's own basis, and which of these coordinates are its own; patterns are there
+    blocks: tuple[tuple[ReducedBasis, Ints], ...] = ()
 
     @property
     def size(self) -> int:

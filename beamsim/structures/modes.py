@@ -96,6 +96,8 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
     Frequencies are singular values of B L^{-T} (or of B on the Ritz vectors), not square roots of eigenvalues of K.
     Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would be its square.
     """
+    if model.parts:
+        return _of_parts(model, count, below)
     rigid = model.rigid.shape[1]
     needed = model.size
     if count is not None or below is not None:
@@ -109,6 +111,21 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
         omega, vectors = np.zeros(0), np.zeros((model.size, 0))
     vectors = np.hstack([model.rigid, vectors])
     return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflection_dofs))
+
+
+def _of_parts(model: Structure, count: int | None, below: float | None) -> Modes:
+    """The modes of all bodies in order of frequency, each of one body alone."""
+    omega, vectors = [], []
+    for structure, dofs in ((part.structure, part.dofs) for part in model.parts):
+        ratio = structure.frequency_scale / model.frequency_scale
+        modes = natural_modes(structure, count, None if below is None else below / ratio)
+        own = np.zeros((model.size, modes.omega.size))
+        own[dofs] = modes.vectors * np.sqrt(model.mass_scale / structure.mass_scale)
+        omega.append(modes.omega * ratio)
+        vectors.append(own)
+    together = np.concatenate(omega)
+    order = np.argsort(together, kind="stable")
+    return Modes(together[order], np.hstack(vectors)[:, order])
 
 
 def closed_frequencies(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) -> Floats:

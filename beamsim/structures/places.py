@@ -44,14 +44,11 @@ Site = Place | Link
 
 def site_of(item: Any, body: str) -> Site:
     """Where something of a scenario sits; ``body`` is meant where it names none."""
-    masses = getattr(item, "between", None) or getattr(item, "masses", None)
-    if masses is not None:
-        # Displacements count from the wall at mass 1, as in the chain's own springs: the higher mass less the lower.
-        low, high = sorted(masses)
-        return Link(_on_mass(body, low), _on_mass(body, high))
-    position = getattr(item, "position", None)
-    return _on_mass(body, item.mass) if position is None else Place(body, float(position), label=f"{position:g} m")
+    first, *second = (_resolved(place, body) for place in item.places)
+    return Link(first, second[0]) if second else first
 
 
-def _on_mass(body: str, number: int) -> Place:
-    return Place(body, float(number), label=f"mass {number}")
+def _resolved(place: Any, body: str) -> Place:
+    own = place.body or body
+    label = f"{place.position:g} m" if place.mass is None else f"mass {place.mass}"
+    return Place(own, float(place.point), label=f"{own} {label}" if place.body else label)

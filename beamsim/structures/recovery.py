@@ -54,7 +54,7 @@ def beam_recovery(structure: BeamModel, basis: ReducedBasis, sites: Sequence[Sit
         position=x * length,
         deflection=deflection_rows(structure.mesh, x, structure.whole_field(basis.vectors)) * scale,
         bending_moment=moment * (scale * beam.bending_stiffness / length**2),
-        stress_per_moment=beam.extreme_fibre / beam.second_moment,
+        stress_per_moment=beam.stress_per_moment,
         base_moment=-remainder * (structure.mass_scale * length),
     )
 

@@ -20,7 +20,7 @@ from beamsim.structures.modes import Modes, natural_modes, orient
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.structures.structure import Structure
+    from beamsim.structures.structure import Part, Structure
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
@@ -107,6 +107,24 @@ def reduce_model(
         modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the reported
         frequency of interest is changed accordingly. A structure that resolves all of its modes keeps them all.
     """
+    if model.parts:
+        counts = [None] * len(model.parts) if count is None else _counts(model, count)
+        return _direct_sum(
+            model,
+            [
+                reduce_model(
+                    part.structure,
+                    _own_patterns(model, part, patterns),
+                    count=own,
+                    highest_frequency=None
+                    if highest_frequency is None
+                    else highest_frequency * model.frequency_scale / part.structure.frequency_scale,
+                    default=default,
+                    least=max(least, mode),
+                )
+                for part, own in zip(model.parts, counts, strict=True)
+            ],
+        )
     rigid = model.rigid.shape[1]
     if default and model.most_modes is None:
         return _with_static_vectors(model, natural_modes(model), (), None)
@@ -126,6 +144,53 @@ def reduce_model(
     else:
         modes = natural_modes(model)
     return _with_static_vectors(model, modes, tuple(patterns), highest_frequency)
+
+
+def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern]) -> list[LoadPattern]:
+    """What of the load patterns acts on one body, in its own scales."""
+    found = []
+    for pattern in patterns:
+        vector = pattern.vector[part.dofs]
+        if pattern.position is None:
+            found.append(LoadPattern(part.structure.inertia, None))
+        elif np.any(vector):
+            found.append(LoadPattern(vector, pattern.position))
+    return found
+
+
+def _counts(model: Structure, count: int) -> list[int]:
+    """How many of the lowest modes are each body's own, at least one of each."""
+    modes = natural_modes(model, count=count).first(count)
+    return [max(1, int(np.any(modes.vectors[part.dofs] != 0, axis=0).sum())) for part in model.parts]
+
+
+def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis:
+    """The bases of several bodies as one: rigid-body modes, then modes, then static vectors, by frequency."""
+    scale = [part.structure.frequency_scale / model.frequency_scale for part in model.parts]
+    omega = np.concatenate([basis.omega * s for basis, s in zip(bases, scale, strict=True)])
+    rank = np.concatenate([np.repeat([0, 1, 2], [b.rigid, b.modes - b.rigid, b.static_vectors]) for b in bases])
+    order = np.lexsort((omega, rank))  # stable: equal bodies keep their order
+    place = np.empty(order.size, dtype=np.int64)
+    place[order] = np.arange(order.size)
+    vectors = np.zeros((model.size, omega.size))
+    blocks, start = [], 0
+    for part, basis in zip(model.parts, bases, strict=True):
+        columns = place[start : start + basis.size]
+        vectors[part.dofs, columns] = basis.vectors * np.sqrt(model.mass_scale / part.structure.mass_scale)
+        blocks.append((basis, columns))
+        start += basis.size
+    modes = sum(basis.modes for basis in bases)
+    return ReducedBasis(
+        omega=omega[order],
+        vectors=vectors,
+        rigid=sum(basis.rigid for basis in bases),
+        modes=modes,
+        patterns=(),
+        pattern=np.zeros((0, omega.size)),
+        acceleration_modes=np.zeros((modes, omega.size)),
+        highest_frequency=min(b.highest_frequency * s for b, s in zip(bases, scale, strict=True)),
+        blocks=tuple(blocks),
+    )
 
 
 def _with_static_vectors(

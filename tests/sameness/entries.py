@@ -82,6 +82,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
         "vary={kind: grid, parameters: [{path: snubbers.tip.stiffness, values: [100 kN/m, 151.1 kN/m]}]}",
     ),
     "chain_cubic nnm frequency": ("nnm.energy=null", "nnm.continue_in={kind: frequency, from: 0.249 Hz, to: 0.26 Hz}"),
+    "two_panels sweep continuation": ("sweep={kind: continuation, from: 36 Hz, to: 38 Hz}",),
     "nnm_chain_mass_5 nnm full_period": ("nnm.method=full_period",),
     "sweep_up_down sweep regular": ("sweep.from=70 Hz", "sweep.to=90 Hz"),
     "sweep_backlash sweep regular": ("sweep.from=40 Hz", "sweep.to=60 Hz"),
@@ -168,6 +169,9 @@ class Entry:
             changes.append(f"excitation.level={nudged(level)}")
         if "beam" in scenario:
             changes.append(f"beam.youngs_modulus={nudged(scenario['beam']['youngs_modulus'])}")
+        elif "bodies" in scenario:
+            name, body = next(iter(scenario["bodies"].items()))
+            changes.append(f"bodies.{name}.youngs_modulus={nudged(body['youngs_modulus'])}")
         else:
             springs = scenario["chain"]["springs"]
             index = next((k for k in range(1, len(springs)) if float(str(springs[k]).split()[0])), 0)

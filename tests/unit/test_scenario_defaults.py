@@ -14,7 +14,7 @@ import yaml
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import (
-    AtPosition,
+    AtPlace,
     GeneralSection,
     HalfSine,
     ModeStart,
@@ -142,10 +142,10 @@ def test_starts_and_points():
         "run: {duration: 1, start: {released_force: {position: 1, force: 10 N}}}\n"
     )
     assert scenario.excitation == HalfSine(
-        applied_to=AtPosition(position=1.0), level=3.0, quantity="force", duration=0.005, time=0.001
+        applied_to=AtPlace(position=1.0), level=3.0, quantity="force", duration=0.005, time=0.001
     )
     assert isinstance(scenario.run.start, ReleasedForceStart)
-    assert scenario.run.start.released_force.place == AtPosition(position=1.0)
+    assert scenario.run.start.released_force.place == AtPlace(position=1.0)
     moded = load_scenario(BEAM + "run: {duration: 1, start: {mode: 2, amplitude: -1 mm}}\n")
     assert moded.run.start == ModeStart(mode=2, amplitude=-0.001)
 
@@ -234,7 +234,8 @@ TYPES = {
 }
 CHECKED = {
     "type", "const", "enum", "anyOf", "oneOf", "$ref", "properties", "required", "additionalProperties", "items",
-    "minItems", "minLength", "minimum", "maximum", "exclusiveMinimum", "pattern", "if", "then", "else",
+    "propertyNames", "minItems", "maxItems", "minLength", "minimum", "maximum", "exclusiveMinimum", "pattern",
+    "if", "then", "else",
 }  # fmt: skip
 ANNOTATIONS = {"$schema", "$defs", "title", "description", "default", "examples", "x-unit"}
 
@@ -263,8 +264,15 @@ def valid(schema, value, root):
             return False
         if not all(valid(keys[key], item, root) for key, item in value.items() if key in keys):
             return False
+        others = schema.get("additionalProperties", True)
+        if isinstance(others, dict) and not all(
+            valid(others, item, root) for key, item in value.items() if key not in keys
+        ):
+            return False
+        if not all(valid(schema.get("propertyNames", {}), key, root) for key in value):
+            return False
     if isinstance(value, list):  # noqa: SIM102
-        if len(value) < schema.get("minItems", 0) or not all(
+        if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)) or not all(
             valid(schema.get("items", {}), item, root) for item in value
         ):
             return False

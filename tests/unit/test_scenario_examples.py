@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from beamsim.scenario import (
-    AtMass,
+    AtPlace,
     Continuation,
     CubicGroundSpring,
     EnergyContinuation,
@@ -26,8 +26,8 @@ FILES = sorted(EXAMPLES.glob("*.yaml"))
 G = 9.80665
 
 
-def test_all_eight_are_here():
-    assert len(FILES) == 8
+def test_all_nine_are_here():
+    assert len(FILES) == 9
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -107,7 +107,7 @@ def test_chains():
     assert [(s.name, s.mass, s.side, s.stiffness, s.gap) for s in two.all_snubbers] == [
         ("stop", 1, "above", 100.0, 1.0)
     ]
-    assert two.excitation.applied_to == AtMass(mass=2)
+    assert two.excitation.applied_to == AtPlace(mass=2)
     assert two.excitation.quantity == "force"
     assert two.excitation.frequency == pytest.approx(0.8 / (2 * math.pi), rel=1e-15)
     assert isinstance(two.sweep, Continuation)

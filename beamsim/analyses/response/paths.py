@@ -16,7 +16,8 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
-from beamsim.scenario.continuation import PositionPath, SnubberPath, snubber_index
+from beamsim.scenario.continuation import PositionPath, SnubberPath
+from beamsim.scenario.continuation_checks import snubber_index
 from beamsim.scenario.excitation import Harmonic
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place

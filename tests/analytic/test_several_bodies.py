@@ -1,0 +1,244 @@
+"""Several bodies joined by nothing but snubbers, against assemblies made by hand and against single bodies."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag, eigh
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.store.results import open_run, write_run
+from beamsim.system.build import build_system
+
+EXAMPLE = Path(__file__).parents[1] / "data/examples/two_panels.yaml"
+FEW = ["bodies.inner.elements=3", "bodies.outer.elements=3", "reduction.modes=all"]
+
+
+def cantilever(stiffness, mass, length, elements):
+    """Textbook matrices of a clamped-free beam: deflection and slope of each node but the first."""
+    h = length / elements
+    k = stiffness / h**3 * np.array(
+        [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h], [-12, -6 * h, 12, -6 * h],
+         [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
+    )  # fmt: skip
+    m = mass * h / 420 * np.array(
+        [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h], [54, 13 * h, 156, -22 * h],
+         [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
+    )  # fmt: skip
+    whole = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+    for e in range(elements):
+        at = slice(2 * e, 2 * e + 4)
+        whole[0, at, at] += m
+        whole[1, at, at] += k
+    rise = np.zeros(2 * elements + 2)
+    rise[0::2] = 1
+    return whole[0, 2:, 2:], whole[1, 2:, 2:], (whole[0] @ rise)[2:]
+
+
+def panels(elements=3):
+    """M, C, K, base vector and the row of the gap of the two panels of the example, body after body."""
+    blocks = [
+        cantilever(70e9 * 0.44 * 0.005**3 / 12, 2700 * 0.44 * 0.005, 0.77, elements),
+        cantilever(210.0, 3.1, 0.77, elements),
+    ]
+    damping = []
+    for m, k, _ in blocks:
+        squared, shapes = eigh(k, m)
+        damping.append(m @ shapes @ np.diag(2 * 0.01 * np.sqrt(squared)) @ shapes.T @ m)
+    row = np.zeros(4 * elements)
+    row[2 * elements - 2], row[4 * elements - 2] = -1, 1  # the second above the first
+    m, k = (block_diag(*(b[i] for b in blocks)) for i in (0, 1))
+    return m, block_diag(*damping), k, np.concatenate([b[2] for b in blocks]), row
+
+
+def test_two_panels_against_integration_with_restarts_at_contacts():
+    duration, stiffness, gap = 0.15, 150e3, 0.1e-3
+    changes = [*FEW, "run.start=rest", f"run.duration={duration}", "run.sample_rate=2 kHz", "excitation.level=4 g"]
+    case = load_scenario(EXAMPLE, [*changes, "snubbers[0].preload=null", f"snubbers[0].gap={gap}"])
+    result = beamsim.run(case)
+
+    m, c, k, inertia, row = panels()
+    n = row.size
+    inverse = np.linalg.inv(m)
+    omega, level = 2 * np.pi * 40, 4 * 9.80665
+
+    def rates(t, y, closed):
+        force = -inertia * level * np.sin(omega * t) - k @ y[:n] - c @ y[n:]
+        if closed:
+            force = force + row * stiffness * (-gap - row @ y[:n])
+        return np.concatenate([y[n:], inverse @ force])
+
+    def clearance(t, y, closed):
+        return gap + row @ y[:n]
+
+    clearance.terminal = True
+    times, found = result.time, []
+    t, y, closed, contacts = 0.0, np.zeros(2 * n), False, 0
+    while t < duration:
+        clearance.direction = 1 if closed else -1
+        part = solve_ivp(
+            rates, (t, duration), y, "DOP853", args=(closed,), events=clearance, dense_output=True, rtol=1e-11,
+            atol=1e-14,
+        )  # fmt: skip
+        inside = (times >= t) & (times < part.t[-1]) if part.status == 1 else times >= t
+        found.append(part.sol(times[inside])[[n // 2 - 2, n - 2]])
+        t, y = part.t[-1], part.y[:, -1]
+        contacts += part.status == 1 and not closed
+        closed = not closed
+    expected = np.hstack(found)
+    assert contacts == result.summary["contacts"]["tip"] >= 2
+    scale = np.abs(expected).max()
+    for name, own in zip(("inner_tip", "outer_tip"), expected, strict=True):
+        np.testing.assert_allclose(result.probes[name].displacement, own, rtol=0, atol=1e-7 * scale)
+
+
+def test_frequencies_open_and_closed_are_those_of_the_assembled_matrices():
+    modes = build_system(load_scenario(EXAMPLE, FEW)).modes
+    m, _, k, _, row = panels()
+    for frequencies, stiffness in (
+        (modes.open_frequencies_hz, k),
+        (modes.closed_frequencies_hz, k + 150e3 * np.outer(row, row)),
+    ):
+        squared = eigh(stiffness, m, eigvals_only=True)
+        np.testing.assert_allclose(frequencies, np.sqrt(squared) / (2 * np.pi), rtol=1e-9)
+
+
+def test_modes_and_damping_belong_to_one_body_each():
+    system = build_system(load_scenario(EXAMPLE, "bodies.outer.damping.ratio=[3 %, 2 %]"))
+    on_body = np.array(
+        [np.abs(system.modes.shapes[:, part.stations]).max(axis=1) > 0 for part in system.stations]
+    )  # fmt: skip
+    np.testing.assert_array_equal(on_body.sum(axis=0), 1)
+    ratios = system.modes.damping_ratios
+    np.testing.assert_allclose(ratios[on_body[0]], 0.01)
+    np.testing.assert_allclose(ratios[on_body[1]][:3], [0.03, 0.02, 0.02])
+
+
+def test_preload_is_the_force_at_equilibrium_and_the_reduced_model_is_close_to_the_full_one():
+    system = build_system(load_scenario(EXAMPLE))
+    (tip,) = system.snubbers
+    assert tip.preload == pytest.approx(5.0)
+    assert system.modes.static_vectors == 2
+    assert system.modes.reduction_error < 1e-6
+    full = build_system(load_scenario(EXAMPLE, "reduction.modes=all"))
+    assert tip.gap == pytest.approx(full.snubbers[0].gap, rel=1e-8)
+
+
+def test_equal_bodies_that_do_not_touch_move_like_one():
+    panel = {"length": 0.5, "width": 0.05, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700, "elements": 6,
+             "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
+    common = {
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 5.0, "frequency": 20.0},
+        "run": {"duration": 0.3, "sample_rate": 2000.0},
+    }
+    between = [{"body": name, "position": 0.5} for name in ("a", "b")]
+    both = {
+        **common,
+        "bodies": {name: {"kind": "beam", **panel} for name in ("a", "b")},
+        "snubbers": [{"name": "tip", "between": between, "stiffness": 1e5, "gap": 1e-4}],
+        "probes": [{"name": name, "at": {"body": name, "position": 0.5}} for name in ("a", "b")],
+    }
+    alone = {**common, "beam": panel, "probes": [{"name": "tip", "position": 0.5}]}
+    two, one = beamsim.run(load_scenario(both)), beamsim.run(load_scenario(alone))
+    assert two.summary["contacts"] == {"tip": 0}
+    expected = one.probes["tip"].displacement
+    for name in ("a", "b"):
+        own = two.probes[name].displacement
+        np.testing.assert_allclose(own, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+        np.testing.assert_allclose(two.bodies[name].peak_bending_stress[0], one.bodies["beam"].peak_bending_stress[0],
+                                   rtol=1e-5)  # fmt: skip
+    # pressed together they touch at once, and the difference of their motions rings at the closed frequency
+    pressed = beamsim.run(load_scenario(both, "snubbers[0].gap=-1 mm"))
+    assert pressed.summary["contact_share"]["tip"] == 1.0
+
+
+CHAINS = """
+bodies:
+  left: {kind: chain, masses: [1, 1], springs: [100, 100], dashpots: [0.2, 0.1]}
+  right: {kind: chain, masses: [2], springs: [150], dashpots: [0.1]}
+snubbers:
+  - {name: bump, between: [{body: left, mass: 2}, {body: right, mass: 1}], stiffness: 1000, gap: 1 mm, law: no_tension,
+     damping: {kind: viscous, coefficient: 3}}
+  - {name: stop, at: {body: right, mass: 1}, side: above, stiffness: 500, gap: 1 mm}
+excitation: {kind: harmonic, applied_to: {body: left, mass: 1}, level: 1 N, frequency: 1 Hz}
+probes: [{name: a, at: {body: left, mass: 2}}, {name: b, at: {body: right, mass: 1}}]
+run: {duration: 8 s, sample_rate: 100 Hz}
+"""
+CHAIN = """
+chain:
+  masses: [1, 1, 2]
+  springs: [100, 100, 0, 150]
+  dashpots: [0.2, 0.1, 0, 0.1]
+  snubbers:
+    - {name: bump, between: [2, 3], stiffness: 1000, gap: 1 mm, law: no_tension,
+       damping: {kind: viscous, coefficient: 3}}
+    - {name: stop, mass: 3, side: above, stiffness: 500, gap: 1 mm}
+excitation: {kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 1 Hz}
+probes: [{name: a, mass: 2}, {name: b, mass: 3}]
+run: {duration: 8 s, sample_rate: 100 Hz}
+"""
+
+
+def test_two_chains_are_one_chain_with_a_spring_of_nothing():
+    two, one = (beamsim.run(load_scenario(text)) for text in (CHAINS, CHAIN))
+    assert two.summary["contacts"] == one.summary["contacts"]
+    assert min(two.summary["contacts"].values()) > 2
+    for name in ("a", "b"):
+        np.testing.assert_allclose(
+            two.probes[name].displacement, one.probes[name].displacement, rtol=0, atol=1e-9
+        )  # fmt: skip
+
+
+def test_result_file_holds_every_body(tmp_path):
+    result = beamsim.run(load_scenario(EXAMPLE, ["run.duration=0.05 s", "bodies.outer.youngs_modulus=70 GPa"]))
+    again = open_run(write_run(result, tmp_path / "two.h5"))
+    assert list(again.bodies) == ["inner", "outer"]
+    for name, body in result.bodies.items():
+        np.testing.assert_array_equal(again.bodies[name].extreme_shapes, body.extreme_shapes)
+        np.testing.assert_array_equal(again.bodies[name].peak_bending_stress, body.peak_bending_stress)
+    assert [part.body for part in again.modes.stations] == ["inner", "outer"]
+    assert again.scenario == result.scenario
+
+
+def test_a_beam_by_its_stiffness_moves_like_one_by_its_section():
+    section_case = load_scenario(EXAMPLE)
+    section = build_system(section_case)
+    panel = {"kind": "beam", "length": 0.77, "bending_stiffness": 70e9 * 0.44 * 0.005**3 / 12, "youngs_modulus": 70e9,
+             "mass_per_length": 5.94, "extreme_fibre": 0.0025}  # fmt: skip
+    data = yaml.safe_load(section_case.to_yaml())
+    data["bodies"]["inner"] = {**panel, "damping": {"kind": "modal", "ratio": 0.01}}
+    other = build_system(load_scenario(data))
+    np.testing.assert_allclose(other.modes.open_frequencies_hz, section.modes.open_frequencies_hz, rtol=1e-9)
+    np.testing.assert_allclose(other.bodies[0].stress_per_moment, section.bodies[0].stress_per_moment, rtol=1e-9)
+    assert section.bodies[1].stress_per_moment is None  # no modulus
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("probes[0].at.body=iner", "probes[0].at.body = iner is an unknown body; did you mean inner?"),
+        ("snubbers[0].between[1].position=1 m", "position = 1 m lies beyond bodies.outer.length = 0.77 m"),
+        ("snubbers[0].between[0].position=0", "is the clamped left end, which cannot deflect: a snubber has no effect"),
+        ("probes=[{name: b, position: 0.1}]", "probes[0] names no body, and there are several: inner, outer"),
+        ("probes[1].at={body: inner, mass: 1}", "mass applies to a chain, but bodies.inner is a beam"),
+        ("snubbers[0].between=[{body: inner, position: 0.1}]", "snubbers[0].between names 1 place"),
+        ("bodies.inner.kind=plate", "bodies.inner"),
+        ("bodies.inner.length=-1", "bodies.inner.length = -1 must be positive"),
+        ("run.start={displacement: [0, 0, 1]}", "run.start gives one shape, and there are 2 bodies"),
+        ("beam={length: 1, width: 1, thickness: 0.1, youngs_modulus: 7e10, density: 2700}", "and beam exclude each"),
+        ("identify_stiffness={snubber: tip, measured_with: [10]}", "identify_stiffness identifies a snubber on one"),
+    ],
+)
+def test_errors_name_the_body(change, message):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(EXAMPLE, change)
+    assert message in str(caught.value)
+
+
+def test_masses_beyond_a_chain():
+    with pytest.raises(ScenarioError, match=r"between\[0\].mass = 3, but the chain has 2 masses"):
+        load_scenario(CHAINS, "snubbers[0].between[0].mass=3")
