@@ -1,6 +1,6 @@
-"""The exception family: what went wrong, where, and what to do about it.
+"""The exceptions: what went wrong, where, and what to do about it.
 
-Every exception carries the exit code with which the command line ends.
+Every exception carries the exit code of the command line.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """How the command line ends; a signal ends it with 128 and its number."""
+    """Exit codes of the command line; after a signal it is 128 plus the signal's number."""
 
     SUCCESS = 0
     BUG = 1
     USAGE = 2  # usage, scenario or file
-    NOT_CONVERGED = 3  # stopped before the end, or not to be trusted; the partial result is saved
+    NOT_CONVERGED = 3  # stopped before the end, or not reliable; the partial result is saved
     LIMIT_EXCEEDED = 4  # under --check
     INTERRUPTED = 130  # from the keyboard
     BROKEN_PIPE = 141
@@ -25,10 +25,10 @@ class ExitCode(IntEnum):
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with a scenario.
+    """One error in a scenario.
 
-    ``path`` is written as the user would (``snubbers[0].position``); ``file`` and ``line`` are
-    ``None`` where the value did not come from a file (a default, an override, the Python API).
+    ``path`` is written as a user would write it (``snubbers[0].position``); ``file`` and ``line`` are ``None`` if the
+    value did not come from a file (a default, an override, the Python API).
     """
 
     path: str
@@ -46,13 +46,13 @@ class Problem:
 
 
 class BeamsimError(Exception):
-    """Root of the family; ends the command line with ``exit_code``."""
+    """Base class; ends the command line with ``exit_code``."""
 
     exit_code: int = ExitCode.BUG
 
 
 class ScenarioError(BeamsimError):
-    """The scenario (or the command's usage) is wrong; holds every problem found, located."""
+    """The scenario or the use of the command is wrong; holds every problem found, with its place."""
 
     exit_code = ExitCode.USAGE
 
@@ -64,9 +64,9 @@ class ScenarioError(BeamsimError):
 
 
 class MethodError(BeamsimError):
-    """A method cannot treat the system that it was given.
+    """A method cannot be applied to the given system.
 
-    ``about`` names what is in the way in the method's own terms (``mode``, ``energy``); `locating` turns that into the
+    ``about`` names the obstacle in the method's terms (``mode``, ``energy``); `locating` translates it into the
     place in a scenario.
     """
 
@@ -79,7 +79,7 @@ class MethodError(BeamsimError):
 
 @contextmanager
 def locating(places: Mapping[str, str]) -> Iterator[None]:
-    """Raise a `MethodError` as the `ScenarioError` at the place that it is about.
+    """Turn a `MethodError` into a `ScenarioError` at the corresponding place of the scenario.
 
     >>> with locating({"mode": "nnm.mode"}):
     ...     raise MethodError("mode", "= 1 is a rigid-body mode")
@@ -94,19 +94,19 @@ def locating(places: Mapping[str, str]) -> Iterator[None]:
 
 
 class ResultFileError(BeamsimError):
-    """A result file is missing, damaged, or not one of beamsim's."""
+    """A result file is missing, damaged, or not from beamsim."""
 
-    exit_code = 2
+    exit_code = ExitCode.USAGE
 
 
 class NotTrustedError(BeamsimError):
-    """A computation ended without a result that can be trusted."""
+    """A computation ended without a reliable result."""
 
     exit_code = ExitCode.NOT_CONVERGED
 
 
 class StoppedEarlyError(BeamsimError):
-    """A computation ended before it was complete; the partial result was saved."""
+    """A computation stopped early; the partial result was saved."""
 
     def __init__(self, text: str, exit_code: int) -> None:
         super().__init__(text)
@@ -114,6 +114,6 @@ class StoppedEarlyError(BeamsimError):
 
 
 class LimitExceededError(BeamsimError):
-    """An allowable is exceeded, and ``--check`` asked for an answer in the exit code."""
+    """An allowable is exceeded, and ``--check`` was given."""
 
     exit_code = ExitCode.LIMIT_EXCEEDED

@@ -1,13 +1,13 @@
-"""How computations end: a code with the numbers that belong to it; text is made from them where people read it.
+"""How computations end: a code and its numbers, from which the text for the user is made.
 
-A computation hands back an `Outcome`. Programs compare its code and its kind, and take its numbers by name; nothing
-reads them out of the text.
+Every computation returns an `Outcome`. Programs compare its code and its kind and look up its numbers by name; nothing
+is parsed out of the text.
 
->>> ended = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=51.25, unit="Hz", points=17, step=1e-6)
->>> ended.complete, ended.numbers["parameter"]
+>>> outcome = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=51.25, unit="Hz", points=17, step=1e-6)
+>>> outcome.complete, outcome.numbers["parameter"]
 (False, 51.25)
->>> ended.message
-'stopped at 51.25 Hz after 17 points: no solution within the smallest step of 1e-06'
+>>> outcome.message
+'stopped at 51.25 Hz after 17 points: no solution even with the smallest step of 1e-06'
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from enum import Enum, StrEnum
 from string import Formatter
 from typing import Any, Self
 
-MOST_LISTED = 6  # items of a list in a text
+MOST_LISTED = 6  # items of a list that are written out
 
 Number = float | int | str | tuple["Number", ...]
 
@@ -27,17 +27,17 @@ Number = float | int | str | tuple["Number", ...]
 class OutcomeKind(StrEnum):
     """What an outcome means for the result that carries it."""
 
-    COMPLETE = "complete"  # everything asked for was computed
-    STOPPED = "stopped"  # before the end; what was found by then is right
-    UNTRUSTED = "untrusted"  # computed to the end, but with an error larger than allowed
-    INTERRUPTED = "interrupted"  # on request; what was found by then is right
-    FAILED = "failed"  # without a result
+    COMPLETE = "complete"  # everything requested was computed
+    STOPPED = "stopped"  # before the end; the results up to there are valid
+    UNTRUSTED = "untrusted"  # computed to the end, but the estimated error is larger than allowed
+    INTERRUPTED = "interrupted"  # on request; the results up to there are valid
+    FAILED = "failed"  # no result
 
 
 class OutcomeCode(Enum):
     """How a computation ended: kind, message and remedy.
 
-    A name in braces stands for a number of the outcome; what is in brackets is left out where its numbers are not
+    A name in braces stands for a number of the outcome; text in brackets is left out if its numbers are not
     given. ``{place}`` is the number ``parameter`` with its ``name`` and ``unit``.
     """
 
@@ -47,53 +47,57 @@ class OutcomeCode(Enum):
     CLOSED_CURVE = OutcomeKind.COMPLETE, "closed curve", ""
     JOINED_BRANCH = OutcomeKind.COMPLETE, "joined another branch at {place}", ""
     BACK_TO_PERIOD = OutcomeKind.COMPLETE, "back to period {multiple}", ""
-    BACK_TO_BRAKE_ORBITS = OutcomeKind.COMPLETE, "came back to brake orbits", ""
+    BACK_TO_BRAKE_ORBITS = OutcomeKind.COMPLETE, "returned to brake orbits", ""
     ENERGY_TRANSFERRED = OutcomeKind.COMPLETE, "the energy has been transferred to the other mode", ""
 
     # a branch of periodic orbits
-    NOT_BEGUN = OutcomeKind.STOPPED, "not begun", ""
+    NOT_BEGUN = OutcomeKind.STOPPED, "not started", ""
     STEP_TOO_SMALL = (
         OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {points} points: no solution within the smallest step of {step}",
-        "a smaller step or another starting point may go on",
+        "stopped[ at {place}] after {points} points: no solution even with the smallest step of {step}",
+        "try a smaller step or another starting point",
     )
     NOT_SMOOTH = (
         OutcomeKind.STOPPED,
         "stopped[ at {place}]: the last {steps} steps together are shorter than the largest step of {step}; the branch "
-        "is not smooth there (grazing, or a fold beside it)",
+        "is not smooth there (grazing, or a fold close to it)",
         "",
     )
-    POINT_LIMIT = OutcomeKind.STOPPED, "stopped[ at {place}] after {points} points, the most allowed", "[raise {limit}]"
-    TIME_LIMIT = (
+    POINT_LIMIT = (
         OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {seconds:g} s, the longest time allowed",
+        "stopped[ at {place}] after {points} points, the maximum number",
         "[raise {limit}]",
     )
-    LEFT_RANGE = OutcomeKind.STOPPED, "stopped at {place}, {ratio:g} times away from where it began", ""
-    NOT_COVERED = OutcomeKind.STOPPED, "not reached[ at level {level:.4g}]: {ranges}[ {unit}]", ""
-    CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not begun: the fold lies too close to a corner of the curve", ""
+    TIME_LIMIT = (
+        OutcomeKind.STOPPED,
+        "stopped[ at {place}] after {seconds:g} s, the maximum time",
+        "[raise {limit}]",
+    )
+    LEFT_RANGE = OutcomeKind.STOPPED, "stopped at {place}, a factor of {ratio:g} from where it started", ""
+    NOT_COVERED = OutcomeKind.STOPPED, "range not covered[ at level {level:.4g}]: {ranges}[ {unit}]", ""
+    CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not started: the fold is too close to a corner of the curve", ""
 
     # nonlinear modes
     MODE_LOST = (
         OutcomeKind.STOPPED,
-        "stopped[ at {place}]: no motion dominated by mode {mode} was found within {steps} steps beyond"
-        "[; {share:.0%} of the energy was left in that mode at the last point]",
+        "stopped[ at {place}]: no motion dominated by mode {mode} was found within the next {steps} steps"
+        "[; at the last point that mode held {share:.0%} of the energy]",
         "[{remedy}]",
     )
-    NO_FURTHER_MOTION = OutcomeKind.STOPPED, "stopped: no further motion of these two modes alone was found", ""
+    NO_FURTHER_MOTION = OutcomeKind.STOPPED, "stopped: no further motion in these two modes alone was found", ""
     ENERGY_UNBOUNDED = (
         OutcomeKind.STOPPED,
         "stopped at {place}: the energy is {energy:.3g} J and grows without bound at nearly constant frequency (a "
         "tongue of internal resonance)",
-        "follow the energy instead",
+        "use energy as the continuation parameter instead",
     )
-    NO_ORBIT_BESIDE = OutcomeKind.STOPPED, "not begun: no orbit was found beside the brake orbit", ""
+    NO_ORBIT_BESIDE = OutcomeKind.STOPPED, "not started: no non-brake orbit was found near the brake orbit", ""
     BRAKE_ORBIT_ITSELF = (
-        OutcomeKind.STOPPED, "not begun: the orbits found are brake orbits too, at another instant", "",
+        OutcomeKind.STOPPED, "not started: the orbits found are brake orbits, shifted in time", "",
     )  # fmt: skip
     FULL_PERIOD_DIVERGED = (
         OutcomeKind.STOPPED,
-        "stopped[ at {place}]: over the whole period Newton's method does not converge beside the half-period solution",
+        "stopped[ at {place}]: Newton's method over the full period does not converge from the half-period solution",
         "",
     )
     NO_DESCENT = (
@@ -105,13 +109,13 @@ class OutcomeCode(Enum):
     TOO_FEW_ITERATIONS = (
         OutcomeKind.STOPPED,
         "relaxed minimisation stopped at {place}: its functional is {functional:.3g}, the tolerance {tolerance:g}; "
-        "{iterations} iterations were not enough",
+        "the limit of {iterations} iterations was reached",
         "raise nnm.method.iterations, steps or the tolerance",
     )
     NO_PHASE_RESONANCE = (
         OutcomeKind.STOPPED,
         "no forced motion at phase resonance was found near the prediction for level {levels} {unit}: the damping is "
-        "too strong for one harmonic force to hold the mode, or an internal resonance is close",
+        "too strong for a single harmonic force to sustain the mode, or an internal resonance is close",
         "try another level",
     )
     NOTHING_NEAR_EXPANSION = (
@@ -121,45 +125,44 @@ class OutcomeCode(Enum):
     )
     PARTLY_NEAR_EXPANSION = (
         OutcomeKind.STOPPED,
-        "no exact motion was found near the expansion at the factors {factors}: tongues of internal resonance",
+        "no exact motion was found near the expansion at the factors {factors} (tongues of internal resonance)",
         "",
     )
 
     # motions in time
     EVENT_LIMIT = (
         OutcomeKind.STOPPED,
-        "stopped at {time:.6g} s after {events} contact events, the most allowed",
-        "[raise {limit}, or look for a contact that chatters]",
+        "stopped at {time:.6g} s after {events} contact events, the maximum number",
+        "[raise {limit}, or check for a chattering contact]",
     )
     EVALUATION_LIMIT = (
         OutcomeKind.STOPPED,
-        "stopped at {time:.6g} s after {evaluations} evaluations of the contact gaps without reaching the end",
+        "stopped at {time:.6g} s after {evaluations} evaluations of the contact gaps, before the end of the run",
         "",
     )
-    INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator gave up at {time:.6g} s: {reason}", ""
+    INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator failed at {time:.6g} s: {reason}", ""
     NO_STEADY_STATE = OutcomeKind.STOPPED, "stopped at {place}: {reason}", ""
 
     # many cases, identification
     CASES_MISSING = OutcomeKind.STOPPED, "{done} of {cases} cases computed", ""
     CASES_FAILED = (
         OutcomeKind.STOPPED,
-        "{failed} of {cases} cases failed, the first (case {case}) because {reason}",
+        "{failed} of {cases} cases failed; the first is case {case}: {reason}",
         "",
     )
     STEPPED_OVER = (
         OutcomeKind.STOPPED,
-        "one step of 1 % from {before:.6g} to {after:.6g} N/m stepped over the tolerance of {percent:g} % of the "
-        "frequency",
+        "a 1 % step from {before:.6g} to {after:.6g} N/m stepped over the frequency tolerance of {percent:g} %",
         "widen identify_stiffness.tolerance, or use method: secular",
     )
     FIT_LIMIT = (
         OutcomeKind.STOPPED,
-        "the fit stopped after {evaluations} evaluations, the most allowed",
-        "start from better values, or seek fewer parameters",
+        "the fit stopped after {evaluations} evaluations, the maximum number",
+        "start from better values, or fit fewer parameters",
     )
     SOLUTION_LIMIT = (
         OutcomeKind.STOPPED,
-        "{solutions} eigenvalue solutions were not enough",
+        "not converged after {solutions} eigenvalue solutions",
         "raise identify_stiffness.most_solutions, or use method: secular",
     )
 
@@ -168,14 +171,14 @@ class OutcomeCode(Enum):
     INTERRUPTED = (
         OutcomeKind.INTERRUPTED,
         "interrupted[ at {place}][ during {during}][ before {before}][ after {done} of {total} {unit_of_work}]"
-        "[; not begun: {left}]",
+        "[; not started: {left}]",
         "",
     )
     HARMONICS_NEGLECTED = (
         OutcomeKind.UNTRUSTED,
-        "not to be trusted: at {place} the neglected harmonics are worth {error:.3g} % of the motion "
+        "not reliable: at {place} the neglected harmonics amount to {error:.3g} % of the motion "
         "(sweep.method.largest_error = {allowed:g} %)",
-        "use more harmonics, or shooting",
+        "use more harmonics, or the shooting method",
     )
     FAILED = OutcomeKind.FAILED, "{reason}", ""
 
@@ -191,7 +194,7 @@ class OutcomeCode(Enum):
 
     @property
     def needs(self) -> frozenset[str]:
-        """Numbers without which there is no message."""
+        """Names of the numbers that the message needs."""
         names = _names(_OPTIONAL.sub("", self.message + self.remedy))
         return frozenset(name.replace("place", "parameter") for name in names)
 
@@ -205,15 +208,15 @@ class Outcome:
 
     Parameters
     ----------
-    code : how.
-    numbers : by name; besides numbers also words that belong to the message. ``parameter`` is where a branch ended,
-        in the unit ``unit``. An outcome read from an old file has only ``text``.
-    parts : outcomes that led to this one, or that go with it.
+    code : how it ended.
+    numbers : by name; also words that belong to the message. ``parameter`` is the value at which a branch ended, in the
+        unit ``unit``. An outcome read from an old file has only ``text``.
+    parts : outcomes that caused this one or accompany it.
 
     Raises
     ------
     ValueError
-        Where the message asks for a number that is not given.
+        If a number that the message needs is missing.
     """
 
     code: OutcomeCode
@@ -222,9 +225,9 @@ class Outcome:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "numbers", {name: _plain(value) for name, value in self.numbers.items()})
-        absent = self.code.needs - self.numbers.keys()
-        if absent and "text" not in self.numbers:
-            raise ValueError(f"{self.code.name} needs {', '.join(sorted(absent))}")
+        missing = self.code.needs - self.numbers.keys()
+        if missing and "text" not in self.numbers:
+            raise ValueError(f"{self.code.name} needs {', '.join(sorted(missing))}")
 
     def __hash__(self) -> int:
         return hash((self.code, self.parts))
@@ -236,94 +239,95 @@ class Outcome:
 
     @property
     def kind(self) -> OutcomeKind:
-        """What it means for the result."""
+        """What the outcome means for the result."""
         return self.code.kind
 
     @property
     def complete(self) -> bool:
-        """Whether everything asked for was computed and can be trusted."""
+        """Whether everything requested was computed and is reliable."""
         return self.kind is OutcomeKind.COMPLETE and all(part.complete for part in self.parts)
 
     @property
     def trusted(self) -> bool:
-        """Whether what was computed can be trusted, as far as it goes."""
-        wrong = self.kind in (OutcomeKind.UNTRUSTED, OutcomeKind.FAILED)
-        return not wrong and all(part.trusted for part in self.parts)
+        """Whether what was computed is reliable, even if it is not complete."""
+        unreliable = self.kind in (OutcomeKind.UNTRUSTED, OutcomeKind.FAILED)
+        return not unreliable and all(part.trusted for part in self.parts)
 
     @property
     def interrupted(self) -> bool:
-        """Whether it ended on request."""
+        """Whether the computation ended on request."""
         return self.kind is OutcomeKind.INTERRUPTED or any(part.interrupted for part in self.parts)
 
     @property
     def message(self) -> str:
-        """What happened, its numbers filled in."""
+        """What happened, with the numbers filled in."""
         return str(self.numbers["text"]) if "text" in self.numbers else _filled(self.code.message, self.numbers)
 
     @property
     def remedy(self) -> str:
-        """What to try; empty where nothing is known."""
+        """What to try; may be empty."""
         return "" if "text" in self.numbers else _filled(self.code.remedy, self.numbers)
 
     @property
     def text(self) -> str:
-        """Message and remedy, with those of the parts."""
+        """Message and remedy, followed by those of the parts."""
         message = self.message
         if self.kind is OutcomeKind.COMPLETE and "text" not in self.numbers:
             message = f"complete: {message}" if message else "complete"
-        if "way" in self.numbers:
-            message = f"{self.numbers['way']}: {message}"
+        if "prefix" in self.numbers:
+            message = f"{self.numbers['prefix']}: {message}"
         return "; ".join(text for text in (message, self.remedy, *(part.text for part in self.parts)) if text)
 
     def __str__(self) -> str:
         return self.text
 
     def but(self, *parts: Outcome, **numbers: Any) -> Self:
-        """The same with other or more numbers, and more parts."""
+        """A copy with other or additional numbers, and with additional parts."""
         return replace(self, numbers={**self.numbers, **numbers}, parts=(*self.parts, *parts))
 
     def shown(self, convert: Callable[[float], float], unit: str = "", name: str = "") -> Self:
-        """The same, its parameter (and those of its parts) as people read it."""
+        """A copy whose parameter, and those of its parts, are converted to the units shown to the user."""
         parts = tuple(part.shown(convert, unit, name) for part in self.parts)
-        where = self.numbers.get("parameter")
-        if not isinstance(where, (int, float)) or "unit" in self.numbers or "name" in self.numbers:
+        parameter = self.numbers.get("parameter")
+        if not isinstance(parameter, (int, float)) or "unit" in self.numbers or "name" in self.numbers:
             return replace(self, parts=parts)
-        place: dict[str, Number] = {"parameter": float(convert(where)), "unit": unit, "name": name}
+        place: dict[str, Number] = {"parameter": float(convert(parameter)), "unit": unit, "name": name}
         return replace(self, numbers={**self.numbers, **place}, parts=parts)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, as JSON can hold them."""
+        """Values that JSON can hold."""
         values: dict[str, Any] = {"code": self.code.label, "numbers": dict(self.numbers)}
         return {**values, "parts": [part.as_dict() for part in self.parts]} if self.parts else values
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """The outcome that `as_dict` gave.
+        """The outcome that `as_dict` describes.
 
         Raises
         ------
         KeyError
-            Where the code is unknown.
+            If the code is unknown.
         """
         code = OutcomeCode[str(values["code"]).upper()]
         return cls(code, values.get("numbers", {}), tuple(cls.from_dict(part) for part in values.get("parts", ())))
 
 
 def combined(outcomes: Iterable[Outcome]) -> Outcome:
-    """The first of several outcomes that is not complete; `COMPLETE` where all are."""
+    """The first of several outcomes that is not complete; `COMPLETE` if all are."""
     return next((outcome for outcome in outcomes if not outcome.complete), COMPLETE)
 
 
-def both_ways(back: Outcome, forth: Outcome) -> Outcome:
-    """The outcome of a branch that was followed both ways from a point: the first that is not complete leads."""
-    if back == forth:
-        return back
-    first, second = (forth, back) if back.complete and not forth.complete else (back, forth)
-    return first.but(second.but(way="the other way"))
+def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
+    """The outcome of a branch that was followed in both directions from a point: the incomplete one comes first."""
+    if backward == forward:
+        return backward
+    swap = backward.complete and not forward.complete
+    first, second = (forward, backward) if swap else (backward, forward)
+    return first.but(second.but(prefix="in the other direction"))
 
 
 def _plain(value: Any) -> Number:
-    """A value as it comes back from JSON."""
+    """A value as JSON would return it."""
     if isinstance(value, str):
         return str(value)
     if isinstance(value, Sequence) or hasattr(value, "tolist"):
@@ -337,13 +341,13 @@ def _names(template: str) -> set[str]:
 
 
 def _filled(template: str, numbers: Mapping[str, Number]) -> str:
-    """A template with its numbers; an optional part is left out where one of its numbers is missing or empty."""
+    """A template with its numbers filled in; an optional part is left out if one of its numbers is missing or empty."""
     known: dict[str, Number] = dict(numbers)
     if "parameter" in numbers:
         known["place"] = _place(numbers)
 
-    def optional(found: re.Match[str]) -> str:
-        return found[1] if all(known.get(name) not in (None, "", ()) for name in _names(found[1])) else ""
+    def optional(part: re.Match[str]) -> str:
+        return part[1] if all(known.get(name) not in (None, "", ()) for name in _names(part[1])) else ""
 
     return _TextFormatter().vformat(_OPTIONAL.sub(optional, template), (), known)
 
@@ -356,7 +360,7 @@ def _place(numbers: Mapping[str, Number]) -> str:
 
 
 class _TextFormatter(Formatter):
-    """Numbers to six digits, lists separated by commas."""
+    """Formats numbers to six digits and lists with commas."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
         return format(value, format_spec) if format_spec else _shown(value)
@@ -376,4 +380,4 @@ def _shown(value: Number) -> str:
 
 
 COMPLETE = Outcome(OutcomeCode.COMPLETE)
-"""Everything asked for was computed."""
+"""Everything requested was computed."""

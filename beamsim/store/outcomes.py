@@ -1,4 +1,4 @@
-"""Outcomes in result files: the text for people, the code and its numbers for programs."""
+"""Outcomes in result files: the text for the user, the code and its numbers for programs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 
-# how the texts of files without a code begin, the longer first; what ends otherwise has stopped
+# beginnings of the texts in files without a code, longer ones first; anything else means stopped
 _OLD = {
     "complete: reached": OutcomeCode.REACHED_END,
     "complete: closed curve": OutcomeCode.CLOSED_CURVE,
@@ -25,14 +25,14 @@ _OLD = {
 
 
 def outcome_attributes(outcome: Outcome) -> dict[str, str]:
-    """Attributes of a group that keep an outcome."""
+    """Attributes of a group that store an outcome."""
     values = outcome.as_dict()
     label = values.pop("code")
     return {"status": outcome.text, "outcome": label, "outcome_numbers": json.dumps(values, ensure_ascii=False)}
 
 
 def read_outcome(attributes: Mapping[str, Any]) -> Outcome:
-    """The outcome that `outcome_attributes` describes; of an old file its text, and what the text says of its code."""
+    """The outcome stored by `outcome_attributes`; for an old file its text, and the code that the text implies."""
     label = str(attributes.get("outcome", ""))
     if label.upper() in OutcomeCode.__members__:
         return Outcome.from_dict({"code": label, **json.loads(attributes["outcome_numbers"])})
@@ -40,6 +40,6 @@ def read_outcome(attributes: Mapping[str, Any]) -> Outcome:
 
 
 def outcome_of_text(text: str) -> Outcome:
-    """What a file without codes says; an empty text is that of a complete result."""
+    """The outcome in a file without codes; an empty text means complete."""
     code = next(code for beginning, code in _OLD.items() if text.startswith(beginning))
     return Outcome.of(code, text=text) if text and text != COMPLETE.text else COMPLETE

@@ -183,7 +183,7 @@ def test_failed_cases_are_saved_around_and_end_with_3(call, here):
     (here / "case.yaml").write_text(CASE + extra)
     done = call("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 3
-    assert "6 of 12 cases failed, the first (case 1) because" in done.stderr
+    assert "6 of 12 cases failed; the first is case 1:" in done.stderr
     result = open_designs("case.h5")
     assert result.solved.sum() == 6
     assert not result.solved[..., 0].any()

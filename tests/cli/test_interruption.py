@@ -60,7 +60,7 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
 def test_a_response_keeps_the_points_it_has(response, points):
     part = frequency_response(load_scenario(RESPONSE), stop=after(points))
     assert response.complete
-    assert part.status.startswith("interrupted; not reached: 0.0795")
+    assert part.status.startswith("interrupted; range not covered: 0.0795")
     (branch,) = part.branches
     own, whole = branch.floquet_multipliers, response.branches[0].floquet_multipliers
     assert points <= len(own) < len(whole)  # special points are points too
@@ -70,7 +70,7 @@ def test_a_response_keeps_the_points_it_has(response, points):
 
 def test_what_was_not_begun_is_named():
     part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), stop=after(2))
-    assert part.status.startswith("interrupted; not begun: level 0.2, level 0.3")
+    assert part.status.startswith("interrupted; not started: level 0.2, level 0.3")
     scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
     points = nnm(scenario).backbone.parameter.size
     assert nnm(scenario, stop=after(points + 1)).status == "interrupted before relaxed minimisation"

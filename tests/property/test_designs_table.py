@@ -211,7 +211,7 @@ def test_a_case_that_cannot_be_solved_is_part_of_the_result():
     result = design_study(load_scenario(text), workers=1)
     assert not result.complete
     assert result.solved.tolist() == [False, True]
-    assert "1 of 2 cases failed, the first (case 1) because" in result.status
+    assert "1 of 2 cases failed; the first is case 1:" in result.status
     assert result.failures[0].values == (2,)
     force = result.responses["snubbers/tip/peak_force"].values
     assert np.isnan(force[0])

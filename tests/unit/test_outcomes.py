@@ -4,7 +4,7 @@ import pickle
 import numpy as np
 import pytest
 
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind, both_ways, combined
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind, both_directions, combined
 
 STOPPED = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=2 * np.pi * 20.0, points=7, step=1e-6)
 
@@ -21,7 +21,7 @@ def test_complete():
 def test_parameter_is_converted_as_a_number():
     shown = STOPPED.shown(lambda omega: omega / (2 * np.pi), "Hz")
     assert shown.numbers["parameter"] == pytest.approx(20.0)
-    assert shown.message == "stopped at 20 Hz after 7 points: no solution within the smallest step of 1e-06"
+    assert shown.message == "stopped at 20 Hz after 7 points: no solution even with the smallest step of 1e-06"
     assert shown.text == f"{shown.message}; {shown.remedy}"
     assert shown.shown(lambda x: 100 * x, "m") == shown  # once is enough
     whole = Outcome.of(OutcomeCode.NOT_COVERED, STOPPED, ranges=((1.0, 2.0),), unit="Hz")
@@ -36,7 +36,7 @@ def test_message_names_the_parameter_where_no_unit_is_known():
 def test_optional_parts_of_a_message():
     assert Outcome.of(OutcomeCode.INTERRUPTED).text == "interrupted"
     full = Outcome.of(OutcomeCode.INTERRUPTED, parameter=0.5, name="stiffness factor", left=("level 1", "level 2"))
-    assert full.text == "interrupted at stiffness factor 0.5; not begun: level 1, level 2"
+    assert full.text == "interrupted at stiffness factor 0.5; not started: level 1, level 2"
     many = Outcome.of(OutcomeCode.INTERRUPTED, left=tuple(f"level {k}" for k in range(9)))
     assert many.text.endswith("level 5 and 3 more")
 
@@ -55,14 +55,14 @@ def test_combined():
     assert combined([]) is COMPLETE
 
 
-def test_both_ways():
+def test_both_directions():
     reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0, unit="Hz")
-    assert both_ways(reached, reached) is reached
-    two = both_ways(reached, STOPPED)
+    assert both_directions(reached, reached) is reached
+    two = both_directions(reached, STOPPED)
     assert two.code is OutcomeCode.STEP_TOO_SMALL
-    assert two.text == f"{STOPPED.text}; the other way: complete: reached 3 Hz"
+    assert two.text == f"{STOPPED.text}; in the other direction: complete: reached 3 Hz"
     assert not two.complete
-    assert not both_ways(STOPPED, reached).complete
+    assert not both_directions(STOPPED, reached).complete
 
 
 def test_trust():

@@ -82,7 +82,7 @@ def test_the_middle_of_what_is_left_is_begun_both_ways():
     assert tracer.begun == [1.0, 0.0, pytest.approx(0.45)]
     assert missing(found, 1.0, 0.0) == []
     assert found[2].span == (0.2, 0.7)
-    assert "the other way" in found[2].outcome.text
+    assert "in the other direction" in found[2].outcome.text
 
 
 def test_a_hole_is_tried_a_bounded_number_of_times_and_told():

@@ -37,7 +37,7 @@ from beamsim.orbits.phase_resonance import (
     turned_back,
 )
 from beamsim.orbits.shooting import ForcedOrbits, follow_orbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, both_ways
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, both_directions
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
 from beamsim.typing import Floats
@@ -405,7 +405,7 @@ def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) 
     points = [*reversed(down), *up[1:]]
     rows = [_forced_amplitudes(held, problem, p) for p in points]
     return ResponseAboutResonance(
-        outcome=COMPLETE if all(o.complete for o in outcomes) else both_ways(outcomes[0], outcomes[-1]),
+        outcome=COMPLETE if all(o.complete for o in outcomes) else both_directions(outcomes[0], outcomes[-1]),
         frequency_hz=np.array([p.parameter for p in points]) / (2 * np.pi),
         peak_displacement={name: np.array([row[name] for row in rows]) for name in rows[0]},
         stable=np.array([problem.orbit(p).stable for p in points]),

@@ -25,7 +25,7 @@ from beamsim.orbits.shooting import (
     special_points,
     switch_at_period_doubling,
 )
-from beamsim.outcomes import Outcome, OutcomeCode, both_ways
+from beamsim.outcomes import Outcome, OutcomeCode, both_directions
 from beamsim.typing import Floats
 
 Report = Callable[[float], None]
@@ -291,7 +291,7 @@ def _joined(problem: Any, halves: list[Half]) -> OrbitBranch:
         back = halves[1]
         points = [*back[0][::-1][:-1], *points]
         special = [*back[2][::-1], *special]
-        outcome = both_ways(back[1], outcome)
+        outcome = both_directions(back[1], outcome)
     return OrbitBranch(problem, tuple(points), outcome, tuple(special))
 
 

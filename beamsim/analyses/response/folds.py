@@ -12,7 +12,7 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import Outcome, OutcomeCode, both_ways
+from beamsim.outcomes import Outcome, OutcomeCode, both_directions
 from beamsim.structures.assembly import snubber_site
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _curve(
         ways.append(points)
         outcomes.append(outcome)
     points = [*ways[1][::-1][:-1], *ways[0]] if len(ways) == 2 else ways[0] if ways else []
-    outcome = both_ways(outcomes[-1], outcomes[0])
+    outcome = both_directions(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
     peak = np.empty((len(points), len(names)))
     parameter = np.array([second.outward(p.parameter) for p in points])
