@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
+from beamsim.fields import Entry
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.typing import Bools, Floats
 
@@ -71,9 +72,24 @@ class CaseFailure:
     outcome: Outcome
 
 
+_SUMMARY = (
+    Entry("analysis", "", "what was done with each case: run, or the kind of sweep"),
+    Entry("cases", "1", "number of cases"),
+    Entry("solved", "1", "cases with responses"),
+    Entry("failed", "1", "cases that failed"),
+    Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; and "
+             "the number of cases beyond the limit"),
+    Entry("responses", "", "by response: smallest and largest, and with which parameters; of a sample also mean, "
+             "standard deviation and the 5 % and 95 % quantiles"),
+    Entry("processor_time_s", "s", "processor time of all cases"),
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class DesignsResult(Result):
     """Everything `beamsim sweep` computes of a scenario with ``vary``."""
+
+    SUMMARY = _SUMMARY
 
     analysis: str  # what was done with each case: "run", or the kind of sweep
     kind: str  # "grid", "zip" or "latin_hypercube"

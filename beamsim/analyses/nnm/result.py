@@ -8,6 +8,7 @@ from beamsim.analyses.branch import BranchResult, OrbitMotion
 from beamsim.analyses.result import Result
 from beamsim.fields import (
     Counter,
+    Entry,
     attribute,
     axis,
     dataset,
@@ -244,10 +245,39 @@ class RelaxedComparison:
 
 # --- The result ------------------------------------------------------------------------------------------------------
 
+_SUMMARY = (
+    Entry("status", "", "complete, or why the computation stopped early"),
+    Entry("mode", "1", "number of the mode"),
+    Entry("continued_in", "", "stiffness_factor, energy or frequency"),
+    Entry("points", "1", "points of the backbone"),
+    Entry("stable_points", "1", "those of them that are stable"),
+    Entry("start", "", "first point of the backbone: parameter, frequency, energy"),
+    Entry("end", "", "last point of the backbone: parameter, frequency, energy"),
+    Entry("period_s", "s", "period of the last point"),
+    Entry("linear_frequency_hz", "Hz", "frequency of the linear mode"),
+    Entry("internal_resonances", "", "by tongue: mode, ratio, parameter where it leaves the backbone, points"),
+    Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known"),
+    Entry("grazings", "1", "grazing contacts along the backbone"),
+    Entry("full_period", "", "of full-period shooting: difference from half-period shooting, symmetry breakings and "
+             "branches of non-brake orbits"),
+    Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders"),
+    Entry("thesis", "", "of relaxed minimisation: steps, functional, differences from exact motions and cost"),
+    Entry("phase_resonance", "", "of forced motions at phase resonance: quantity, unit, probe, and level by level "
+             "what was predicted and found"),
+    Entry("motion_frequency_hz", "Hz", "frequency of the motion that is drawn"),
+    Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative"),
+    Entry("motion_periods", "1", "number of these periods"),
+    Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone"),
+    Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),
+    Entry("processor_time_s", "s", "processor time of the solver alone"),
+)  # fmt: skip
+
 
 @declared
 class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
+
+    SUMMARY = _SUMMARY
 
     mode: int = attribute("1", "number of the mode")
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")

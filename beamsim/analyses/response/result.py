@@ -8,7 +8,19 @@ from typing import Any
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.result import Result
 from beamsim.analyses.sweep.result import SweepCurve
-from beamsim.fields import Counter, attribute, axis, dataset, declared, group, keyed, numbered, per_probe, stored
+from beamsim.fields import (
+    Counter,
+    Entry,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    group,
+    keyed,
+    numbered,
+    per_probe,
+    stored,
+)
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Floats
 
@@ -60,9 +72,27 @@ class ForcedExpansionComparison:
     )
 
 
+_SUMMARY = (
+    Entry("status", "", "complete, or why the computation stopped early"),
+    Entry("parameter", "", "what is followed: frequency, level, gap, stiffness or position"),
+    Entry("method", "", "shooting or harmonic_balance"),
+    Entry("points", "1", "points of all branches"),
+    Entry("branches", "1", "number of branches"),
+    Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, stable or not"),
+    Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level"),
+    Entry("second_parameter", "", "what folds are followed in"),
+    Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency"),
+    Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded"),
+    Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out"),
+    Entry("processor_time_s", "s", "processor time of the solver alone"),
+)
+
+
 @declared
 class FrequencyResponse(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
+
+    SUMMARY = _SUMMARY
 
     branches: tuple[BranchResult, ...] = numbered("branches", indexed=True, required=True)
     modes: ModeTable = group("modes")
