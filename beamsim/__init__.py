@@ -14,7 +14,7 @@ function              writes                      reads
 `compare`             `write_comparison`          `open_comparison`
 ====================  ==========================  ======================
 
-`open_result` reads a result file of any kind, `export_result` writes it in another format.
+`write_result` and `open_result` write and read a result of any kind, `export_result` writes it in another format.
 
 >>> import beamsim
 >>> scenario = beamsim.load_scenario("configs/one_sided_65hz.yaml", {"run.duration": "0.2 s"})  # doctest: +SKIP
@@ -29,6 +29,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from beamsim.kinds import KINDS
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
@@ -64,25 +65,13 @@ if TYPE_CHECKING:
         write_frequency_response,
         write_identification,
         write_nnm,
+        write_result,
         write_run,
         write_sweep,
     )
 
 _NAMES = {
-    "beamsim.analyses.compare.analysis": ("compare",),
-    "beamsim.analyses.compare.result": ("Comparison",),
-    "beamsim.analyses.designs.analysis": ("design_study", "plan_designs"),
-    "beamsim.analyses.designs.result": ("DesignsResult",),
-    "beamsim.analyses.response.analysis": ("frequency_response",),
-    "beamsim.analyses.identify.result": ("IdentificationResult",),
-    "beamsim.analyses.identify.analysis": ("identify_stiffness",),
-    "beamsim.analyses.nnm.analysis": ("nnm",),
-    "beamsim.analyses.nnm.result": ("NormalModeResult",),
-    "beamsim.analyses.response.result": ("FrequencyResponse",),
-    "beamsim.analyses.run.result": ("RunResult",),
-    "beamsim.analyses.run.analysis": ("run",),
-    "beamsim.analyses.sweep.analysis": ("sweep",),
-    "beamsim.analyses.sweep.result": ("SweepResult",),
+    "beamsim.analyses.designs.analysis": ("plan_designs",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
     "beamsim.store.designs": ("open_designs", "write_designs"),
@@ -101,11 +90,16 @@ _NAMES = {
         "write_frequency_response",
         "write_identification",
         "write_nnm",
+        "write_result",
         "write_run",
         "write_sweep",
     ),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
+for _kind in KINDS.values():  # the function and the class of each
+    for _place in (_kind.analysis, _kind.result):
+        _module, _, _name = _place.partition(":")
+        _HOME[_name] = _module
 
 __all__ = [
     "BeamsimError",
@@ -147,6 +141,7 @@ __all__ = [
     "write_frequency_response",
     "write_identification",
     "write_nnm",
+    "write_result",
     "write_run",
     "write_sweep",
 ]
@@ -161,4 +156,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted({*__all__, *_HOME})

@@ -9,10 +9,8 @@ from typing import Annotated
 import typer
 
 from beamsim.cli.failures import guarded, say
-from beamsim.cli.identification import register as register_identification
-from beamsim.cli.nnm import register as register_nnm
 from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
-from beamsim.cli.sweep import register as register_sweep
+from beamsim.kinds import KINDS, named
 
 app = typer.Typer(
     name="beamsim",
@@ -189,6 +187,5 @@ def export(
     print_files(export_stored(result, output, form.value), as_json=json)
 
 
-register_identification(app)
-register_sweep(app)
-register_nnm(app)
+for module in dict.fromkeys(kind.commands for kind in KINDS.values() if kind.commands != __name__):
+    named(f"{module}:register")(app)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from beamsim.cli.failures import say
 from beamsim.errors import ExitCode, LimitExceededError, Problem, ScenarioError, StoppedEarlyError
+from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind
 
 if TYPE_CHECKING:
@@ -82,9 +83,7 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
     StoppedEarlyError, LimitExceededError
         See `conclude`.
     """
-    from beamsim.cli.stored import TABLE, named
-
-    named(TABLE[kind].write)(result, target)
+    named(KINDS[kind].write)(result, target)
     conclude(kind, result, target, reporting, signal)
 
 
@@ -93,7 +92,7 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
 
     Parameters
     ----------
-    kind : of the result, one of `beamsim.store.stored.KINDS`.
+    kind : of the result, one of `beamsim.kinds.KINDS`.
     target : the result file; the plots go beside it.
     signal : number of the signal that asked for the end, after which there are no plots; 0 where none did.
 
@@ -104,11 +103,9 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
     LimitExceededError
         Where a limit is exceeded and limits count.
     """
-    from beamsim.cli.stored import TABLE, named
-
     files = [target]
     if reporting.plots and not signal:
-        files += named(TABLE[kind].plots)(result, target.parent, target.stem)
+        files += named(KINDS[kind].plots)(result, target.parent, target.stem)
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if reporting.json or not reporting.quiet:

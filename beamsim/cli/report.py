@@ -51,6 +51,11 @@ def run_rows(result: RunResult) -> Iterator[Row]:
     yield "wall time", _si(result.wall_time_s, "s")
 
 
+def summary_rows(result: Result) -> Iterator[Row]:
+    """A row for every quantity of the summary that has a label, as number and unit."""
+    return quantity_rows(result, {}, {})
+
+
 def quantity_rows(result: Result, texts: Mapping[str, Text], rows: Mapping[str, Rows]) -> Iterator[Row]:
     """A row for every quantity of the summary that has a label, or one for each name.
 

@@ -88,7 +88,7 @@ def sweep(
 
 
 def _kind(scenario: Scenario) -> str:
-    """Kind of the result, as in `beamsim.store.stored.KINDS`."""
+    """Kind of the result, as in `beamsim.kinds.KINDS`."""
     if scenario.vary is not None:
         return "designs"
     return "continuation" if scenario.sweep is not None and scenario.sweep.kind == "continuation" else "sweep"

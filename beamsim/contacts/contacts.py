@@ -85,10 +85,14 @@ class Contacts:
         return self._numbers("dashpot")
 
     def _numbers(self, name: str) -> Floats:
-        values = np.array([getattr(law, name) for law in self.laws], dtype=float)
-        if np.isnan(values).any():
+        if any(law.family is None for law in self.laws):
             raise ValueError("a contact law is not made of one stiffness and one dashpot")
-        return values
+        return np.array([getattr(law, name) for law in self.laws], dtype=float)
+
+    @property
+    def slow(self) -> tuple[Floats, Floats]:
+        """(m,) stiffness, N/m, and dashpot, N s/m, of slow motions in contact; nan for a law that states none."""
+        return np.array([law.stiffness for law in self.laws]), np.array([law.dashpot for law in self.laws])
 
     @property
     def damped(self) -> bool:

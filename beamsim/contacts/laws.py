@@ -103,8 +103,9 @@ class ContactLaw:
     start : phase from which the one that belongs to a given motion is looked for.
     parts : one-sided springs whose forces add up to the law's; None where there are none (internal states, phases that
         end by the force).
-    stiffness, dashpot : numbers of a law that is made of these two, of which paths and derivatives may change them.
-    family : makes such a law from other numbers.
+    stiffness, dashpot : those of slow motions in contact, from which statics and natural frequencies follow.
+    family : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
+        change them.
     """
 
     phases: tuple[Phase, ...]

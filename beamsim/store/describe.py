@@ -8,12 +8,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
 from beamsim.fields import Attribute, Counter, Dataset, Group, Key, Member, Members, PerName, Table, members_of
-from beamsim.store.stored import KINDS
+from beamsim.kinds import KINDS, named
 from beamsim.typing import Complexes
 
 MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
@@ -42,9 +41,9 @@ def documentation() -> str:
     parts = [_root()]
     known: dict[Any, str] = {}
     for name, kind in KINDS.items():
-        cls: Any = getattr(import_module(kind.module), kind.name)
-        if not hasattr(cls, "SUMMARY"):
-            continue  # a reader
+        if kind.read:
+            continue
+        cls = named(kind.result)
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
         parts += [_markdown(section) for section in _merged(sections_of(cls, name, known))]

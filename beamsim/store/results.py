@@ -6,12 +6,12 @@ What is stored is what the result's fields declare; see `beamsim.fields`.
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from beamsim.kinds import KINDS, named
 from beamsim.store import declared
-from beamsim.store.stored import KINDS, LazyScenario, creating, kind_of, reading, root_fields, write_root
+from beamsim.store.stored import LazyScenario, creating, kind_of, reading, root_fields, write_root
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
@@ -39,8 +39,8 @@ def write_result(result: Result, path: Path | str) -> Path:
 
 def _kind_of_class(cls: type) -> str:
     """Kind of the files that hold a result."""
-    homes = {(base.__module__, base.__name__) for base in cls.__mro__}
-    return next(name for name, kind in KINDS.items() if (kind.module, kind.name) in homes)
+    homes = {f"{base.__module__}:{base.__name__}" for base in cls.__mro__}
+    return next(name for name, kind in KINDS.items() if kind.result in homes)
 
 
 def open_result(path: Path | str, kind: str = "") -> Any:
@@ -54,9 +54,9 @@ def open_result(path: Path | str, kind: str = "") -> Any:
         When the file is missing, unreadable, damaged, not one of beamsim's, of another layout or of another kind.
     """
     kind = kind or kind_of(path)
-    home = getattr(import_module(KINDS[kind].module), KINDS[kind].name)
-    if not isinstance(home, type):
-        return home(path)
+    if KINDS[kind].read:
+        return named(KINDS[kind].read)(path)
+    home = named(KINDS[kind].result)
     with reading(path, kind) as file:
         return _stored(home).of({**root_fields(file), **declared.read(home, file)})
 

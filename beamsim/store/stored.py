@@ -6,42 +6,18 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 import h5py
 
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
+from beamsim.kinds import KINDS
 from beamsim.store import declared, schema
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.scenario import Scenario
-
-
-class Kind(NamedTuple):
-    """One kind of result file."""
-
-    command: str  # that writes it
-    called: str
-    module: str
-    name: str  # in the module: the class of the result
-
-
-KINDS = {
-    "run": Kind("run", "the result of `beamsim run`", "beamsim.analyses.run.result", "RunResult"),
-    "sweep": Kind("sweep", "a sweep of one design by `beamsim sweep`", "beamsim.analyses.sweep.result", "SweepResult"),
-    "continuation": Kind(
-        "sweep", "a continuation by `beamsim sweep`", "beamsim.analyses.response.result", "FrequencyResponse"
-    ),
-    "designs": Kind("sweep", "a design study by `beamsim sweep`", "beamsim.store.designs", "open_designs"),
-    "identify-stiffness": Kind(
-        "identify-stiffness", "the result of `beamsim identify-stiffness`", "beamsim.analyses.identify.result",
-        "IdentificationResult",
-    ),
-    "nnm": Kind("nnm", "the result of `beamsim nnm`", "beamsim.analyses.nnm.result", "NormalModeResult"),
-    "compare": Kind("compare", "the result of `beamsim compare`", "beamsim.analyses.compare.result", "Comparison"),
-}  # fmt: skip
 
 
 class LazyScenario:

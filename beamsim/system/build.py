@@ -127,7 +127,7 @@ def _build(parts: Parts) -> StructuralSystem:
 
 def _mode_table(parts: Parts, stops: Contacts, damping: Floats, recoveries: tuple[Recovery, ...]) -> ModeTable:
     basis, structure = parts.basis, parts.structure
-    closed = closed_frequencies(parts.omega, stops.shape, stops.stiffness, basis.rigid)
+    closed = closed_frequencies(parts.omega, stops.shape, stops.slow[0], basis.rigid)
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
         closed_frequencies_hz=closed / (2 * np.pi),
@@ -149,8 +149,8 @@ def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
         load = structure.inertia if point is None else structure.row(point)
     return LinearState(
         contact_rows=structure.rows(parts.snubber_sites),
-        stiffness=contacts.stiffness,
-        dashpot=contacts.dashpot,
+        stiffness=contacts.slow[0],
+        dashpot=contacts.slow[1],
         output_rows=structure.rows(parts.probe_sites),
         load=load,
         omega=tuple(2 * np.pi * f for f in scenario.excitation.frequencies_hz),

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import beamsim
 from beamsim.cli.app import app
-from beamsim.store.stored import KINDS
+from beamsim.kinds import KINDS
 
 CHAIN = """
 title: Two masses
@@ -312,9 +312,6 @@ def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path):
 
 def test_every_kind_is_tried():
     assert set(KINDS) == set(CASES) - {"stepped"}
-    from beamsim.cli.stored import TABLE
-
-    assert set(TABLE) == set(KINDS)
 
 
 def test_not_finite_numbers_are_null(files):

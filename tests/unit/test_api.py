@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import beamsim
-from beamsim.store.stored import KINDS
+from beamsim.kinds import KINDS
 
 VERBS = ("run", "sweep", "frequency_response", "design_study", "identify_stiffness", "nnm", "compare")
 

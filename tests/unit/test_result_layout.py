@@ -87,7 +87,8 @@ def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
 
 
 def test_there_is_a_file_of_every_kind(tmp_path):
-    from beamsim.store.stored import KINDS, kind_of
+    from beamsim.kinds import KINDS
+    from beamsim.store.stored import kind_of
 
     assert {kind_of(unpacked(packed, tmp_path)) for packed in FILES} == set(KINDS)
     assert max(path.stat().st_size for path in FILES) < 100_000

@@ -1,0 +1,93 @@
+"""The kinds of results, and where everything that belongs to each is.
+
+One entry makes a kind known to the command line, to result files (writing, reading, ``info``, ``plot``, ``export``),
+to their documentation, and to Python as a function and a class of the package. Functions and classes are given as
+``module:name`` and imported when they are needed.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, NamedTuple
+
+
+class Kind(NamedTuple):
+    """One kind of result."""
+
+    command: str  # that writes it
+    called: str
+    analysis: str  # function of a scenario that computes it
+    result: str  # its class
+    plots: str  # function of a result, a folder, a stem and a format: the files written
+    commands: str = "beamsim.cli.app"  # module whose ``register`` adds the command
+    rows: str = "beamsim.cli.report:summary_rows"  # function of a result: labels and texts of its table
+    # functions of a result and a path, and of a path
+    write: str = "beamsim.store.results:write_result"
+    read: str = ""  # without it, the fields that the result declares are read
+
+
+KINDS = {
+    "run": Kind(
+        "run", "the result of `beamsim run`",
+        analysis="beamsim.analyses.run.analysis:run",
+        result="beamsim.analyses.run.result:RunResult",
+        rows="beamsim.cli.report:run_rows",
+        plots="beamsim.plots.run:save_run_plots",
+    ),
+    "sweep": Kind(
+        "sweep", "a sweep of one design by `beamsim sweep`",
+        analysis="beamsim.analyses.sweep.analysis:sweep",
+        result="beamsim.analyses.sweep.result:SweepResult",
+        commands="beamsim.cli.sweep",
+        rows="beamsim.cli.sweep_report:sweep_rows",
+        plots="beamsim.plots.sweep:save_sweep_plots",
+    ),
+    "continuation": Kind(
+        "sweep", "a continuation by `beamsim sweep`",
+        analysis="beamsim.analyses.response.analysis:frequency_response",
+        result="beamsim.analyses.response.result:FrequencyResponse",
+        commands="beamsim.cli.sweep",
+        rows="beamsim.cli.continuation:response_rows",
+        plots="beamsim.plots.continuation:save_response_plots",
+    ),
+    "designs": Kind(
+        "sweep", "a design study by `beamsim sweep`",
+        analysis="beamsim.analyses.designs.analysis:design_study",
+        result="beamsim.analyses.designs.result:DesignsResult",
+        commands="beamsim.cli.sweep",
+        rows="beamsim.cli.designs:design_rows",
+        plots="beamsim.plots.designs:save_design_plots",
+        write="beamsim.store.designs:write_designs",
+        read="beamsim.store.designs:open_designs",
+    ),
+    "identify-stiffness": Kind(
+        "identify-stiffness", "the result of `beamsim identify-stiffness`",
+        analysis="beamsim.analyses.identify.analysis:identify_stiffness",
+        result="beamsim.analyses.identify.result:IdentificationResult",
+        commands="beamsim.cli.identification",
+        rows="beamsim.cli.identification_report:identification_rows",
+        plots="beamsim.plots.identification:save_identification_plots",
+    ),
+    "nnm": Kind(
+        "nnm", "the result of `beamsim nnm`",
+        analysis="beamsim.analyses.nnm.analysis:nnm",
+        result="beamsim.analyses.nnm.result:NormalModeResult",
+        commands="beamsim.cli.nnm",
+        rows="beamsim.cli.nnm_report:nnm_rows",
+        plots="beamsim.plots.nnm:save_nnm_plots",
+    ),
+    "compare": Kind(
+        "compare", "the result of `beamsim compare`",
+        analysis="beamsim.analyses.compare.analysis:compare",
+        result="beamsim.analyses.compare.result:Comparison",
+        commands="beamsim.cli.identification",
+        rows="beamsim.cli.identification_report:comparison_rows",
+        plots="beamsim.plots.comparison:save_comparison_plots",
+    ),
+}  # fmt: skip
+
+
+def named(place: str) -> Any:
+    """The function or class at ``module:name``."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
