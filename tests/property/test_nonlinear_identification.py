@@ -268,12 +268,14 @@ def test_a_linear_identification_gives_the_starting_stiffness(vibrations):
 
 def test_the_jacobian_is_that_of_the_residuals(vibrations):
     from beamsim.analyses.identify.model_updating import sought_numbers
-    from beamsim.analyses.identify.nonlinear_fit import _Fit, _tests
+    from beamsim.analyses.identify.nonlinear_fit import _NonlinearFit, _tests
 
     scenario = case(vibrations)
     nonlinear = scenario.identify_stiffness.nonlinear
     signals = [signal(f, c, noise=0.02) for f, c in vibrations.items()]
-    fit = _Fit(scenario, sought_numbers(scenario, nonlinear.estimate)[0], _tests(scenario, nonlinear.tests, signals))
+    fit = _NonlinearFit(
+        scenario, sought_numbers(scenario, nonlinear.estimate)[0], _tests(scenario, nonlinear.tests, signals)
+    )
     fit.prepare()
     x = fit.with_phases(np.zeros(4))
     fit.residuals(x)

@@ -105,7 +105,8 @@ def test_contacts_have_exact_derivatives(moving, quantity, value, h):
 
 def test_one_basis_serves_the_whole_way(moving):
     """Compliance everywhere; the basis made for the tip alone lacks it."""
-    from beamsim.system.build import _parts
+    from beamsim.structures.places import Place
+    from beamsim.system.parts import reduced_parts
 
     scenario, system, shape_at = moving
     at = np.linspace(0.15, 0.27, 25)
@@ -113,8 +114,9 @@ def test_one_basis_serves_the_whole_way(moving):
         scenario.model_copy(update={"reduction": load_scenario(BEAM, {"reduction.modes": "all"}).reduction})
     )
     assert system.dynamics.size < 0.6 * full.dynamics.size
-    parts = _parts(scenario)
-    assert compliance_defect(parts.model, parts.basis, at).max() > 2 * ACCURATE
+    parts = reduced_parts(scenario)
+    places = [Place(parts.structure.name, float(x)) for x in at]
+    assert compliance_defect(parts.structure, parts.basis, places).max() > 2 * ACCURATE
     moved = np.array([shape_at(x)[0] for x in at])
     compliance = np.sum(moved**2 / system.dynamics.stiffness, axis=1)
     deflection = [
