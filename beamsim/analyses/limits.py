@@ -43,7 +43,8 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict
             at = max(given, key=lambda place: given[place])
             value = float(given[at])
         else:
-            at, value = f"x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
+            body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
+            at, value = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
         if key.endswith("_g"):
             value *= STANDARD_GRAVITY
         found[name] = {

@@ -92,7 +92,8 @@ def _spring_force(s: Summary, name: str, force: Any) -> str:
 
 
 def _stress(s: Summary, _: str, stress: Any) -> str:
-    return f"{_si(stress, 'Pa')} at x = {_si(s['largest_bending_stress_position_m'], 'm')}"
+    body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
+    return f"{_si(stress, 'Pa')} at {body}x = {_si(s['largest_bending_stress_position_m'], 'm')}"
 
 
 def _reduction(s: Summary, _: str, error: Any) -> str:
@@ -156,8 +157,7 @@ def _preload(s: Mapping[str, Any], name: str) -> str:
     if static is not None and math.isfinite(static):
         parts.append(f"{_si(static, 'N')} at equilibrium")
     parts.append(f"{_si(s['blocked_force_n'][name], 'N')} blocked")
-    ratio = "k L³/EI" if "largest_bending_stress_pa" in s else "k / largest spring"
-    parts.append(f"{ratio} = {s['stiffness_ratio'][name]:.4g}")
+    parts.append(f"stiffness ratio {s['stiffness_ratio'][name]:.4g}")
     return ", ".join(parts)
 
 

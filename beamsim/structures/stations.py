@@ -115,6 +115,7 @@ class StressRows:
     stations: Stations
     row: Floats  # (nx, n) Pa for a unit of each coordinate
     base: Floats  # (nx,) Pa per m/s^2 of base acceleration
+    bodies: tuple[str, ...]  # (nx,) name of each station's body
 
 
 def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
@@ -126,4 +127,7 @@ def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
             rows.append(recovery.stress_per_moment * recovery.bending_moment)
             base.append(recovery.stress_per_moment * recovery.base_moment)
             bodies.append((recovery.body, recovery.axis, recovery.position))
-    return StressRows(Stations.of(bodies), np.vstack(rows), np.concatenate(base)) if rows else None
+    if not rows:
+        return None
+    names = tuple(name for name, _, positions in bodies for _ in positions)
+    return StressRows(Stations.of(bodies), np.vstack(rows), np.concatenate(base), names)

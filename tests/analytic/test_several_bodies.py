@@ -197,6 +197,8 @@ def test_result_file_holds_every_body(tmp_path):
     result = beamsim.run(load_scenario(EXAMPLE, ["run.duration=0.05 s", "bodies.outer.youngs_modulus=70 GPa"]))
     again = open_run(write_run(result, tmp_path / "two.h5"))
     assert list(again.bodies) == ["inner", "outer"]
+    stresses = {name: body.peak_bending_stress.max() for name, body in result.bodies.items()}
+    assert result.summary["largest_bending_stress_body"] == max(stresses, key=lambda name: stresses[name])
     for name, body in result.bodies.items():
         np.testing.assert_array_equal(again.bodies[name].extreme_shapes, body.extreme_shapes)
         np.testing.assert_array_equal(again.bodies[name].peak_bending_stress, body.peak_bending_stress)

@@ -468,6 +468,8 @@ def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[s
         where = int(stress.argmax())
         summary["largest_bending_stress_pa"] = float(stress[where])
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
+        if len(system.bodies) > 1:
+            summary["largest_bending_stress_body"] = system.stress.bodies[where]
     return summary
 
 

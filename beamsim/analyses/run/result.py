@@ -235,6 +235,7 @@ _SUMMARY = (
     Entry("largest_bending_stress_pa", "Pa", "largest bending stress at any time and place",
              "largest bending stress"),
     Entry("largest_bending_stress_position_m", "m", "where that is"),
+    Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
     Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits"),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
     Entry("open_frequencies_hz", "Hz", "natural frequencies with every contact open", "natural frequencies"),
