@@ -49,12 +49,12 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
-    from beamsim.store.designs import open_designs, write_designs
     from beamsim.store.export import export_result
     from beamsim.store.measurement import read_tests
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import (
         open_comparison,
+        open_designs,
         open_identification,
         open_nnm,
         open_response,
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         open_run,
         open_sweep,
         write_comparison,
+        write_designs,
         write_frequency_response,
         write_identification,
         write_nnm,
@@ -74,12 +75,12 @@ _NAMES = {
     "beamsim.analyses.designs.analysis": ("plan_designs",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
-    "beamsim.store.designs": ("open_designs", "write_designs"),
     "beamsim.store.export": ("export_result",),
     "beamsim.store.measurement": ("read_tests",),
     "beamsim.store.pairing": ("pair_channels",),
     "beamsim.store.results": (
         "open_comparison",
+        "open_designs",
         "open_identification",
         "open_nnm",
         "open_response",
@@ -87,6 +88,7 @@ _NAMES = {
         "open_run",
         "open_sweep",
         "write_comparison",
+        "write_designs",
         "write_frequency_response",
         "write_identification",
         "write_nnm",

@@ -60,7 +60,19 @@ class Entry(NamedTuple):
     label: str = ""
 
 
-Along = tuple["str | Counter", ...]  # names of axes, or axes that only count
+class Axes(NamedTuple):
+    """Axes that are known when the result is made.
+
+    A dataset that is called like one of them is that axis, a dimension scale.
+    """
+
+    field: str  # of the result: their names
+    called: str  # for people
+    auxiliary: str = ""  # field with the names of the CF auxiliary coordinates of what is along them
+    more: Counter | None = None  # the axis of a last dimension, where an array has one more
+
+
+Along = tuple[str | Counter, ...] | Axes  # names of axes, axes that only count, or axes named by a field
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -93,7 +105,7 @@ class Attribute:
     meaning: str
     name: str = ""
     at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
-    codec: str = ""  # "json" or "scenario" where it is stored as text, "outcome" for an `Outcome`
+    codec: str = ""  # "json", "scenario" or "failures" where it is stored as text, "outcome" for an `Outcome`
     null: Any = float("nan")  # what stands for a number that JSON cannot hold
 
 
@@ -132,6 +144,15 @@ class Members:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Arrays:
+    """Dataclasses, each one dataset that carries its attributes; ``{link}`` stands for the name of the dataset."""
+
+    folder: str
+    called: str  # what the datasets are called by, for people
+    listed: str = ""  # attribute of the folder: their names in order, where it is not that of HDF5
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Table:
     """Dataclasses as the rows of a table, their fields as columns."""
 
@@ -140,7 +161,7 @@ class Table:
     empty: bool = True  # whether a table without rows is written
 
 
-Declaration = Dataset | PerName | Attribute | Key | Group | Members | Table
+Declaration = Dataset | PerName | Attribute | Key | Group | Members | Arrays | Table
 _Class = TypeVar("_Class", bound=type)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -251,6 +272,11 @@ def keyed(
     return _field(kept, default, default_factory)
 
 
+def arrays(folder: str, *, called: str, listed: str = "") -> Any:
+    """Dataclasses, a dataset each, whose names, units and meanings are known when the result is made. See `Arrays`."""
+    return _field(Arrays(folder=folder, called=called, listed=listed), _REQUIRED, _REQUIRED)
+
+
 def table(path: str, rows: Counter | None = None, *, empty: bool = True, default: Any = _REQUIRED) -> Any:
     """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`."""
     return _field(Table(path=path, rows=rows, empty=empty), default, _REQUIRED)
@@ -259,8 +285,8 @@ def table(path: str, rows: Counter | None = None, *, empty: bool = True, default
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
-        dataset, axis, per_probe, per_snubber, per_name, attribute, ending, key, group, named, numbered, keyed, table,
-        dataclasses.field,
+        dataset, axis, per_probe, per_snubber, per_name, attribute, ending, key, group, named, numbered, keyed, arrays,
+        table, dataclasses.field,
     ),
 )  # fmt: skip
 def declared(cls: _Class) -> _Class:

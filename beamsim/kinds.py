@@ -21,9 +21,6 @@ class Kind(NamedTuple):
     plots: str  # function of a result, a folder, a stem and a format: the files written
     commands: str = "beamsim.cli.app"  # module whose ``register`` adds the command
     rows: str = "beamsim.cli.report:summary_rows"  # function of a result: labels and texts of its table
-    # functions of a result and a path, and of a path
-    write: str = "beamsim.store.results:write_result"
-    read: str = ""  # without it, the fields that the result declares are read
 
 
 KINDS = {
@@ -57,8 +54,6 @@ KINDS = {
         commands="beamsim.cli.sweep",
         rows="beamsim.cli.designs:design_rows",
         plots="beamsim.plots.designs:save_design_plots",
-        write="beamsim.store.designs:write_designs",
-        read="beamsim.store.designs:open_designs",
     ),
     "identify-stiffness": Kind(
         "identify-stiffness", "the result of `beamsim identify-stiffness`",

@@ -83,7 +83,9 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
     StoppedEarlyError, LimitExceededError
         See `conclude`.
     """
-    named(KINDS[kind].write)(result, target)
+    from beamsim.store.results import write_result
+
+    write_result(result, target)
     conclude(kind, result, target, reporting, signal)
 
 

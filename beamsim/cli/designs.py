@@ -59,14 +59,14 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, repor
 
 def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
     """The result in the file, if nothing is left to do."""
-    from beamsim.store.designs import open_designs
     from beamsim.store.journal import journal_path
+    from beamsim.store.results import open_result
     from beamsim.store.stored import holds
     from beamsim.version import __version__
 
     if journal_path(target).exists() or not holds(target, "designs"):
         return None
-    stored = open_designs(target)
+    stored: Any = open_result(target, "designs")
     same = stored.fingerprint == plan.fingerprint and stored.beamsim_version == __version__
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
     return stored if same and stored.complete and dict(stored.limits) == limits else None
@@ -74,8 +74,8 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
 
 def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
     from beamsim.analyses.designs.analysis import design_study, gather
-    from beamsim.store.designs import write_designs
     from beamsim.store.journal import Journal, journal_path
+    from beamsim.store.results import write_designs
 
     cases = len(plan.tasks)
     with Journal(journal_path(target), plan.fingerprint, resume=options.resume) as journal:

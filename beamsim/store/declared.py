@@ -11,8 +11,23 @@ from typing import Any, get_args, get_origin
 import h5py
 import numpy as np
 
-from beamsim.fields import Attribute, Counter, Dataset, Group, Key, Member, Members, PerName, Table, filled, members_of
-from beamsim.store.outcomes import outcome_attributes, read_outcome
+from beamsim.fields import (
+    Along,
+    Arrays,
+    Attribute,
+    Axes,
+    Counter,
+    Dataset,
+    Group,
+    Key,
+    Member,
+    Members,
+    PerName,
+    Table,
+    filled,
+    members_of,
+)
+from beamsim.store.outcomes import failures_text, outcome_attributes, read_failures, read_outcome
 from beamsim.store.schema import group_name, plain
 
 _TEXT = h5py.string_dtype("utf-8")
@@ -62,13 +77,14 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
             write(group.require_group(declared.path) if declared.path else group, value, names, on=declared.on)
         case Members() as declared:
             _write_members(group, declared, value, names)
+        case Arrays() as declared:
+            _write_arrays(group, declared, value, names)
         case Table() as declared:
             _write_table(group, declared, value, member, names)
 
 
 def _write_members(group: h5py.Group, declared: Members, value: Any, names: Sequence[Any]) -> None:
-    items = list(value.items()) if isinstance(value, Mapping) else [(_key(item), item) for item in value]
-    for index, (key, item) in enumerate(items):
+    for index, (key, item) in enumerate(_items(value)):
         if declared.labelled:
             own = _labelled(group, declared.folder, key, index)
         else:
@@ -78,6 +94,26 @@ def _write_members(group: h5py.Group, declared: Members, value: Any, names: Sequ
             if declared.indexed:
                 own.attrs["index"] = index
         write(own, item, names)
+
+
+def _write_arrays(group: h5py.Group, declared: Arrays, value: Any, names: Sequence[Any]) -> None:
+    items = _items(value)
+    own = group.require_group(declared.folder) if items or declared.listed else group
+    for called, item in items:
+        write(own, item, ({"link": _link(called)}, *names), on=_link(called))
+    if declared.listed:
+        own.attrs[declared.listed] = json.dumps([called for called, _ in items], ensure_ascii=False)
+
+
+def _link(name: str) -> str:
+    """Where the array of a name is in its folder: in the groups that the name says, separated by slashes."""
+    *parents, last = name.split("/")
+    return "/".join([*map(group_name, parents), last])
+
+
+def _items(value: Any) -> list[tuple[Any, Any]]:
+    """Members with what they are called by."""
+    return list(value.items()) if isinstance(value, Mapping) else [(_key(item), item) for item in value]
 
 
 def _key(item: Any) -> Any:
@@ -113,7 +149,7 @@ def _write_table(group: h5py.Group, declared: Table, rows: Sequence[Any], member
             scale = dataset
             continue
         dataset.dims[0].attach_scale(scale)
-        _attach(own, dataset, column.declaration.along, first=1)
+        _attach(own, dataset, column.declaration.along, names, first=1)
 
 
 def _column(values: list[Any], column: Member) -> Any:
@@ -142,7 +178,7 @@ def _write_array(
     for link, values, units, long_name in parts:
         dataset = _put(home, link, declared, values, names, units, long_name)
         if not declared.scale:
-            _attach(group, dataset, declared.along)
+            _attach(group, dataset, declared.along, names)
 
 
 def _put(
@@ -164,10 +200,25 @@ def _put(
     return dataset
 
 
-def _attach(group: h5py.Group, dataset: h5py.Dataset, along: Sequence[str | Counter], first: int = 0) -> None:
+def _attach(group: h5py.Group, dataset: h5py.Dataset, along: Along, names: Sequence[Any], first: int = 0) -> None:
+    if isinstance(along, Axes):
+        along = _named_axes(dataset, along, names)
     for number, item in enumerate(along, first):
         scale = _counted(group, item, dataset.shape[number]) if isinstance(item, Counter) else _axis(dataset, item)
         dataset.dims[number].attach_scale(scale)
+
+
+def _named_axes(dataset: h5py.Dataset, axes: Axes, names: Sequence[Any]) -> tuple[str | Counter, ...]:
+    """The axes of a dataset, which is made one where it is called like one of them."""
+    link = dataset.name.rpartition("/")[2]
+    along: tuple[str, ...] = getattr(names[-1], axes.field)
+    auxiliary: tuple[str, ...] = getattr(names[-1], axes.auxiliary) if axes.auxiliary else ()
+    if link in along:
+        dataset.make_scale(link)
+        return ()
+    if auxiliary and link not in auxiliary:
+        dataset.attrs["coordinates"] = " ".join(auxiliary)
+    return (*along, axes.more) if axes.more and dataset.ndim > len(along) else along
 
 
 def _counted(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
@@ -197,6 +248,8 @@ def _attributes(member: Member, declared: Attribute, value: Any) -> dict[str, An
         return outcome_attributes(value)
     if declared.codec == "json":
         value = json.dumps(plain(value), ensure_ascii=False)
+    elif declared.codec == "failures":
+        value = failures_text(value)
     elif declared.codec == "scenario":
         value = value.to_yaml()
     elif isinstance(value, tuple) and value and not isinstance(value[0], str):
@@ -263,6 +316,8 @@ def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], key: A
             return member.annotation(**declared.given, **read(member.annotation, own, around, key=key, on=declared.on))
         case Members() as declared:
             return _read_members(group, member, declared, names)
+        case Arrays() as declared:
+            return _read_arrays(group, member, declared, names)
         case Table() as declared:
             return _read_table(group, member, declared)
     raise TypeError(f"{member.name} is not stored")
@@ -271,7 +326,7 @@ def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], key: A
 def _read_per_name(group: h5py.Group, member: Member, declared: PerName, names: Sequence[Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     own = member._replace(declaration=declared.values, annotation=_item_of(member.annotation))
-    for place in _ordered(group, declared.folder):
+    for place in ordered(group, declared.folder):
         if own.annotation in (int, float, bool, str):
             values[_true_name(place)] = _converted(place.attrs[own.stored_name], own.annotation)
         else:
@@ -300,6 +355,14 @@ def _read_members(group: h5py.Group, member: Member, declared: Members, names: S
     return dict(zip(keys, (item for _, item in found), strict=True))
 
 
+def _read_arrays(group: h5py.Group, member: Member, declared: Arrays, names: Sequence[Any]) -> Any:
+    cls, own = _item_of(member.annotation), group.get(declared.folder, {})
+    called = json.loads(own.attrs[declared.listed]) if declared.listed else [_true_name(item) for item in own.values()]
+    links = {name: _link(name) for name in called}
+    items = [cls(**read(cls, own, ({"link": link}, *names), key=name, on=link)) for name, link in links.items()]
+    return tuple(items) if get_origin(member.annotation) is tuple else dict(zip(links, items, strict=True))
+
+
 def _candidates(folder: h5py.Group, declared: Members) -> Iterator[tuple[str, h5py.Group]]:
     """Members' groups and what the pattern says they are called by, in order."""
     pattern = re.compile(re.escape(declared.pattern).replace(r"\{\}", "(.+)"))
@@ -322,7 +385,7 @@ def _groups_below(group: h5py.Group) -> Iterator[h5py.Group]:
             yield from _groups_below(item)
 
 
-def _ordered(group: h5py.Group, folder: str) -> list[h5py.Group]:
+def ordered(group: h5py.Group, folder: str) -> list[h5py.Group]:
     """The groups of a folder in the order of their indices."""
     own = group.get(folder, {}) if folder else group
     return sorted((item for item in own.values() if isinstance(item, h5py.Group)), key=_index)
@@ -335,8 +398,8 @@ def _index(group: h5py.Group) -> int:
     return min((_index(item) for item in group.values() if isinstance(item, h5py.Group)), default=0)
 
 
-def _true_name(group: h5py.Group) -> str:
-    """The name a group is called by, which its link may spell differently."""
+def _true_name(group: h5py.Group | h5py.Dataset) -> str:
+    """The name a group or dataset is called by, which its link may spell differently."""
     if "name" in group.attrs:
         return str(group.attrs["name"])
     inner = [item for item in group.values() if isinstance(item, h5py.Group) and "name" in item.attrs]
@@ -373,7 +436,8 @@ def _read_array(group: h5py.Group, member: Member, declared: Dataset, names: Seq
     if declared.phase:
         return np.asarray(dataset[()] * np.exp(1j * np.radians(group[f"{name}_phase_deg"][()])))
     if _is_text(dataset):
-        return tuple(_words(dataset))
+        words = _words(dataset)
+        return np.array(words) if get_origin(member.annotation) is np.ndarray else tuple(words)
     values = dataset[()]
     if np.ndim(values) == 0 or get_origin(member.annotation) is tuple:
         return _converted(values, member.annotation)
@@ -387,6 +451,8 @@ def _decoded(value: Any, member: Member, declared: Attribute) -> Any:
         from beamsim.scenario import load_scenario
 
         return load_scenario(str(value))
+    if declared.codec == "failures":
+        return read_failures(value)
     return _converted(value, member.annotation)
 
 

@@ -11,7 +11,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
-from beamsim.fields import Attribute, Counter, Dataset, Group, Key, Member, Members, PerName, Table, members_of
+from beamsim.fields import (
+    Arrays,
+    Attribute,
+    Axes,
+    Counter,
+    Dataset,
+    Group,
+    Key,
+    Member,
+    Members,
+    PerName,
+    Table,
+    members_of,
+)
 from beamsim.kinds import KINDS, named
 from beamsim.typing import Complexes
 
@@ -41,8 +54,6 @@ def documentation() -> str:
     parts = [_root()]
     known: dict[Any, str] = {}
     for name, kind in KINDS.items():
-        if kind.read:
-            continue
         cls = named(kind.result)
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
@@ -96,7 +107,7 @@ def _sections(
     inner: list[tuple[Any, str, Mapping[str, Any]]] = []
     for member in members_of(cls):
         if member.name not in left_out:
-            _describe(member, path, given, rows, inner)
+            _describe(member, path, given, rows, inner, given.get("link", ""))
     text = (cls.__doc__ or "").strip().partition("\n\n")[0].replace("\n    ", " ")
     if rows:
         yield Section(path, _safe(text), rows)
@@ -145,6 +156,11 @@ def _describe(
         case Members() as d:
             item = get_args(member.annotation)[1 if get_origin(member.annotation) is dict else 0]
             inner.append((item, _joined(path, _place(member, d, item)), d.given))
+        case Arrays() as d:
+            if d.listed:
+                add(d.listed, "", f"attribute of {d.folder}", f"each {d.called} by name, in order, JSON list")
+            item = get_args(member.annotation)[1 if get_origin(member.annotation) is dict else 0]
+            inner.append((item, _joined(path, f"{d.folder}/<{d.called}>"), {"link": f"<{d.called}>"}))
         case Table() as d:
             _describe_table(member, d, rows, add)
 
@@ -185,6 +201,8 @@ def _place(member: Member, declared: Members, item: Any) -> str:
 
 
 def _axes(along: Any) -> str:
+    if isinstance(along, Axes):
+        return f"{along.called}; {along.more.name}" if along.more else along.called
     return " × ".join(item.name if isinstance(item, Counter) else item for item in along)
 
 

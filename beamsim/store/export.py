@@ -1,6 +1,6 @@
 """Result files for other programs: CSV tables, universal files (UFF 58), MATLAB.
 
-Runs and design studies have CSV tables made for them (`beamsim.store.export_run`, `beamsim.store.designs`);
+Runs and design studies have CSV tables made for them (`beamsim.store.export_run`, `beamsim.store.export_designs`);
 everything else follows from the dimension scales of the file (`beamsim.store.tables`).
 """
 
@@ -18,7 +18,6 @@ from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.store import schema
 from beamsim.store.csv_folder import CsvFolder, flat, header
-from beamsim.store.datasets import native
 from beamsim.store.matlab import write_mat
 from beamsim.store.results import open_result
 from beamsim.store.stored import LazyScenario, kind_of, reading, root_fields
@@ -51,7 +50,7 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
 
         return export_csv(open_result(path), target)
     if kind == "designs" and form == "csv":
-        from beamsim.store.designs import export_designs
+        from beamsim.store.export_designs import export_designs
 
         return [export_designs(open_result(path), target)]
     return FORMATS[form](path, target)
@@ -92,21 +91,26 @@ def _rows(table: Table) -> Iterator[tuple[Any, ...]]:
     grid = np.meshgrid(*(np.arange(size) for size in shape), indexing="ij") if shape else []
     columns = [axis.values[index.ravel()] for axis, index in zip(table.axes, grid, strict=True)]
     columns += [np.reshape(column.values, -1) for column in table.columns]
-    return zip(*(_native(column) for column in columns), strict=True)
+    return zip(*(_values(column) for column in columns), strict=True)
 
 
-def _native(column: Any) -> list[Any]:
+def _values(column: Any) -> list[Any]:
     return list((column.astype(int) if column.dtype == bool else column).tolist())
+
+
+def _native(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
+    """Attributes as Python values."""
+    return {name: value.item() if isinstance(value, np.generic) else value for name, value in owner.attrs.items()}
 
 
 def _attributes(file: h5py.File) -> Iterator[tuple[str, str, Any]]:
     """Attributes of all groups, of scalar datasets too; the scenario and the summary have files of their own."""
-    yield from (("/", name, value) for name, value in native(file).items() if name != "scenario")
+    yield from (("/", name, value) for name, value in _native(file).items() if name != "scenario")
     found: list[tuple[str, str, Any]] = []
 
     def note(name: str, item: Any) -> None:
         if name != "summary" and (isinstance(item, h5py.Group) or not item.shape):
-            for key, value in native(item).items():
+            for key, value in _native(item).items():
                 values = value.tolist() if isinstance(value, np.ndarray) else value
                 found.extend((f"/{name}", f"{key}/{at}" if at else key, v) for at, v in flat(values))
 
@@ -122,7 +126,7 @@ def _export_mat(path: Path, target: Path) -> list[Path]:
     with reading(path) as file:
         variables = _struct(file)
         variables["info"] = {
-            **{name: value for name, value in native(file).items() if name not in ("warnings", "provenance")},
+            **{name: value for name, value in _native(file).items() if name not in ("warnings", "provenance")},
             "warnings": np.array(json.loads(file.attrs["warnings"]), dtype=object),
         }
         variables["summary"] = schema.decode_summary(dict(file["summary"].attrs))
@@ -148,7 +152,7 @@ def _struct(group: h5py.Group) -> dict[str, Any]:
         struct[name] = str(values[()]) if values.dtype == object and not values.shape else values
         units[name] = str(item.attrs.get("units", ""))
     attributes = {
-        name: value for name, value in native(group).items() if not isinstance(value, (h5py.Reference, np.void))
+        name: value for name, value in _native(group).items() if not isinstance(value, (h5py.Reference, np.void))
     }
     if units:
         struct["units"] = units

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from beamsim.analyses.designs.result import CaseFailure
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 
 # beginnings of the texts in files without a code, longer ones first; anything else means stopped
@@ -37,6 +38,20 @@ def read_outcome(attributes: Mapping[str, Any]) -> Outcome:
     if label.upper() in OutcomeCode.__members__:
         return Outcome.from_dict({"code": label, **json.loads(attributes["outcome_numbers"])})
     return outcome_of_text(str(attributes["status"]))
+
+
+def failures_text(failures: Iterable[CaseFailure]) -> str:
+    """Cases that failed, as JSON: number, values of the parameters, text and code of the outcome."""
+    rows = [[f.case, list(f.values), f.outcome.text, f.outcome.as_dict()] for f in failures]
+    return json.dumps(rows, ensure_ascii=False)
+
+
+def read_failures(text: str) -> tuple[CaseFailure, ...]:
+    """The cases stored by `failures_text`; in an old file without codes."""
+    return tuple(
+        CaseFailure(case, tuple(values), Outcome.from_dict(code[0]) if code else outcome_of_text(why))
+        for case, values, why, *code in json.loads(text)
+    )
 
 
 def outcome_of_text(text: str) -> Outcome:

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.store.datasets import ordered
+from beamsim.store.declared import ordered
 from beamsim.store.tables import datasets, values_of
 from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, ORDINATES, TIME_RESPONSE, UP, Source, record_58
 from beamsim.typing import Floats

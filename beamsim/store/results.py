@@ -15,6 +15,7 @@ from beamsim.store.stored import LazyScenario, creating, kind_of, reading, root_
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
+    from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.response.result import FrequencyResponse
@@ -54,8 +55,6 @@ def open_result(path: Path | str, kind: str = "") -> Any:
         When the file is missing, unreadable, damaged, not one of beamsim's, of another layout or of another kind.
     """
     kind = kind or kind_of(path)
-    if KINDS[kind].read:
-        return named(KINDS[kind].read)(path)
     home = named(KINDS[kind].result)
     with reading(path, kind) as file:
         return _stored(home).of({**root_fields(file), **declared.read(home, file)})
@@ -66,7 +65,8 @@ def _stored(cls: Any) -> Any:
     return type(f"Stored{cls.__name__}", (LazyScenario, cls), {"__doc__": f"A `{cls.__name__}` read from a file."})
 
 
-write_run = write_sweep = write_frequency_response = write_identification = write_nnm = write_comparison = write_result
+write_run = write_sweep = write_frequency_response = write_designs = write_result
+write_identification = write_nnm = write_comparison = write_result
 
 
 def open_run(path: Path | str) -> RunResult:
@@ -82,6 +82,11 @@ def open_sweep(path: Path | str) -> SweepResult:
 def open_response(path: Path | str) -> FrequencyResponse:
     """Read a file written by ``beamsim sweep`` of kind continuation; see `open_result`."""
     return open_result(path, "continuation")  # type: ignore[no-any-return]
+
+
+def open_designs(path: Path | str) -> DesignsResult:
+    """Read a file written by ``beamsim sweep`` of a scenario with ``vary``; see `open_result`."""
+    return open_result(path, "designs")  # type: ignore[no-any-return]
 
 
 def open_nnm(path: Path | str) -> NormalModeResult:

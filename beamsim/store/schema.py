@@ -13,24 +13,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 SCHEMA_VERSION = 1
 JSON_ENCODED = "json_encoded"
-
-
-class Field(NamedTuple):
-    """One dataset; ``flags`` names the values of a stored truth value."""
-
-    name: str
-    units: str
-    long_name: str
-    flags: tuple[str, str] | None = None
-
-
-MODE_NUMBER = Field("mode", "1", "mode number")
 
 
 def group_name(name: str) -> str:

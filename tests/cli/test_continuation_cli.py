@@ -267,7 +267,7 @@ def test_a_study_of_continuations(tmp_path):
     )
     done = sweep(case, "-o", tmp_path, "--workers", 1, "--no-plots", "--json")
     assert done.exit_code == 0, done.output
-    from beamsim.store.designs import open_designs
+    from beamsim.store.results import open_designs
 
     stored = open_designs(tmp_path / "study.h5")
     peak = stored.responses["stable_0/probes/first/peak_displacement"].values

@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from beamsim.cli.app import app
-from beamsim.store.designs import open_designs
+from beamsim.store.results import open_designs
 
 CASE = """\
 title: Small study
@@ -118,7 +118,7 @@ def test_progress_and_partial_files_on_the_way(call, here, monkeypatch):
     """Where there is no terminal, a line from time to time says what remains; the file is brought up to date."""
     monkeypatch.setattr("beamsim.cli.designs.TOLD_EVERY_S", 0.0)
     monkeypatch.setattr("beamsim.cli.designs.SAVED_EVERY_S", 0.0)
-    from beamsim.store import designs as store
+    from beamsim.store import results as store
 
     written = []
     real = store.write_designs

@@ -14,7 +14,7 @@ from beamsim.analyses.parallel import on_this_machine
 from beamsim.cli.app import app
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.designs import open_designs
+from beamsim.store.results import open_designs
 
 BASE = """\
 title: Small study

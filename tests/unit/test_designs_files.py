@@ -12,8 +12,9 @@ from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, save_design_plots, shown_quantities
 from beamsim.scenario import load_scenario
-from beamsim.store.designs import export_designs, open_designs, write_designs
+from beamsim.store.export_designs import export_designs
 from beamsim.store.journal import Journal, journal_path
+from beamsim.store.results import open_designs, write_designs
 from beamsim.store.stored import holds
 
 BASE = """\

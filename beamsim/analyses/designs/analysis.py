@@ -190,7 +190,6 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         analysis=plan.analysis,
         kind=plan.kind,
         outcome=_outcome(len(plan.tasks), missing, failures),
-        shape=plan.shape,
         coordinates=plan.coordinates,
         solved=solved.reshape(plan.shape),
         responses=responses,

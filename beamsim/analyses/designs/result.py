@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
-from beamsim.fields import Entry
+from beamsim.fields import Axes, Counter, Entry, arrays, attribute, axis, dataset, declared, key, stored
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, Ints
 
 Value = float | str
+
+_GROUP = "designs"
+_CASES = Axes("axes", "parameters of a grid, otherwise case", auxiliary="auxiliary")
 
 
 @dataclass(frozen=True)
@@ -27,13 +30,14 @@ class CaseOutcome:
     processor_time_s: float = 0.0
 
 
-@dataclass(frozen=True)
+@declared
 class Coordinate:
     """A varied parameter."""
 
-    path: str
-    values: NDArray[Any]  # (nk,) the axis of a grid, or (cases,) one a case; SI numbers or words
-    unit: str
+    path: str = key("path of the parameter in the scenario")
+    # (nk,) the axis of a grid, or (cases,) one a case; SI numbers or words
+    values: NDArray[Any] = dataset("{unit}", "varied {path}", name="{link}", along=_CASES)
+    unit: str = attribute("", "its unit", name="units")
 
     @property
     def numeric(self) -> bool:
@@ -41,14 +45,17 @@ class Coordinate:
         return self.values.dtype.kind == "f"
 
 
-@dataclass(frozen=True)
+@declared
 class Response:
-    """One response of every case."""
+    """One response of every case, or its margin; of a probe or snubber in the groups that its name says."""
 
-    name: str  # "snubbers/tip/peak_force", of a sweep "up_0/snubbers/tip/peak_force"
-    values: Floats  # the design's shape, a last axis of modes where there are several a case; nan: failed
-    unit: str
-    long_name: str
+    name: str = attribute("", "name of the response")  # "snubbers/tip/peak_force", "up_0/snubbers/tip/peak_force"
+    # the design's shape, a last axis of modes where there are several a case; nan: failed
+    values: Floats = dataset(
+        "{unit}", "{long_name}", name="{link}", along=_CASES._replace(more=Counter("mode", "mode number"))
+    )
+    unit: str = attribute("", "its unit", name="units")
+    long_name: str = attribute("", "its meaning")
 
     @property
     def quantity(self) -> str:
@@ -85,22 +92,50 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@declared
 class DesignsResult(Result):
-    """Everything `beamsim sweep` computes of a scenario with ``vary``."""
+    """Everything `beamsim sweep` computes of a scenario with ``vary``, along the axes of the design.
+
+    These are the varied parameters in a grid; otherwise the only axis is ``case``, and the parameters are along it (CF
+    ``coordinates``).
+    """
 
     SUMMARY = _SUMMARY
 
-    analysis: str  # what was done with each case: "run", or the kind of sweep
-    kind: str  # "grid", "zip" or "latin_hypercube"
-    shape: tuple[int, ...]  # of the design: an axis a coordinate for a grid, else (cases,)
-    coordinates: tuple[Coordinate, ...]
-    solved: Bools  # the design's shape
-    responses: Mapping[str, Response]
-    margins: Mapping[str, Response]  # limit / value - 1, by name of the limit
-    limits: Mapping[str, float]  # SI
-    failures: tuple[CaseFailure, ...]
-    fingerprint: str = ""  # of all that the responses depend on
+    analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
+    kind: str = attribute("", "grid, zip or latin_hypercube", at=_GROUP)
+    coordinates: tuple[Coordinate, ...] = arrays(_GROUP, called="parameter", listed="paths")
+    solved: Bools = dataset(  # the design's shape
+        "1", "whether the case has responses", name=f"{_GROUP}/solved", along=_CASES, flags=("missing", "solved")
+    )
+    responses: dict[str, Response] = arrays(_GROUP, called="response", listed="responses")
+    margins: dict[str, Response] = arrays(f"{_GROUP}/margins", called="limit")  # limit / value - 1
+    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec="json", at=_GROUP)
+    failures: tuple[CaseFailure, ...] = attribute(
+        "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec="failures",
+        at=_GROUP,
+    )  # fmt: skip
+    fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the design: an axis a coordinate for a grid, else (cases,)."""
+        return self.solved.shape
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes of the design."""
+        return tuple(c.path for c in self.coordinates) if self.kind == "grid" else ("case",)
+
+    @property
+    def auxiliary(self) -> tuple[str, ...]:
+        """Names of the coordinates that are along another axis."""
+        return () if self.kind == "grid" else tuple(c.path for c in self.coordinates)
+
+    @property
+    @stored(axis("1", "number of the case", name=f"{_GROUP}/case"))
+    def _case(self) -> Ints | None:
+        return None if self.kind == "grid" else np.arange(1, self.cases + 1)
 
     @property
     def cases(self) -> int:

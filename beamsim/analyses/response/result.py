@@ -84,6 +84,7 @@ _SUMMARY = (
     Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency"),
     Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded"),
     Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out"),
+    Entry("multiple_scales", "", "by level, of the expansion: points, differences from exact motions, observed orders"),
     Entry("processor_time_s", "s", "processor time of the solver alone"),
 )
 
