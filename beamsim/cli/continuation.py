@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.branch import special_name
+
 if TYPE_CHECKING:
     from beamsim.analyses.branch import BranchResult
     from beamsim.analyses.response.result import FrequencyResponse
@@ -65,7 +67,7 @@ def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
             continue
         for event in branch.special[:SHOWN]:
             of = f" of {event.snubber}" if event.snubber else ""
-            yield "", f"{event.kind.replace('_', ' ')}{of} at {event.parameter:.8g} {result.unit}"
+            yield "", f"{special_name(event.kind)}{of} at {event.parameter:.8g} {result.unit}"
         if len(branch.special) > SHOWN:
             yield "", f"and {len(branch.special) - SHOWN} more special points in the file"
     if len(result.branches) > MOST_BRANCHES:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.branch import special_name
 from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_poi
          "symmetry_breaking": "*"}  # fmt: skip
 DASHES = (0, (3, 1.5))  # of what is unstable
 THINNER = 0.8
-_NAMES = {"neimark_sacker": "Neimark–Sacker"}
 
 
 def stretches(x: Floats, y: Floats, stable: Bools, wanted: bool) -> tuple[Floats, Floats]:
@@ -45,7 +45,7 @@ def mark_special(ax: Axes, kind: str, places: Sequence[tuple[float, float]], siz
         return
     ax.plot(
         *np.transpose(places), linestyle="none", marker=MARKS[kind], markersize=size, color="0.2",
-        markerfacecolor="white", markeredgewidth=0.18 * size, label=_NAMES.get(kind, kind.replace("_", " ")), zorder=4,
+        markerfacecolor="white", markeredgewidth=0.18 * size, label=special_name(kind), zorder=4,
     )  # fmt: skip
 
 
