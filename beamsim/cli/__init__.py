@@ -1,7 +1,7 @@
 """The command line: load, call, save, print.
 
 Never here: computing, drawing, opening files.
-Begin with `app`, the commands; `failures` has the exit codes.
+Begin with `app`, then `conclusion`: how a command ends, with which exit code; `beamsim.kinds` lists the results.
 """
 
 from __future__ import annotations
