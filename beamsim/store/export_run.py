@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.result import RandomResponse, RunResult
+from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics, SpectralLine, Spectrum
 from beamsim.fields import Attribute, Dataset, members_of
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.structures.stations import Stations
+
+_OF_SPECTRUM = ("probe", "quantity", "unit")
 
 
 def export_csv(result: RunResult, folder: Path) -> list[Path]:
@@ -24,19 +25,24 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
     """
     out = CsvFolder(folder)
     out.numbers("time_histories", dict(_channels(result)))
+    columns, of_line = _names(Spectrum, Dataset), _names(SpectralLine, Dataset)
     out.rows(
         "spectra",
-        ("probe", "quantity", "unit", "frequency_hz", "amplitude", "amplitude_db"),
+        (*_OF_SPECTRUM, *columns),
         (
-            (s.probe, s.quantity, s.unit, f, a, level)
+            (s.probe, s.quantity, s.unit, *row)
             for s in result.spectra.values()
-            for f, a, level in zip(s.frequency_hz.tolist(), s.amplitude.tolist(), s.amplitude_db.tolist(), strict=True)
+            for row in zip(*(getattr(s, name).tolist() for name in columns), strict=True)
         ),
     )
     out.rows(
         "harmonics",
-        ("probe", "quantity", "unit", "order", "frequency_hz", "amplitude", "amplitude_db", "phase_deg", "kind"),
-        ((s.probe, s.quantity, s.unit, *asdict(line).values()) for s in result.spectra.values() for line in s.lines),
+        (*_OF_SPECTRUM, *of_line),
+        (
+            (s.probe, s.quantity, s.unit, *(getattr(line, name) for name in of_line))
+            for s in result.spectra.values()
+            for line in s.lines
+        ),
     )
     names = list(result.snubbers)
     out.rows(
@@ -89,17 +95,19 @@ def _random_tables(out: CsvFolder, random: RandomResponse) -> None:
     signals = (random.input, *random.signals)
     densities = {header(f"{s.name}_{s.quantity}_density", f"({s.unit})^2/Hz"): s.density for s in signals}
     out.numbers("random_densities", {"frequency_hz": random.frequency_hz, **densities})
-    numbers = [m.name for m in members_of(type(random.input)) if isinstance(m.declaration, Attribute)][2:]
-    out.rows(
-        "random_statistics",
-        ("name", "quantity", "unit", *numbers),
-        ((s.name, s.quantity, s.unit, *(getattr(s, name) for name in numbers)) for s in signals),
-    )
-    columns = {"frequency_hz": random.frequency_hz}
+    texts = ("name", "quantity", "unit")
+    columns = (*texts, *(name for name in _names(SignalStatistics, Attribute) if name not in texts))
+    out.rows("random_statistics", columns, ([getattr(s, name) for name in columns] for s in signals))
+    numbers = {"frequency_hz": random.frequency_hz}
     for name, value in random.transmissibility.items():
-        columns[f"{name}_real"], columns[f"{name}_imag"] = value.real, value.imag
-        columns[f"{name}_coherence"] = random.coherence[name]
-    out.numbers("random_transmissibility", columns)
+        numbers[f"{name}_real"], numbers[f"{name}_imag"] = value.real, value.imag
+        numbers[f"{name}_coherence"] = random.coherence[name]
+    out.numbers("random_transmissibility", numbers)
+
+
+def _names(cls: type, kind: type) -> list[str]:
+    """The fields of a class that are declared as this kind, in order."""
+    return [member.name for member in members_of(cls) if isinstance(member.declaration, kind)]
 
 
 def _channels(result: RunResult) -> Iterator[tuple[str, NDArray[Any]]]:
