@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import beamsim
-from beamsim.kinds import KINDS
+from beamsim.kinds import KINDS, named
 
 VERBS = ("run", "sweep", "frequency_response", "design_study", "identify_stiffness", "nnm", "compare")
 
@@ -24,6 +24,17 @@ def test_every_verb_and_every_reader_is_there():
     readers = ("run", "sweep", "response", "designs", "identification", "nnm", "comparison")
     assert len(readers) == len(KINDS)
     assert {f"open_{name}" for name in readers} <= set(beamsim.__all__)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_everything_that_belongs_to_a_kind_is_there(name):
+    kind = KINDS[name]
+    for place in (kind.analysis, kind.result, kind.plots, kind.rows):
+        assert callable(named(place)), place
+    for place in (kind.analysis, kind.result):
+        assert getattr(beamsim, place.partition(":")[2]) is named(place)
+        assert place.partition(":")[2] in beamsim.__all__  # type checkers know those alone
+    assert kind.commands == "beamsim.cli.app" or callable(named(f"{kind.commands}:register"))
 
 
 def test_other_names_are_refused():

@@ -1,5 +1,7 @@
 """Contact laws as phases: the types take a law that the package does not ship, and laws agree with their parts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -132,6 +134,17 @@ def test_where_the_force_jumps():
     assert no_tension(5.0, 2.0).jump(0, 0).tolist() == [0, 2, 0, 5]  # c (delta' - p') with p' = -(k/c) p
     assert no_tension(5.0, 2.0).jump(1, 0).tolist() == [0, 0, 0, 0]
     assert no_tension(5.0).phases == kelvin_voigt(5.0).phases
+
+
+def test_numbers_of_slow_motions_do_not_make_a_law_of_two_numbers(system):
+    """Statics and natural frequencies may use them; what takes them for the whole law is refused."""
+    c = replace(system.contacts, laws=(replace(zener(), stiffness=K, dashpot=0.0), no_tension(3.0, 2.0)))
+    np.testing.assert_array_equal(c.slow, [[K, 3.0], [0.0, 2.0]])
+    np.testing.assert_array_equal(replace(c, laws=c.laws[1:]).stiffness, [3.0])
+    with pytest.raises(ValueError, match="one stiffness and one dashpot"):
+        c.stiffness  # noqa: B018
+    with pytest.raises(ValueError, match="one stiffness and one dashpot"):
+        c.with_numbers(0, 2 * K, 0.0)
 
 
 def test_phases_that_do_not_exist_are_refused():
