@@ -18,6 +18,7 @@ from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
+    from beamsim.flow.march import Motion
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 HIGHEST_DERIVATIVE = 6  # looked at to tell on which side a motion that starts at zero gap goes
@@ -77,6 +78,14 @@ class ExactFlow:
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
         return self.state_index(self.following(state, guard))
+
+    def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
+        """What the march takes; see :class:`beamsim.flow.march.Marched`."""
+        return self.tables(), self.inputs(), None
+
+    def time_of(self, motion: Motion) -> float:
+        """Time since the start of the motion, s."""
+        return motion.time
 
     def tables(self) -> Tables:
         """The states' tables for the kernels."""

@@ -1,4 +1,6 @@
-"""Compiled kernels of the exact flow: advance to the next contact, sample, find extremes.
+"""Compiled kernels of the exact flow: the motion on a segment, the search for events, extremes, integrals.
+
+The march that joins the segments is in :mod:`beamsim.flow.march_kernels`.
 
 Arrays in, arrays out; nothing is allocated per segment. Symbols: ``tau`` is the time since the start of a
 segment, ``gamma[b]`` a complex coefficient of the basis function :math:`\\tau^{p_b} e^{\\lambda_b \\tau}`, so
@@ -14,7 +16,6 @@ import numpy as np
 from numba import njit
 
 EPS = 2.220446049250313e-16
-DONE, NEED_STATE, BUDGET, FULL = 0, 1, 2, 3
 
 
 class Tables(NamedTuple):
@@ -281,118 +282,6 @@ def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def advance(  # type: ignore[no-untyped-def]
-    tables,
-    inputs,
-    t,
-    t_end,
-    state,
-    toggled,
-    y,
-    seg_time,
-    seg_length,
-    seg_state,
-    seg_piece,
-    seg_y,
-    ev_time,
-    ev_contact,
-    ev_phase,
-    most_evaluations,
-):
-    """Carry the state y, updated in place, from t to t_end, logging segments and events.
-
-    ``toggled`` is the guard whose event lies at t (-1 where there is none).
-
-    Returns (status, t, state, segments, events, evaluations, guard of the last event): DONE at t_end; NEED_STATE when
-    the state that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when a
-    log is full; BUDGET when ``most_evaluations`` were used.
-    """
-    N = y.size
-    F = inputs.exponent.size
-    zeta = np.zeros(F + tables.projector.shape[1], dtype=np.complex128)
-    B = tables.exponent.shape[1]
-    most = tables.guard_contact.shape[1]
-    all_gamma = np.zeros((most, B), dtype=np.complex128)
-    all_size = np.zeros((most, B))
-    basis = np.zeros(B, dtype=np.complex128)
-    all_out = np.zeros((most, 4))
-    all_least = np.zeros(most)
-    all_floors = np.zeros(most)
-    forced = np.zeros((most, 0))
-    n_seg = 0
-    n_ev = 0
-    n_eval = 0
-    pieces = inputs.start.size
-    piece = max(np.searchsorted(inputs.start, t, side="right") - 1, 0)
-    while t < t_end:
-        if n_seg == seg_time.size or n_ev == ev_time.size:
-            return FULL, t, state, n_seg, n_ev, n_eval, toggled
-        if n_eval > most_evaluations:
-            return BUDGET, t, state, n_seg, n_ev, n_eval, toggled
-        while piece + 1 < pieces and inputs.start[piece + 1] <= t:
-            piece += 1
-        stop = t_end
-        if piece + 1 < pieces and inputs.start[piece + 1] < stop:
-            stop = inputs.start[piece + 1]
-        H = stop - t
-        whole = tables.horizon[state] >= H
-        if not whole:
-            H = tables.horizon[state]
-        guards = tables.n_guards[state]
-        gamma, size, out = all_gamma[:guards], all_size[:guards], all_out[:guards]
-        least, floors = all_least[:guards], all_floors[:guards]
-        _fill_sources(tables, state, inputs, piece, t, y, zeta)
-        _combine(tables, state, tables.watch, zeta, gamma, size)
-        nb = tables.n_basis[state]
-        exponent = tables.exponent[state]
-        power = tables.power[state]
-        seg_time[n_seg] = t
-        seg_state[n_seg] = state
-        seg_piece[n_seg] = piece
-        for k in range(N):
-            seg_y[n_seg, k] = y[k]
-
-        _fill_least(tables, state, zeta, H, least)
-
-        tau = 0.0
-        hit = -1
-        floors[:] = 0.0
-        while guards > 0:
-            reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
-            n_eval += 1
-            if tau == 0.0 and toggled >= 0:
-                _fill_floors(out, size, nb, forced, 0, H, floors)
-            step, hit = _next_step(out, least, floors, reach - tau)
-            if hit >= 0:
-                break
-            before = tau
-            tau += step
-            if tau >= H:
-                break
-            if tau == before or n_eval > most_evaluations:
-                return BUDGET, t, state, n_seg, n_ev, n_eval, toggled
-        tau = _crossing(out, hit, tau) if hit >= 0 else H
-        _fill_basis(exponent, power, nb, tau, basis)
-        _state_at(tables, state, zeta, basis, y)
-        seg_length[n_seg] = tau
-        n_seg += 1
-        t = stop if (hit < 0 and whole) else t + tau
-        toggled = hit
-        if hit >= 0:
-            _reset(tables, state, hit, zeta, basis, y)
-            following = tables.follower[state, hit]
-            if following < 0:
-                return NEED_STATE, t, state, n_seg, n_ev, n_eval, hit
-            contact = tables.guard_contact[state, hit]
-            ev_time[n_ev] = t
-            ev_contact[n_ev] = contact
-            ev_phase[n_ev] = tables.phase[following, contact]
-            n_ev += 1
-            state = following
-    return DONE, t, state, n_seg, n_ev, n_eval, toggled
-
-
-@njit(cache=True, error_model="numpy")
 def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no-untyped-def]
     """Coefficients (B, k) of the basis functions, from a table in two parts; the loop over outputs is the inner one."""
     k = real.shape[2]
@@ -422,48 +311,6 @@ def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-d
         else:
             for j in range(out.size):
                 out[j] += rows_real[b, j] * re - rows_imag[b, j] * im
-
-
-@njit(cache=True, error_model="numpy")
-def sample(tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, out):  # type: ignore[no-untyped-def]
-    """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
-
-    The coefficients of a segment's basis functions are worth their cost where it holds several times; for one or two
-    the outputs are summed over the terms.
-    """
-    k = table.shape[2]
-    F = inputs.exponent.size
-    zeta = np.zeros(F + tables.projector.shape[1], dtype=np.complex128)
-    B = tables.exponent.shape[1]
-    rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
-    basis = np.zeros(B, dtype=np.complex128)
-    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
-    current = -1
-    several = False
-    g = 0
-    last = seg_time.size - 1
-    for i in range(time.size):
-        while g < last and seg_time[g + 1] <= time[i]:
-            g += 1
-        s = seg_state[g]
-        nb = tables.n_basis[s]
-        if g != current:
-            _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
-            several = i + 2 < time.size and (g == last or time[i + 2] < seg_time[g + 1])
-            if several:
-                _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
-            current = g
-        _fill_basis(tables.exponent[s], tables.power[s], nb, time[i] - seg_time[g], basis)
-        if several:
-            _outputs(rows_real, rows_imag, basis, nb, out[i])
-            continue
-        for j in range(k):
-            out[i, j] = 0.0
-        for q in range(tables.n_terms[s]):
-            a = zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]
-            if a != 0.0:
-                for j in range(k):
-                    out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
 
 
 @njit(cache=True, error_model="numpy")

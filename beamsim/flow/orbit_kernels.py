@@ -1,6 +1,6 @@
 """Compiled kernels of the variational flow: forced responses by frequency, transition and saltation matrices.
 
-The motion itself comes from :func:`beamsim.flow.kernels.advance`; a second pass over its log carries the
+The motion itself comes from :func:`beamsim.flow.march_kernels.march`; a second pass over its log carries the
 sensitivity :math:`S = \\partial y/\\partial(y_0, p)` along, one column an initial value or a parameter:
 
 * on a segment :math:`S_1 = \\Phi(\\tau)\\,(S_0 - \\partial y_f(t_0)) + \\partial y_f(t_1)` with

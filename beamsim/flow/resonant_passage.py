@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.flow.march import Log, Motion
 from beamsim.flow.passage import (
     LARGEST_LOG,
     MOST_EVALUATIONS,
@@ -64,32 +65,27 @@ def carry_by_series(
 
 def _motion(flow: PeriodicFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
     """The passage without its derivatives."""
-    from beamsim.flow import kernels
+    from beamsim.flow.march_kernels import DONE, FULL, NEED_STATE
 
     N, room = flow.size, FIRST_LOG
     first = flow.number_in(exact, flow.starting_state(start, t))
     while True:
-        y = start.copy()
-        seg = (
-            np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64), np.empty((room, N)),
-        )  # fmt: skip
-        ev = (np.empty(room + 1), np.empty(room + 1, np.int64), np.empty(room + 1, np.int64))
-        code, _, last, n_seg, n_ev, _, guard = kernels.advance(
-            exact.tables(), exact.inputs(), t, t + duration, first, -1, y, *seg, *ev, MOST_EVALUATIONS
-        )
-        if code == kernels.DONE:
+        motion, log = Motion(start.copy(), first, time=t), Log.room(room, N)
+        code, n_seg, n_ev, _ = motion.advance(exact, t + duration, log, MOST_EVALUATIONS)
+        if code == DONE:
             break
-        if code == kernels.NEED_STATE:
-            flow.number_in(exact, exact.following(last, guard))
-        elif code == kernels.FULL and room < LARGEST_LOG:
+        if code == NEED_STATE:
+            flow.number_in(exact, exact.following(motion.state, motion.guard))
+        elif code == FULL and room < LARGEST_LOG:
             room *= 4
         else:
             raise WorkExceeded(f"no end after {n_ev} contact events in {duration:.6g} s")
-    slope = _rate(flow, y, exact.states[last].phases, t + duration)
+    log = log.first(n_seg, n_ev)
+    slope = _rate(flow, motion.y, exact.states[motion.state].phases, t + duration)
     nothing = np.zeros((N, 0))
     return Passage(
-        start, y, nothing, nothing, slope, duration, seg[0][:n_seg], seg[1][:n_seg], seg[2][:n_seg], seg[4][:n_seg],
-        ev[0][:n_ev], ev[1][:n_ev], ev[2][:n_ev], np.inf,
+        start, motion.y, nothing, nothing, slope, duration, log.time, log.length, log.state, log.y,
+        log.event_time, log.event_contact, log.event_phase, np.inf,
     )  # fmt: skip
 
 

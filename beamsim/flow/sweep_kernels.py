@@ -1,4 +1,4 @@
-"""Compiled march through a swept sine: forced responses window by window, and what is kept of every cycle.
+"""Compiled parts of the march that a swept sine adds: forced responses by window, and what is kept of every cycle.
 
 On a window the inputs are :math:`\\mathrm{Re}[e^{i\\omega\\tau} \\sum_p c_p \\tau^p]`. In the eigenvectors of a contact
 state the response that belongs to them is a polynomial times the same exponential,
@@ -20,24 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from beamsim.flow.kernels import (
-    BUDGET,
-    DONE,
-    EPS,
-    FULL,
-    NEED_STATE,
-    _combine,
-    _crossing,
-    _evaluate,
-    _exp,
-    _fill_basis,
-    _fill_floors,
-    _fill_least,
-    _fill_sources,
-    _next_step,
-    _reset,
-    _state_at,
-)
+from beamsim.flow.kernels import EPS, _combine, _exp
 
 MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
@@ -100,6 +83,30 @@ class Cycles(NamedTuple):
     closed_time: Any  # (C, m)
     closings: Any  # (C, m)
     scale: Any  # (K,) range of the outputs lately
+
+
+class Swept(NamedTuple):
+    """What the march takes for a swept sine, where it takes None for piecewise sources alone."""
+
+    forced: Forced
+    kept: Kept
+    windows: Windows
+    cycles: Cycles
+
+
+class ForcedPart(NamedTuple):
+    """The forced response on one segment, in polynomials of the time since its start, and room for what is kept."""
+
+    channel: Any  # (L, D + 1)
+    beta: Any  # (D + 1, E)
+    w: Any  # (MOST_POWERS, E)
+    state: Any  # (MOST_POWERS, N)
+    sum: Any  # (N,)
+    rest: Any  # (N,) state at the start without the forced response
+    watch: Any  # (w, MOST_POWERS) of the watched functions
+    watch_size: Any  # (w, MOST_POWERS)
+    output: Any  # (K, MOST_POWERS) of the outputs
+    work: Any  # see `_Work`
 
 
 @njit(cache=True, error_model="numpy")
@@ -224,9 +231,73 @@ def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type
 
 
 @njit(cache=True, error_model="numpy")
-def _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out):  # type: ignore[no-untyped-def]
-    """As `kernels._evaluate`, with the forced part ``Re[e^{i omega tau} sum_q cw_q tau^q]`` added."""
-    reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
+    """Room for the forced response, none where nothing is swept."""
+    if swept is None:
+        return None
+    L, _, DM = swept.windows.channel.shape
+    E, K, rows = swept.forced.eigenvalue.shape[1], swept.kept.output.shape[2], tables.watch.shape[2]
+    return ForcedPart(
+        np.zeros((L, DM), dtype=np.complex128),
+        np.zeros((DM, E), dtype=np.complex128),
+        np.zeros((MOST_POWERS, E), dtype=np.complex128),
+        np.zeros((MOST_POWERS, N), dtype=np.complex128),
+        np.zeros(N, dtype=np.complex128),
+        np.zeros(N),
+        np.zeros((rows, MOST_POWERS), dtype=np.complex128),
+        np.zeros((rows, MOST_POWERS)),
+        np.zeros((K, MOST_POWERS), dtype=np.complex128),
+        _make_work(swept.kept, K, tables.exponent.shape[1], DM),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def respond(swept, response, s, k, x, H, y):  # type: ignore[no-untyped-def]
+    """Forced response on a segment of length H that starts with state y, ``x`` after the start of window k.
+
+    Returns the number of powers in use.
+    """
+    used = _forced_response(
+        swept.forced, swept.windows, s, k, x, H, response.channel, response.beta, response.w, response.state
+    )
+    for i in range(y.size):
+        response.rest[i] = y[i] - response.state[0, i].real
+    return used
+
+
+@njit(cache=True, error_model="numpy")
+def watch_response(tables, swept, response, s, k, used, H, least):  # type: ignore[no-untyped-def]
+    """The forced part of the watched functions, and its round-off, added to ``least``."""
+    kept, U = swept.kept, response.state
+    _forced_rows(
+        kept.watch_row[s], kept.watch_channel[s], kept.watch_slope[s], tables.watch.shape[2], U, used, response.channel,
+        swept.windows.degree[k], swept.windows.omega[k], response.watch,
+    )  # fmt: skip
+    N = U.shape[1]
+    n = (N - tables.states.sum()) // 2
+    for q in range(used):
+        position = 0.0
+        speed = 0.0
+        inside = 0.0
+        for i in range(n):
+            position += abs(U[q, i]) ** 2
+            speed += abs(U[q, n + i]) ** 2
+        for i in range(2 * n, N):
+            inside += abs(U[q, i]) ** 2
+        a = 4.0 * EPS * H**q
+        for j in range(least.size):
+            response.watch_size[j, q] = abs(response.watch[j, q])
+            least[j] += a * max(
+                math.sqrt(position) * kept.watch_size[s, j, 0],
+                math.sqrt(speed) * kept.watch_size[s, j, 1],
+                math.sqrt(inside) * kept.watch_size[s, j, 2],
+            )
+
+
+@njit(cache=True, error_model="numpy")
+def add_watched(response, used, omega, tau, reach, out):  # type: ignore[no-untyped-def]
+    """Add the forced part ``Re[e^{i omega tau} sum_q watch_q tau^q]`` to what `kernels._evaluate` found."""
+    cw, aw = response.watch, response.watch_size
     angle = omega * tau
     er, ei = math.cos(angle), math.sin(angle)
     for j in range(out.shape[0]):
@@ -249,203 +320,51 @@ def _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out): 
         out[j, 1] += sr * er - si * ei
         out[j, 2] += omega * omega * a0 + 2.0 * omega * a1 + a2
         out[j, 3] += EPS * (8.0 + abs(angle)) * near
-    return reach
 
 
 @njit(cache=True, error_model="numpy")
-def march(  # type: ignore[no-untyped-def]
-    tables,
-    inputs,
-    forced,
-    kept,
-    windows,
-    cycles,
-    k,
-    k_end,
-    x,
-    state,
-    toggled,
-    y,
-    seg_window,
-    seg_offset,
-    seg_length,
-    seg_state,
-    seg_y,
-    ev_time,
-    ev_contact,
-    ev_phase,
-    logging,
-    most_evaluations,
-):
-    """Carry the state y, updated in place, from ``x`` after the start of window k to the start of window k_end.
+def add_forced(poly, used, omega, tau, first, out):  # type: ignore[no-untyped-def]
+    """Add ``Re[e^{i omega tau} sum_q poly[j, q] tau^q]`` to ``out[first + j]``."""
+    turn = complex(math.cos(omega * tau), math.sin(omega * tau))
+    for j in range(poly.shape[0]):
+        v = 0.0 + 0.0j
+        for q in range(used - 1, -1, -1):
+            v = v * tau + poly[j, q]
+        out[first + j] += v.real * turn.real - v.imag * turn.imag
 
-    Returns (status, k, x, state, segments, events, evaluations, guard of the last event), with the meanings of
-    `kernels.advance`; segments and events are written to the logs only when ``logging``.
-    """
-    m = tables.phase.shape[1]
-    N = y.size
-    n = (N - tables.states.sum()) // 2
-    L = windows.channel.shape[0]
-    DM = windows.channel.shape[2]
-    K = kept.output.shape[2]
-    R = windows.order.size
-    B = tables.exponent.shape[1]
-    E = forced.eigenvalue.shape[1]
-    most = tables.guard_contact.shape[1]
-    rows = tables.watch.shape[2]
-    zeta = np.zeros(1 + tables.projector.shape[1], dtype=np.complex128)
-    all_gamma = np.zeros((most, B), dtype=np.complex128)
-    all_size = np.zeros((most, B))
-    basis = np.zeros(B, dtype=np.complex128)
-    all_out = np.zeros((most, 4))
-    c = np.zeros((L, DM), dtype=np.complex128)
-    beta = np.zeros((DM, E), dtype=np.complex128)
-    w = np.zeros((MOST_POWERS, E), dtype=np.complex128)
-    U = np.zeros((MOST_POWERS, N), dtype=np.complex128)
-    cw = np.zeros((rows, MOST_POWERS), dtype=np.complex128)
-    aw = np.zeros((rows, MOST_POWERS))
-    moved = np.zeros(N)
-    all_least = np.zeros(most)
-    all_floors = np.zeros(most)
-    work = _make_work(kept, K, R, B, DM)
-    n_seg = 0
-    n_ev = 0
-    n_eval = 0
-    while k < k_end:
-        if logging and (n_seg == seg_window.size or n_ev == ev_time.size):
-            return FULL, k, x, state, n_seg, n_ev, n_eval, toggled
-        if n_eval > most_evaluations:
-            return BUDGET, k, x, state, n_seg, n_ev, n_eval, toggled
-        D = windows.degree[k]
-        omega = windows.omega[k]
-        H = windows.length[k] - x
-        whole = tables.horizon[state] >= H
-        if not whole:
-            H = tables.horizon[state]
-        used = _forced_response(forced, windows, state, k, x, H, c, beta, w, U)
-        for i in range(N):
-            moved[i] = y[i] - U[0, i].real
-        guards = tables.n_guards[state]
-        gamma, size, out = all_gamma[:guards], all_size[:guards], all_out[:guards]
-        least, floors = all_least[:guards], all_floors[:guards]
-        _fill_sources(tables, state, inputs, 0, 0.0, moved, zeta)
-        if guards > 0:
-            _combine(tables, state, tables.watch, zeta, gamma, size)
-            _forced_rows(
-                kept.watch_row[state],
-                kept.watch_channel[state],
-                kept.watch_slope[state],
-                rows,
-                U,
-                used,
-                c,
-                D,
-                omega,
-                cw,
-            )
-            for j in range(guards):
-                for q in range(used):
-                    aw[j, q] = abs(cw[j, q])
-        nb = tables.n_basis[state]
-        exponent = tables.exponent[state]
-        power = tables.power[state]
-        if logging:
-            seg_window[n_seg] = k
-            seg_offset[n_seg] = x
-            seg_state[n_seg] = state
-            for i in range(N):
-                seg_y[n_seg, i] = y[i]
 
-        _fill_least(tables, state, zeta, H, least)
-        for q in range(used):
-            position = 0.0
-            speed = 0.0
-            inside = 0.0
-            for i in range(n):
-                position += abs(U[q, i]) ** 2
-                speed += abs(U[q, n + i]) ** 2
-            for i in range(2 * n, N):
-                inside += abs(U[q, i]) ** 2
-            a = 4.0 * EPS * H**q
-            for j in range(guards):
-                least[j] += a * max(
-                    math.sqrt(position) * kept.watch_size[state, j, 0],
-                    math.sqrt(speed) * kept.watch_size[state, j, 1],
-                    math.sqrt(inside) * kept.watch_size[state, j, 2],
-                )
+@njit(cache=True, error_model="numpy")
+def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-def]
+    """Add the forced response at tau to the state; the loop over its entries is the inner one."""
+    turn = complex(math.cos(omega * tau), math.sin(omega * tau))
+    U, v = response.state, response.sum
+    v[:] = 0.0
+    for q in range(used - 1, -1, -1):
+        for i in range(y.size):
+            v[i] = v[i] * tau + U[q, i]
+    for i in range(y.size):
+        y[i] += v[i].real * turn.real - v[i].imag * turn.imag
 
-        tau = 0.0
-        hit = -1
-        floors[:] = 0.0
-        while guards > 0:
-            reach = _watch(exponent, power, nb, gamma, size, cw, aw, used, omega, tau, H, out)
-            n_eval += 1
-            if tau == 0.0 and toggled >= 0:
-                _fill_floors(out, size, nb, aw, used, H, floors)
-            step, hit = _next_step(out, least, floors, reach - tau)
-            if hit >= 0:
-                break
-            before = tau
-            tau += step
-            if tau >= H:
-                break
-            if tau == before or n_eval > most_evaluations:
-                return BUDGET, k, x, state, n_seg, n_ev, n_eval, toggled
-        tau = _crossing(out, hit, tau) if hit >= 0 else H
-        if tau > 0.0:
-            cycle = windows.cycle[k]
-            _keep(
-                tables, kept, windows, cycles, work, state, k, cycle, x, tau, zeta, U, used, c, D, omega,
-            )  # fmt: skip
-            for j in range(m):
-                if tables.touching[state, j]:
-                    cycles.closed_time[cycle, j] += tau
-        _fill_basis(exponent, power, nb, tau, basis)
-        _state_at(tables, state, zeta, basis, y)
-        turn = complex(math.cos(omega * tau), math.sin(omega * tau))
-        for i in range(N):
-            v = 0.0 + 0.0j
-            for q in range(used - 1, -1, -1):
-                v = v * tau + U[q, i]
-            y[i] += v.real * turn.real - v.imag * turn.imag
-        if logging:
-            seg_length[n_seg] = tau
-        n_seg += 1
-        toggled = hit
-        if hit < 0 and whole:
-            k += 1
-            x = 0.0
-            if k < windows.cycle.size and windows.cycle[k] != windows.cycle[k - 1]:
-                cycle = windows.cycle[k - 1]
-                for j in range(K):
-                    extent = cycles.high[cycle, j] - cycles.low[cycle, j]
-                    if extent > 0.0:
-                        cycles.scale[j] = extent
-            continue
-        x += tau
-        if hit >= 0:
-            contact = tables.guard_contact[state, hit]
-            column = tables.reset[state, hit]
-            if column >= 0:
-                _reset(tables, state, hit, zeta, basis, y)
-                first = 2 * n + tables.first[contact]
-                for i in range(tables.states[contact]):
-                    v = 0.0 + 0.0j
-                    for q in range(used - 1, -1, -1):
-                        v = v * tau + cw[column + i, q]
-                    y[first + i] += v.real * turn.real - v.imag * turn.imag
-            following = tables.follower[state, hit]
-            if following < 0:
-                return NEED_STATE, k, x, state, n_seg, n_ev, n_eval, hit
-            if tables.touching[following, contact] and not tables.touching[state, contact]:
-                cycles.closings[windows.cycle[k], contact] += 1
-            if logging:
-                ev_time[n_ev] = windows.start[k] + x
-                ev_contact[n_ev] = contact
-                ev_phase[n_ev] = tables.phase[following, contact]
-            n_ev += 1
-            state = following
-    return DONE, k, x, state, n_seg, n_ev, n_eval, toggled
+
+@njit(cache=True, error_model="numpy")
+def output_response(swept, response, s, k, used):  # type: ignore[no-untyped-def]
+    """The forced part of the outputs."""
+    kept = swept.kept
+    _forced_rows(
+        kept.output_row[s], kept.output_channel[s], kept.output_slope[s], response.output.shape[0], response.state,
+        used, response.channel, swept.windows.degree[k], swept.windows.omega[k], response.output,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def end_window(windows, cycles, k):  # type: ignore[no-untyped-def]
+    """The outputs' range over the cycle that ends with window k, if one does."""
+    cycle = windows.cycle[k]
+    if k + 1 < windows.cycle.size and windows.cycle[k + 1] != cycle:
+        for j in range(cycles.scale.size):
+            extent = cycles.high[cycle, j] - cycles.low[cycle, j]
+            if extent > 0.0:
+                cycles.scale[j] = extent
 
 
 # --- what is kept of a segment ----------------------------------------------------------------------------------------
@@ -457,12 +376,10 @@ class _Work(NamedTuple):
     exponent: Any  # (G,) times the segment's length
     end: Any  # (G,) exp of it
     live: Any  # (G,)
-    forced: Any  # (K, MOST_POWERS)
     moment: Any  # (2 P + D,)
     projector: Any  # (D + 1,)
     phase: Any  # (D + 1,)
     sums: Any  # (P,)
-    sums_conj: Any  # (P,)
     value: Any  # (K, 6)
     before: Any  # (K, 6)
     stack: Any  # (64, 8)
@@ -473,7 +390,7 @@ class _Work(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _make_work(kept, K, R, B, DM):  # type: ignore[no-untyped-def]
+def _make_work(kept, K, B, DM):  # type: ignore[no-untyped-def]
     G = kept.group_exponent.shape[1] + 1
     P = MOST_POWERS
     return _Work(
@@ -482,11 +399,9 @@ def _make_work(kept, K, R, B, DM):  # type: ignore[no-untyped-def]
         np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.bool_),
-        np.zeros((K, MOST_POWERS), dtype=np.complex128),
         np.zeros(2 * P + DM + 4, dtype=np.complex128),
         np.zeros(DM + 3, dtype=np.complex128),
         np.zeros(DM + 3, dtype=np.complex128),
-        np.zeros(P, dtype=np.complex128),
         np.zeros(P, dtype=np.complex128),
         np.zeros((K, 6)),
         np.zeros((K, 6)),
@@ -536,13 +451,18 @@ def _moments(x, ex, top, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _keep(tables, kept, windows, cycles, work, s, k, cycle, x, T, zeta, U, used, c, D, omega):  # type: ignore[no-untyped-def]
+def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: ignore[no-untyped-def]
     """Add a segment of length T, ``x`` after the start of window k, to what is kept of its cycle."""
+    kept, windows, cycles, work = swept.kept, swept.windows, swept.cycles, response.work
+    cycle, omega = windows.cycle[k], windows.omega[k]
+    for j in range(tables.touching.shape[1]):
+        if tables.touching[s, j]:
+            cycles.closed_time[cycle, j] += T
     K = work.value.shape[0]
     if K == 0:
         return
     _combine(tables, s, kept.output, zeta, work.gamma, work.size)
-    _forced_rows(kept.output_row[s], kept.output_channel[s], kept.output_slope[s], K, U, used, c, D, omega, work.forced)
+    output_response(swept, response, s, k, used)
     groups = kept.group_count[s]
     nb = tables.n_basis[s]
     for g in range(groups + 1):
@@ -555,7 +475,7 @@ def _keep(tables, kept, windows, cycles, work, s, k, cycle, x, T, zeta, U, used,
     while top > 0:
         matters = False
         for j in range(K):
-            if abs(work.forced[j, top]) * T**top > 0.1 * PRUNED * cycles.scale[j]:
+            if abs(response.output[j, top]) * T**top > 0.1 * PRUNED * cycles.scale[j]:
                 matters = True
                 break
         if matters:
@@ -571,7 +491,7 @@ def _keep(tables, kept, windows, cycles, work, s, k, cycle, x, T, zeta, U, used,
             work.poly[j, kept.basis_group[s, b], p] += work.gamma[j, b] * T**p
         factor = 1.0
         for p in range(top + 1):
-            work.poly[j, groups, p] = work.forced[j, p] * factor
+            work.poly[j, groups, p] = response.output[j, p] * factor
             factor *= T
     for g in range(groups + 1):
         lam = complex(0.0, omega) if g == groups else kept.group_exponent[s, g]
@@ -886,59 +806,3 @@ def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: 
         stack[depth, 5], stack[depth, 6], stack[depth, 7] = fb, db, cb
         depth += 1
     return best
-
-
-@njit(cache=True, error_model="numpy")
-def sample_windows(  # type: ignore[no-untyped-def]
-    tables, inputs, forced, kept, windows, seg_window, seg_offset, seg_state, seg_y, time, out
-):
-    """Outputs (nt, K) at increasing times, from logged segments."""
-    N = seg_y.shape[1]
-    L = windows.channel.shape[0]
-    DM = windows.channel.shape[2]
-    K = kept.output.shape[2]
-    B = tables.exponent.shape[1]
-    E = forced.eigenvalue.shape[1]
-    zeta = np.zeros(1 + tables.projector.shape[1], dtype=np.complex128)
-    gamma = np.zeros((K, B), dtype=np.complex128)
-    size = np.zeros((K, B))
-    basis = np.zeros(B, dtype=np.complex128)
-    c = np.zeros((L, DM), dtype=np.complex128)
-    beta = np.zeros((DM, E), dtype=np.complex128)
-    w = np.zeros((MOST_POWERS, E), dtype=np.complex128)
-    U = np.zeros((MOST_POWERS, N), dtype=np.complex128)
-    co = np.zeros((K, MOST_POWERS), dtype=np.complex128)
-    moved = np.zeros(N)
-    g = 0
-    current = -1
-    used = 0
-    last = seg_window.size - 1
-    for i in range(time.size):
-        while g < last and windows.start[seg_window[g + 1]] + seg_offset[g + 1] <= time[i]:
-            g += 1
-        k, x, s = seg_window[g], seg_offset[g], seg_state[g]
-        omega = windows.omega[k]
-        if g != current:
-            H = min(windows.length[k] - x, tables.horizon[s])
-            used = _forced_response(forced, windows, s, k, x, H, c, beta, w, U)
-            for q in range(N):
-                moved[q] = seg_y[g, q] - U[0, q].real
-            _fill_sources(tables, s, inputs, 0, 0.0, moved, zeta)
-            _combine(tables, s, kept.output, zeta, gamma, size)
-            _forced_rows(
-                kept.output_row[s], kept.output_channel[s], kept.output_slope[s], K, U, used, c, windows.degree[k],
-                omega, co,
-            )  # fmt: skip
-            current = g
-        tau = time[i] - windows.start[k] - x
-        nb = tables.n_basis[s]
-        _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
-        turn = complex(math.cos(omega * tau), math.sin(omega * tau))
-        for j in range(K):
-            total = 0.0
-            for b in range(nb):
-                total += gamma[j, b].real * basis[b].real - gamma[j, b].imag * basis[b].imag
-            v = 0.0 + 0.0j
-            for q in range(used - 1, -1, -1):
-                v = v * tau + co[j, q]
-            out[i, j] = total + v.real * turn.real - v.imag * turn.imag

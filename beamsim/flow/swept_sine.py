@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,20 @@ from numpy.typing import NDArray
 from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block
+from beamsim.flow.march import Log, Motion, carry
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import Outcome
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.flow.kernels import Inputs, Tables
+    from beamsim.flow.sweep_kernels import Cycles, Forced, Kept, Swept, Windows
 
 OutputOf = Callable[[Ints], LinearOutput]
 
 WINDOWS_A_CALL = 512  # between two reports of progress
-LOG_LENGTH = 4096
 
 
 @dataclass
@@ -103,7 +108,7 @@ class SweptFlow:
             )
             self._forced.append(_forced_tables(s.simple, s.blocks, load[1:], slope[1:]))
 
-    def forced(self) -> object:
+    def forced(self) -> Forced:
         """Eigenvectors of the states so far, for the kernels."""
         from beamsim.flow.sweep_kernels import Forced
 
@@ -113,7 +118,7 @@ class SweptFlow:
             *(_pad([getattr(t, name) for t in tables]) for name in _ForcedTables.__dataclass_fields__),
         )
 
-    def kept(self, output_of: OutputOf) -> object:
+    def kept(self, output_of: OutputOf) -> Kept:
         """Rows of the watched functions and of the outputs in every state so far, for the kernels."""
         from beamsim.flow.sweep_kernels import Kept
 
@@ -143,7 +148,7 @@ class SweptFlow:
             group_exponent=_pad([e for _, e in groups]),
         )
 
-    def kernel_windows(self, orders: Floats) -> object:
+    def kernel_windows(self, orders: Floats) -> Windows:
         """The windows as the kernels want them."""
         from beamsim.flow.sweep_kernels import Windows
 
@@ -154,18 +159,59 @@ class SweptFlow:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class SegmentLog:
-    """Segments and events of a sweep, kept when its time history is wanted."""
+@dataclass
+class CycleMarch:
+    """The march of a swept flow, with what is kept of C cycles; see :class:`beamsim.flow.march.Marched`.
 
-    window: Ints
-    offset: Floats  # s, since the window's start
-    length: Floats  # s
-    state: Ints
-    y: Floats
-    event_time: Floats
-    event_contact: Ints
-    event_phase: Ints  # of the contact after the event
+    Parameters
+    ----------
+    output_of : (K) outputs whose envelopes and harmonics are kept, by contact state, written for ``flow.template``.
+    order : (R,) tracked harmonics, multiples of the instantaneous frequency.
+    count : C.
+    """
+
+    flow: SweptFlow
+    output_of: OutputOf
+    order: Floats
+    count: int
+    cycles: Cycles = field(init=False)
+
+    def __post_init__(self) -> None:
+        from beamsim.flow.sweep_kernels import Cycles
+
+        C, m, R = self.count, self.flow.system.contacts.count, self.order.size
+        K = self.output_of(self.flow.bare.states[0].phases).row.shape[0]
+        self.cycles = Cycles(
+            np.full((C, K), -np.inf), np.full((C, K), np.inf), np.zeros((C, K)), np.zeros((C, K, R), dtype=complex),
+            np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K),
+        )  # fmt: skip
+        self._renew()
+
+    def _renew(self) -> None:
+        from beamsim.flow.sweep_kernels import Swept
+
+        flow = self.flow
+        swept = Swept(flow.forced(), flow.kept(self.output_of), flow.kernel_windows(self.order), self.cycles)
+        self._arguments = flow.bare.tables(), flow.bare.inputs(), swept
+
+    def kernel_arguments(self) -> tuple[Tables, Inputs, Swept]:
+        """Tables of the contact states so far, their constant source, and the sweep."""
+        return self._arguments
+
+    def follow(self, state: int, guard: int) -> int:
+        """The state after the event of a guard."""
+        following = self.flow.follow(state, guard)
+        self._renew()
+        return following
+
+    def time_of(self, motion: Motion) -> float:
+        """Time since the start of the sweep, s."""
+        windows = self.flow.windows
+        return windows.duration if motion.piece >= windows.count else float(windows.start[motion.piece] + motion.time)
+
+    def harmonic(self) -> Complexes:
+        """(C, K, R) amplitude of cos(order phase) minus i times that of sin, over one cycle."""
+        return np.asarray(self.cycles.harmonic / np.where(self.order == 0, 2 * np.pi, np.pi))
 
 
 @dataclass(frozen=True)
@@ -188,21 +234,18 @@ class CycleRecord:
     evaluations: int
     outcome: Outcome
     processor_time_s: float
-    log: SegmentLog | None = None
+    log: Log | None = None  # segments and events, where the time history is wanted
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
         """Outputs (nt, K) at increasing times; only with a log."""
-        from beamsim.flow import sweep_kernels
+        from beamsim.flow.march_kernels import sample
 
         if self.log is None:
             raise ValueError("the time history was not kept")
-        flow, log = self.flow, self.log
-        kept = flow.kept(output_of)
-        out = np.empty((times.size, kept.output.shape[2]))  # type: ignore[attr-defined]
-        sweep_kernels.sample_windows(
-            flow.bare.tables(), flow.bare.inputs(), flow.forced(), kept, flow.kernel_windows(np.zeros(0)),
-            log.window, log.offset, log.state, log.y, times, out,
-        )  # fmt: skip
+        log, arguments = self.log, CycleMarch(self.flow, output_of, np.zeros(0), 0).kernel_arguments()
+        table = arguments[2].kept.output
+        out = np.empty((times.size, table.shape[2]))
+        sample(*arguments, table, log.time, log.state, log.piece, log.y, np.ascontiguousarray(times), out)
         return out
 
     def tracked(self, order: float) -> Complexes:
@@ -243,88 +286,36 @@ def sweep(
     orders : tracked harmonics, multiples of the instantaneous frequency.
     keep_history : keep the segments, so that the time history can be sampled.
     """
-    from beamsim.flow import sweep_kernels as kernels
-    from beamsim.flow.kernels import BUDGET, NEED_STATE
-
     begin = clock.process_time()
-    system, windows = flow.system, flow.windows
-    m, N = system.contacts.count, flow.bare.size
+    windows = flow.windows
     y = flow.bare.whole_state(initial_state)
-    state = flow.state_index(flow.starting_state(y))
-    order = np.asarray(orders, dtype=float)
-    C, K = windows.cycles, output_of(flow.bare.states[state].phases).row.shape[0]
-    cycles = kernels.Cycles(
-        np.full((C, K), -np.inf), np.full((C, K), np.inf), np.zeros((C, K)),
-        np.zeros((C, K, order.size), dtype=complex), np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K),
+    motion = Motion(y, flow.state_index(flow.starting_state(y)))
+    march = CycleMarch(flow, output_of, np.asarray(orders, dtype=float), windows.cycles)
+    carried = carry(
+        march, motion, (*range(WINDOWS_A_CALL, windows.count, WINDOWS_A_CALL), windows.count), keep=keep_history,
+        max_events=max_events, max_evaluations=max_evaluations,
+        progress=None if progress is None else lambda _: progress(motion.piece / windows.count),
     )  # fmt: skip
-    in_windows = flow.kernel_windows(order)
-    tables, inputs, forced, kept = flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output_of)
-    k, x, guard = 0, 0.0, -1
-    segments = events = evaluations = 0
-    outcome = COMPLETE
-    logs: list[tuple[NDArray[np.generic], ...]] = []
-    happened: list[tuple[NDArray[np.generic], ...]] = []
-    while k < windows.count:
-        length = LOG_LENGTH if keep_history else 0
-        seg = (
-            np.empty(length, np.int64), np.empty(length), np.empty(length), np.empty(length, np.int64),
-            np.empty((length, N)),
-        )  # fmt: skip
-        ev = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.int64))
-        stop = min(k + WINDOWS_A_CALL, windows.count)
-        code, k, x, state, n_seg, n_ev, n_eval, guard = kernels.march(
-            tables, inputs, forced, kept, in_windows, cycles, k, stop, x, state, guard, y,
-            *seg, *ev, keep_history, max_evaluations - evaluations,
-        )  # fmt: skip
-        segments, evaluations = segments + n_seg, evaluations + n_eval
-        if code == NEED_STATE:
-            contact = int(tables.guard_contact[state, guard])
-            before, state = state, flow.follow(state, guard)
-            tables = flow.bare.tables()
-            if tables.touching[state, contact] and not tables.touching[before, contact]:
-                cycles.closings[windows.cycle[k], contact] += 1
-            if keep_history:
-                ev[0][n_ev], ev[1][n_ev], ev[2][n_ev] = windows.start[k] + x, contact, tables.phase[state, contact]
-            n_ev += 1
-            forced, kept = flow.forced(), flow.kept(output_of)
-        events += n_ev
-        if keep_history:
-            logs.append(tuple(a[:n_seg] for a in seg))
-            happened.append(tuple(a[:n_ev] for a in ev))
-        if code == BUDGET:
-            outcome = Outcome.of(
-                OutcomeCode.EVALUATION_LIMIT, time=float(windows.start[k] + x), evaluations=evaluations
-            )
-            break
-        if events > max_events:
-            outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=float(windows.start[k] + x), events=events)
-            break
-        if progress is not None:
-            progress(k / windows.count)
-    finished = k >= windows.count
-    duration = np.bincount(windows.cycle, weights=windows.length, minlength=C)
-    log = None
-    if keep_history:
-        columns = [np.concatenate(column) for column in zip(*logs, strict=True)]
-        log = SegmentLog(*columns, *(np.concatenate(column) for column in zip(*happened, strict=True)))
+    cycles, finished = march.cycles, motion.piece >= windows.count
+    duration = np.bincount(windows.cycle, weights=windows.length, minlength=windows.cycles)
     return CycleRecord(
         flow=flow,
-        order=order,
+        order=march.order,
         high=cycles.high,
         low=cycles.low,
         mean_square=cycles.square / duration[:, None],
-        harmonic=cycles.harmonic / np.where(order == 0, 2 * np.pi, np.pi),
+        harmonic=march.harmonic(),
         contact_share=cycles.closed_time / duration[:, None],
         closings=cycles.closings,
         final_y=y,
-        reached=C if finished else int(windows.cycle[k]),
-        end=windows.duration if finished else float(windows.start[k] + x),
-        events=events,
-        segments=segments,
-        evaluations=evaluations,
-        outcome=outcome,
+        reached=windows.cycles if finished else int(windows.cycle[motion.piece]),
+        end=march.time_of(motion),
+        events=carried.events,
+        segments=carried.segments,
+        evaluations=carried.evaluations,
+        outcome=carried.outcome,
         processor_time_s=clock.process_time() - begin,
-        log=log,
+        log=carried.log,
     )
 
 

@@ -37,9 +37,6 @@ class Trajectory:
     outcome: Outcome
     processor_time_s: float
 
-    def _segments(self) -> tuple[Floats, Ints, Ints, Floats]:
-        return self.time, self.state, self.piece, self.y
-
     @property
     def event_closing(self) -> Bools:
         """(E,) whether the contact touches after the event."""
@@ -47,12 +44,12 @@ class Trajectory:
 
     def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        from beamsim.flow import kernels
+        from beamsim.flow.march_kernels import sample
 
         table = self.flow.output_table(output_of)
         out = np.empty((times.size, table.shape[2]))
         in_a_row = np.ascontiguousarray(times)  # the kernel is compiled for these alone
-        kernels.sample(self.flow.tables(), self.flow.inputs(), table, *self._segments(), in_a_row, out)
+        sample(*self.flow.kernel_arguments(), table, self.time, self.state, self.piece, self.y, in_a_row, out)
         return out
 
     def states_at(self, times: Floats) -> Floats:

@@ -19,6 +19,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Watched
 from beamsim.flow.contact_state import ContactState, build_state
+from beamsim.flow.march import FIRST_LOG, Log, Motion
 from beamsim.flow.passage import (
     LARGEST_LOG,
     MOST_EVALUATIONS,
@@ -42,8 +43,8 @@ from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
+    from beamsim.flow.kernels import Inputs, Tables
 
-FIRST_LOG = 64
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 LIGHT = 1e-4  # damping over frequency of a mode below which resonance takes more than four digits
 RIGID = 1e-13  # of the largest eigenvalue: a rigid-body mode that stays one
@@ -83,9 +84,7 @@ class VariationalFlow:
         self._index: dict[bytes, int] = {}
         self._tables: Any = None
         self._known_parameters: dict[tuple[type[Parameter], ...], Any] = {}
-        self._log: tuple[Any, ...] = ()
-        self._event_log: tuple[Any, ...] = ()
-        self._room(FIRST_LOG)
+        self._log = Log.room(FIRST_LOG, self.size)
         contacts = self.system.contacts
         from beamsim.flow.kernels import Inputs
 
@@ -271,12 +270,17 @@ class VariationalFlow:
 
     # -- motion --------------------------------------------------------------------------------------------------
 
-    def _room(self, length: int) -> None:
-        self._log = (
-            np.empty(length), np.empty(length), np.empty(length, np.int64), np.empty(length, np.int64),
-            np.empty((length, self.size)),
-        )  # fmt: skip
-        self._event_log = (np.empty(length + 1), np.empty(length + 1, np.int64), np.empty(length + 1, np.int64))
+    def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
+        """What the march takes; see :class:`beamsim.flow.march.Marched`."""
+        return self._tables, self._inputs, None
+
+    def follow(self, state: int, guard: int) -> int:
+        """The state after the event of a guard."""
+        return self.state_index(self._watched[state].following[guard].copy())
+
+    def time_of(self, motion: Motion) -> float:
+        """Time of a motion, s."""
+        return motion.time
 
     def base_motion(self, t: float) -> tuple[float, float]:
         """Displacement and velocity of the base."""
@@ -330,7 +334,7 @@ class VariationalFlow:
         ------
         WorkExceeded : too many events (chattering).
         """
-        from beamsim.flow import kernels
+        from beamsim.flow.march_kernels import DONE, FULL, NEED_STATE
         from beamsim.flow.orbit_kernels import carry_sensitivity
 
         N = self.size
@@ -341,33 +345,29 @@ class VariationalFlow:
                 self._prepare()
             if self._resonant:
                 return carry_by_series(self, self.by_series(), start, duration, parameters, t)
-            y = start.copy()
-            code, now, last, n_seg, n_ev, _, guard = kernels.advance(  # type: ignore[call-arg]
-                self._tables, self._inputs, t, t + duration, index, -1, y, *self._log, *self._event_log,
-                MOST_EVALUATIONS,
-            )  # fmt: skip
-            if code == kernels.DONE:
+            motion = Motion(start.copy(), index, time=t)
+            code, n_seg, n_ev, _ = motion.advance(self, t + duration, self._log, MOST_EVALUATIONS)
+            if code == DONE:
                 break
-            if code == kernels.NEED_STATE:
-                self.state_index(self._watched[last].following[guard].copy())
-            elif code == kernels.FULL and self._log[0].size < LARGEST_LOG:
-                self._room(4 * self._log[0].size)
+            if code == NEED_STATE:
+                self.follow(motion.state, motion.guard)
+            elif code == FULL and self._log.time.size < LARGEST_LOG:
+                self._log = Log.room(4 * self._log.time.size, N)
             else:
-                raise WorkExceeded(f"no end after {n_ev} contact events in {now - t:.6g} of {duration:.6g} s")
+                raise WorkExceeded(f"no end after {n_ev} contact events in {motion.time - t:.6g} of {duration:.6g} s")
         exact = [p for p in parameters if self._simple or isinstance(p, Frequency | Level)]
         P = len(exact)
         sens = np.zeros((N, N + P))
         sens.flat[:: N + P + 1] = 1.0
         slope = np.zeros(N)
-        seg = tuple(a[:n_seg] for a in self._log)
-        smallest = carry_sensitivity(  # type: ignore[call-arg]
+        log = self._log.first(n_seg, n_ev)
+        smallest = carry_sensitivity(
             self._tables, self._inputs, self.system.contacts.arrays, self._variation, self._parameters(exact), n_seg,
-            *seg, self._event_log[1], sens, slope,
+            *log[:5], log.event_contact, sens, slope,
         )  # fmt: skip
         passage = Passage(
-            start, y, sens[:, :N], sens[:, N:], slope, duration,
-            seg[0].copy(), seg[1].copy(), seg[2].copy(), seg[4].copy(),
-            self._event_log[0][:n_ev].copy(), self._event_log[1][:n_ev].copy(), self._event_log[2][:n_ev].copy(),
+            start, motion.y, sens[:, :N], sens[:, N:], slope, duration, log.time.copy(), log.length.copy(),
+            log.state.copy(), log.y.copy(), log.event_time.copy(), log.event_contact.copy(), log.event_phase.copy(),
             float(smallest),
         )  # fmt: skip
         if len(parameters) > P:
@@ -546,7 +546,7 @@ class VariationalFlow:
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""
-        from beamsim.flow import kernels
+        from beamsim.flow.march_kernels import sample
 
         if self._tables is None:
             self._prepare()
@@ -556,8 +556,8 @@ class VariationalFlow:
             tables, inputs = self.by_series().tables(), self.by_series().inputs()
         table = np.ascontiguousarray(tables.term_vector)
         piece = np.zeros(passage.time.size, dtype=np.int64)
-        kernels.sample(
-            tables, inputs, table, passage.time, passage.state, piece, passage.y,
+        sample(
+            tables, inputs, None, table, passage.time, passage.state, piece, passage.y,
             np.ascontiguousarray(times), out,
         )  # fmt: skip
         return out

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.orbits.steady import CycleStepper, Motion
+from beamsim.flow.march import Motion
+from beamsim.orbits.steady import CycleStepper
 
 DISTANCE = 1e-7  # of the motion's size
 BLOCKS = 8

@@ -12,13 +12,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
-from beamsim.flow.swept_sine import SweptFlow
+from beamsim.flow.march import Motion, carry
+from beamsim.flow.swept_sine import CycleMarch, SweptFlow
 from beamsim.inputs.swept import SweepWindows
 from beamsim.typing import Complexes, Floats, Ints
 
 OutputOf = Callable[[Ints], LinearOutput]
 
 CYCLES_A_CALL = 16
+MOST_EVENTS = 2**62  # in a cycle: what bounds the work are the evaluations
 DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
 
 
@@ -55,72 +57,32 @@ class CycleStepper:
         ArithmeticError
             When the work exceeds ``most_evaluations``.
         """
-        from beamsim.flow import sweep_kernels as kernels
-        from beamsim.flow.kernels import BUDGET, NEED_STATE
-
-        flow, m, N = self.flow, self.flow.system.contacts.count, motion.y.size
-        output = output_of if output_of is not None else self._nothing
+        flow = self.flow
         order = np.zeros(0) if orders is None else np.asarray(orders, dtype=float)
-        K = output(flow.bare.states[motion.state].phases).row.shape[0]
-        record = kernels.Cycles(
-            np.full((cycles, K), -np.inf), np.full((cycles, K), np.inf), np.zeros((cycles, K)),
-            np.zeros((cycles, K, order.size), dtype=complex), np.zeros((cycles, m)),
-            np.zeros((cycles, m), dtype=np.int64), np.zeros(K),
-        )  # fmt: skip
-        empty = (
-            np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty((0, N)),
-            np.empty(1), np.empty(1, np.int64), np.empty(1, np.int64),
-        )  # fmt: skip
-        tables = self._tables(output, order)
-        states = np.empty((cycles, N))
+        march = CycleMarch(flow, output_of if output_of is not None else self._nothing, order, cycles)
+        states = np.empty((cycles, motion.y.size))
+        motion.piece, motion.time = 0, 0.0
         for k in range(cycles):
-            at, x = k, 0.0
-            while at == k:
-                code, at, x, motion.state, n_seg, n_ev, n_eval, motion.guard = kernels.march(  # type: ignore[call-arg]
-                    *tables, record, at, k + 1, x, motion.state, motion.guard, motion.y, *empty, False,
-                    self.most_evaluations - self.evaluations,
-                )  # fmt: skip
-                self.events, self.segments = self.events + n_ev, self.segments + n_seg
-                self.evaluations += n_eval
-                if code == BUDGET:
-                    raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
-                if code == NEED_STATE:
-                    before = motion.state
-                    motion.state = flow.follow(before, motion.guard)
-                    record.closings[k] += flow.touching(motion.state) & ~flow.touching(before)
-                    self.events += 1
-                    tables = self._tables(output, order)
+            carried = carry(
+                march, motion, (k + 1,), keep=False, max_events=MOST_EVENTS,
+                max_evaluations=self.most_evaluations - self.evaluations,
+            )  # fmt: skip
+            self.events, self.segments = self.events + carried.events, self.segments + carried.segments
+            self.evaluations += carried.evaluations
+            if not carried.outcome.complete:
+                raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
             states[k] = motion.y
         self.cycles += cycles
         if output_of is None:
             return states, None
-        period = flow.windows.length[0]
-        harmonic = record.harmonic / np.where(order == 0, 2 * np.pi, np.pi)
+        period, record = flow.windows.length[0], march.cycles
         return states, MeasuredCycles(
-            record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings
-        )
-
-    def _tables(self, output: OutputOf, order: Floats) -> tuple[object, ...]:
-        flow = self.flow
-        return (
-            flow.bare.tables(), flow.bare.inputs(), flow.forced(), flow.kept(output), flow.kernel_windows(order)
+            record.high, record.low, record.square / period, march.harmonic(), record.closed_time / period,
+            record.closings,
         )  # fmt: skip
 
     def _nothing(self, phases: Ints) -> LinearOutput:
         return self.flow.template.empty_output(0)
-
-
-@dataclass
-class Motion:
-    """A state (N,) that is carried along, the contact state, and the guard whose event is here (-1: none)."""
-
-    y: Floats
-    state: int
-    guard: int = -1
-
-    def copy(self) -> Motion:
-        """Another one that starts from here."""
-        return Motion(self.y.copy(), self.state, self.guard)
 
 
 @dataclass(frozen=True)

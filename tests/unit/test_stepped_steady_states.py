@@ -7,12 +7,13 @@ from beamsim.analyses.sweep.analysis import sweep, sweep_system
 from beamsim.analyses.sweep.linear_response import contact_levels, transfer
 from beamsim.analyses.sweep.stepped import frequencies_of
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import Motion
 from beamsim.flow.swept_sine import SweptFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, Motion, settle
+from beamsim.orbits.steady import CycleStepper, settle
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing

@@ -13,11 +13,12 @@ import numpy as np
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import Envelope, SteadyStates, SweepCurve, SweepWork
 from beamsim.analyses.sweep.swept_sine import limited_values, sweep_outputs, swept_flow
+from beamsim.flow.march import Motion
 from beamsim.inputs.broadband import phase_of_acceleration
 from beamsim.inputs.profiles import acceleration_amplitude
 from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, MeasuredCycles, Motion, Settled, measure, settle
+from beamsim.orbits.steady import CycleStepper, MeasuredCycles, Settled, measure, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine

@@ -1,0 +1,147 @@
+"""The march from event to event: the host loop around the compiled one, for all flows in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.flow.kernels import Inputs, Tables
+    from beamsim.flow.sweep_kernels import Swept
+
+FIRST_LOG = 64
+LONGEST_LOG = 2048  # segments between two reports of progress
+
+
+class Log(NamedTuple):
+    """Segments and events in order of time."""
+
+    time: Floats  # (S,) start of each segment, s; in a sweep since the start of its window
+    length: Floats  # (S,) s
+    state: Ints  # (S,) contact state
+    piece: Ints  # (S,) of the sources, or window of the sweep
+    y: Floats  # (S, N) at the start
+    event_time: Floats  # (E,) s
+    event_contact: Ints  # (E,)
+    event_phase: Ints  # (E,) of the contact after the event
+
+    @classmethod
+    def room(cls, segments: int, size: int, most_events: int | None = None) -> Log:
+        """Room for some segments, and their events unless these are fewer; none at all keeps nothing."""
+        whole = np.int64
+        events = segments + 1 if most_events is None else min(segments + 1, most_events)
+        return cls(
+            np.empty(segments), np.empty(segments), np.empty(segments, whole), np.empty(segments, whole),
+            np.empty((segments, size)), np.empty(events), np.empty(events, whole), np.empty(events, whole),
+        )  # fmt: skip
+
+    def first(self, segments: int, events: int) -> Log:
+        """What was written of it."""
+        return Log(
+            self.time[:segments], self.length[:segments], self.state[:segments], self.piece[:segments],
+            self.y[:segments], self.event_time[:events], self.event_contact[:events], self.event_phase[:events],
+        )  # fmt: skip
+
+    @classmethod
+    def join(cls, parts: list[Log]) -> Log:
+        """One after the other."""
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+class Marched(Protocol):
+    """What the march needs of a flow."""
+
+    def kernel_arguments(self) -> tuple[Tables, Inputs, Swept | None]:
+        """Tables of the contact states so far, sources, and the swept sine if there is one."""
+
+    def follow(self, state: int, guard: int) -> int:
+        """Number of the state after the event of a guard, built where it is not there yet."""
+
+    def time_of(self, motion: Motion) -> float:
+        """Time since the start of the motion, s."""
+
+
+@dataclass
+class Motion:
+    """A state on its way, carried along in place."""
+
+    y: Floats  # (N,)
+    state: int  # contact state
+    guard: int = -1  # whose event is here; -1: none
+    time: float = 0.0  # s; in a sweep since the start of the window
+    piece: int = 0  # of the sources, or window of the sweep
+    waits: bool = False  # the state after that event is not built
+
+    def copy(self) -> Motion:
+        """Another one that starts from here."""
+        return replace(self, y=self.y.copy())
+
+    def advance(self, flow: Marched, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
+        """One call of the compiled march: status, segments, events, evaluations."""
+        from beamsim.flow.march_kernels import NEED_STATE, march
+
+        code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
+            *flow.kernel_arguments(), self.time, self.piece, end, self.state, self.guard, self.waits, self.y, log,
+            most_evaluations,
+        )  # fmt: skip
+        self.waits = code == NEED_STATE
+        return code, segments, events, evaluations
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What carrying a motion on took."""
+
+    log: Log | None
+    segments: int
+    events: int
+    evaluations: int
+    outcome: Outcome
+
+
+def carry(
+    flow: Marched,
+    motion: Motion,
+    stops: Iterable[float],
+    *,
+    keep: bool,
+    max_events: int,
+    max_evaluations: int,
+    progress: Callable[[float], None] | None = None,
+) -> Carried:
+    """Carry a motion on to the last of ``stops``: times, or in a sweep numbers of windows.
+
+    Contact states are built as they are visited. More than ``max_events`` events or ``max_evaluations`` evaluations of
+    the watched functions end the motion early, with an outcome that says so. ``keep`` logs segments and events;
+    ``progress`` is called with the time reached, now and then and at every stop.
+    """
+    from beamsim.flow.march_kernels import BUDGET, DONE
+
+    room, parts = FIRST_LOG if keep else 0, []
+    segments = events = evaluations = 0
+    outcome, code = COMPLETE, DONE
+    for stop in stops:
+        while outcome.complete:
+            log = Log.room(room, motion.y.size, max_events + 1 - events)
+            code, n_seg, n_ev, n_eval = motion.advance(flow, stop, log, max_evaluations - evaluations)
+            segments, events, evaluations = segments + n_seg, events + n_ev, evaluations + n_eval
+            if keep:
+                parts.append(log.first(n_seg, n_ev))
+                room = min(2 * room, LONGEST_LOG)
+            if motion.waits:
+                flow.follow(motion.state, motion.guard)
+            if code == BUDGET:
+                outcome = Outcome.of(OutcomeCode.EVALUATION_LIMIT, time=flow.time_of(motion), evaluations=evaluations)
+            elif events > max_events:
+                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=flow.time_of(motion), events=events)
+            elif progress is not None:
+                progress(flow.time_of(motion))
+            if code == DONE:
+                break
+    return Carried(Log.join(parts) if parts else None, segments, events, evaluations, outcome)

@@ -1,0 +1,246 @@
+"""The compiled march from event to event, and the sampler of what it logged.
+
+Both serve two kinds of loads: piecewise sources alone (`swept` is None), and the windows of a swept sine. Numba
+compiles a kernel for each and leaves out the branches of the other.
+
+Positions are a time and a piece. With piecewise sources the time is that of the motion; in a sweep the piece is the
+window, and the time counts from its start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from beamsim.flow.kernels import (
+    _combine,
+    _crossing,
+    _evaluate,
+    _fill_basis,
+    _fill_floors,
+    _fill_least,
+    _fill_sources,
+    _next_step,
+    _outputs,
+    _reset,
+    _rows,
+    _state_at,
+)
+from beamsim.flow.sweep_kernels import (
+    add_forced,
+    add_forced_state,
+    add_watched,
+    end_window,
+    keep_segment,
+    make_response,
+    output_response,
+    respond,
+    watch_response,
+)
+
+DONE, NEED_STATE, BUDGET, FULL = 0, 1, 2, 3
+
+
+@njit(cache=True, error_model="numpy")
+def march(  # type: ignore[no-untyped-def]
+    tables, inputs, swept, t, piece, end, state, guard, waits, y, log, most_evaluations
+):
+    """Carry the state y, updated in place, to ``end``: a time, or in a sweep the number of a window.
+
+    ``guard`` is the one whose event lies at the start (-1: none); ``waits`` says that the state after that event was
+    not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`), unless it has no room at all.
+
+    Returns (status, t, piece, state, guard, segments, events, evaluations): DONE at the end; NEED_STATE when the state
+    that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when the log is
+    full; BUDGET when ``most_evaluations`` were used.
+    """
+    B, most = tables.exponent.shape[1], tables.guard_contact.shape[1]
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    all_gamma = np.zeros((most, B), dtype=np.complex128)
+    all_size = np.zeros((most, B))
+    basis = np.zeros(B, dtype=np.complex128)
+    all_out = np.zeros((most, 4))
+    all_least = np.zeros(most)
+    all_floors = np.zeros(most)
+    response = make_response(swept, tables, y.size)
+    forced_size = np.zeros((most, 0)) if swept is None else response.watch_size
+    used = 0
+    pieces = inputs.start.size
+    logging = log.time.size > 0
+    n_seg = 0
+    n_ev = 0
+    n_eval = 0
+    while True:
+        if not waits:
+            if swept is None:
+                if t >= end:
+                    break
+                while piece + 1 < pieces and inputs.start[piece + 1] <= t:
+                    piece += 1
+                stop = end
+                if piece + 1 < pieces and inputs.start[piece + 1] < stop:
+                    stop = inputs.start[piece + 1]
+            else:
+                if piece >= end:
+                    break
+                stop = swept.windows.length[piece]
+                omega = swept.windows.omega[piece]
+            if logging and (n_seg == log.time.size or n_ev == log.event_time.size):
+                return FULL, t, piece, state, guard, n_seg, n_ev, n_eval
+            if n_eval > most_evaluations:
+                return BUDGET, t, piece, state, guard, n_seg, n_ev, n_eval
+            H = stop - t
+            whole = tables.horizon[state] >= H
+            if not whole:
+                H = tables.horizon[state]
+            guards = tables.n_guards[state]
+            gamma, size, out = all_gamma[:guards], all_size[:guards], all_out[:guards]
+            least, floors = all_least[:guards], all_floors[:guards]
+            if swept is None:
+                _fill_sources(tables, state, inputs, piece, t, y, zeta)
+            else:
+                used = respond(swept, response, state, piece, t, H, y)
+                _fill_sources(tables, state, inputs, 0, 0.0, response.rest, zeta)
+            if guards > 0:
+                _combine(tables, state, tables.watch, zeta, gamma, size)
+                _fill_least(tables, state, zeta, H, least)
+                if swept is not None:
+                    watch_response(tables, swept, response, state, piece, used, H, least)
+            nb = tables.n_basis[state]
+            exponent = tables.exponent[state]
+            power = tables.power[state]
+            if logging:
+                log.time[n_seg] = t
+                log.state[n_seg] = state
+                log.piece[n_seg] = piece
+                for k in range(y.size):
+                    log.y[n_seg, k] = y[k]
+
+            tau = 0.0
+            hit = -1
+            floors[:] = 0.0
+            while guards > 0:
+                reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+                if swept is not None:
+                    add_watched(response, used, omega, tau, reach, out)
+                n_eval += 1
+                if tau == 0.0 and guard >= 0:
+                    _fill_floors(out, size, nb, forced_size, used, H, floors)
+                step, hit = _next_step(out, least, floors, reach - tau)
+                if hit >= 0:
+                    break
+                before = tau
+                tau += step
+                if tau >= H:
+                    break
+                if tau == before or n_eval > most_evaluations:
+                    return BUDGET, t, piece, state, guard, n_seg, n_ev, n_eval
+            tau = _crossing(out, hit, tau) if hit >= 0 else H
+            if swept is not None and tau > 0.0:
+                keep_segment(tables, swept, response, state, piece, t, tau, zeta, used)
+            _fill_basis(exponent, power, nb, tau, basis)
+            _state_at(tables, state, zeta, basis, y)
+            if swept is not None:
+                add_forced_state(response, used, omega, tau, y)
+            if logging:
+                log.length[n_seg] = tau
+            n_seg += 1
+            guard = hit
+            if hit < 0 and whole:
+                t = stop
+                if swept is not None:
+                    end_window(swept.windows, swept.cycles, piece)
+                    piece += 1
+                    t = 0.0
+                continue
+            t += tau
+            if hit < 0:
+                continue
+            _reset(tables, state, hit, zeta, basis, y)
+            if swept is not None and tables.reset[state, hit] >= 0:
+                contact = tables.guard_contact[state, hit]
+                column = tables.reset[state, hit]
+                own = response.watch[column : column + tables.states[contact]]
+                first = y.size - tables.states.sum() + tables.first[contact]
+                add_forced(own, used, omega, tau, first, y)
+        following = tables.follower[state, guard]
+        if following < 0:
+            return NEED_STATE, t, piece, state, guard, n_seg, n_ev, n_eval
+        waits = False
+        contact = tables.guard_contact[state, guard]
+        now = t
+        if swept is not None:
+            now = swept.windows.start[piece] + t
+            if tables.touching[following, contact] and not tables.touching[state, contact]:
+                swept.cycles.closings[swept.windows.cycle[piece], contact] += 1
+        if logging:
+            log.event_time[n_ev] = now
+            log.event_contact[n_ev] = contact
+            log.event_phase[n_ev] = tables.phase[following, contact]
+        n_ev += 1
+        state = following
+    return DONE, t, piece, state, guard, n_seg, n_ev, n_eval
+
+
+@njit(cache=True, error_model="numpy")
+def _since(swept, piece, t, time):  # type: ignore[no-untyped-def]
+    """How long a position lies back at a time of the motion."""
+    if swept is None:
+        return time - t
+    return time - swept.windows.start[piece] - t
+
+
+@njit(cache=True, error_model="numpy")
+def sample(  # type: ignore[no-untyped-def]
+    tables, inputs, swept, table, seg_time, seg_state, seg_piece, seg_y, time, out
+):
+    """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
+
+    The coefficients of a segment's basis functions are worth their cost where it holds several times; for one or two
+    the outputs are summed over the terms.
+    """
+    k = table.shape[2]
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    B = tables.exponent.shape[1]
+    rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
+    basis = np.zeros(B, dtype=np.complex128)
+    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+    response = make_response(swept, tables, seg_y.shape[1])
+    used = 0
+    current = -1
+    several = False
+    g = 0
+    last = seg_time.size - 1
+    for i in range(time.size):
+        while g < last and _since(swept, seg_piece[g + 1], seg_time[g + 1], time[i]) >= 0.0:
+            g += 1
+        s, piece, t = seg_state[g], seg_piece[g], seg_time[g]
+        nb = tables.n_basis[s]
+        if g != current:
+            if swept is None:
+                _fill_sources(tables, s, inputs, piece, t, seg_y[g], zeta)
+            else:
+                H = min(swept.windows.length[piece] - t, tables.horizon[s])
+                used = respond(swept, response, s, piece, t, H, seg_y[g])
+                output_response(swept, response, s, piece, used)
+                _fill_sources(tables, s, inputs, 0, 0.0, response.rest, zeta)
+            several = i + 2 < time.size
+            if several and g < last:
+                several = _since(swept, seg_piece[g + 1], seg_time[g + 1], time[i + 2]) < 0.0
+            if several:
+                _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
+            current = g
+        tau = _since(swept, piece, t, time[i])
+        _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
+        if several:
+            _outputs(rows_real, rows_imag, basis, nb, out[i])
+        else:
+            for j in range(k):
+                out[i, j] = 0.0
+            for q in range(tables.n_terms[s]):
+                a = zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]
+                if a != 0.0:
+                    for j in range(k):
+                        out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
+        if swept is not None:
+            add_forced(response.output, used, swept.windows.omega[piece], tau, 0, out[i])
