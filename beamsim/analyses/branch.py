@@ -1,4 +1,4 @@
-"""A branch of periodic motions in SI numbers, with what probes and snubbers show: one class for every kind."""
+"""Branches of periodic motions in SI units, with the quantities at probes and snubbers: one class for every kind."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class SpecialPointResult:
 
 @declared
 class OrbitMotion:
-    """One period of one motion, from its slowest instant, and its spectrum."""
+    """One period of one motion, from the instant of smallest kinetic energy, and its spectrum."""
 
     time: Floats = axis("s", "time")  # (nt,) both ends included
     displacement: dict[str, Floats] = per_probe("m", "displacement", along=("time",))
@@ -54,12 +54,12 @@ class OrbitMotion:
         "m", "amplitude of cos(order x phase)", along=(Counter("order", "order of the harmonic", 0),), name="harmonic",
         imaginary="minus the amplitude of sin(order x phase)",
     )  # fmt: skip
-    periods: int = attribute("1", "periods that the flow was carried on for the spectrum")
+    periods: int = attribute("1", "periods of the time history of the spectrum")
     spectrum_frequency_hz: Floats = axis("Hz", "frequency")  # (nf,) a step of 1 / (periods x period)
     spectrum: dict[str, Floats] = per_probe(
         "m", "single-sided amplitude, zero to peak", along=("spectrum_frequency_hz",)
     )
-    drift: float = attribute("1", "relative distance of the state from the first one after these periods")
+    drift: float = attribute("1", "relative difference of the states at the end and at the start of these periods")
 
     @property
     @stored(
@@ -75,7 +75,7 @@ class OrbitMotion:
     @property
     @stored(axis("1", "share of the period"))
     def instant(self) -> Floats:
-        """(2,) when `at_rest` is."""
+        """(2,) instants of `at_rest`."""
         return np.array([0.0, 0.5])
 
     @property
@@ -86,18 +86,18 @@ class OrbitMotion:
 
 @declared
 class BranchResult:
-    """A branch of periodic motions: what is known of every kind first, then what only some kinds have.
+    """A branch of periodic motions: first the fields of every kind, then those of some kinds only.
 
     Kinds are ``response`` (forced, at one level), ``fold`` (or grazing, of a response, in frequency and a second
-    parameter), ``backbone``, ``tongue`` and ``non_brake`` (free). A free motion is given at its slowest instant, which
-    for a brake orbit is an instant of rest. What a kind does not have is None, or empty.
+    parameter), ``backbone``, ``tongue`` and ``non_brake`` (free). A free motion is given at the instant of smallest
+    kinetic energy, which for a brake orbit is an instant of rest. Fields that a kind does not have are None or empty.
     """
 
     outcome: Outcome = ending("how the branch ended")
     frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion", along=_POINT)
     parameter: Floats = dataset("{unit}", "{parameter_meaning}", along=_POINT, default=None)
     residual: Floats = dataset(
-        "1", "largest miss of periodicity, against the motion's size", along=_POINT, default=None
+        "1", "largest periodicity error, relative to the size of the motion", along=_POINT, default=None
     )
     stable: Bools = dataset(
         "1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"), default=None
@@ -114,7 +114,7 @@ class BranchResult:
     parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter", default=None)
 
     # forced motions
-    level: float = attribute("{level_unit}", "level of the excitation; NaN where it is followed", default=None)
+    level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter", default=None)
     period_multiple: int = attribute("1", "periods of the excitation in one of the motion", default=None)
     peak_displacement: dict[str, Floats] = per_probe(
         "m", "largest absolute displacement of a period", along=_POINT, default_factory=dict
@@ -145,20 +145,20 @@ class BranchResult:
         "Pa", "largest bending stress along the beam in a period", along=_POINT, default=None
     )
     neglected_harmonics: Floats | None = dataset(
-        "1", "what the harmonics left out are worth, against the motion", along=_POINT, default=None
+        "1", "size of the neglected harmonics relative to the motion", along=_POINT, default=None
     )
 
     # folds in two parameters
-    branch: int = attribute("1", "the branch whose fold it is", default=None)
-    start_hz: float = attribute("Hz", "where that fold is", default=None)
-    touching: str = attribute("", "contact that is just touched all along; empty for a fold", default=None)
+    branch: int = attribute("1", "number of the branch with the fold", default=None)
+    start_hz: float = attribute("Hz", "frequency of that fold", default=None)
+    touching: str = attribute("", "contact that grazes along the whole branch; empty for a fold", default=None)
 
     # free motions
     mode: int = attribute("1", "the other mode of a tongue or a non-brake branch, from 1; else 0", default=None)
     ratio: int = attribute("1", "n of n:1, likewise", default=None)
     energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT, default=None)
     share: Floats = dataset(
-        "1", "share of the energy in the mode asked for, at the slowest instant", along=_POINT, default=None
+        "1", "share of the energy in the requested mode, at the slowest instant", along=_POINT, default=None
     )
     coordinates: Floats = dataset("kg^0.5 m", "coordinates at the slowest instant", along=_COORDINATES, default=None)
     coordinate_velocities: Floats = dataset(
@@ -173,10 +173,10 @@ class BranchResult:
     half_period_difference: Floats = dataset(
         "1", "from half-period shooting: largest of period and state, relative", along=_POINT, default=None
     )
-    motion: OrbitMotion | None = group("motion", default=None)  # of the point that is drawn
+    motion: OrbitMotion | None = group("motion", default=None)  # of the point shown in the plots
 
     def __post_init__(self) -> None:
-        if self.kind == "never_at_rest":  # as files called it once
+        if self.kind == "never_at_rest":  # name in old files
             object.__setattr__(self, "kind", "non_brake")
 
     @property
@@ -187,13 +187,13 @@ class BranchResult:
     @property
     @stored(axis("1", "frequency over excitation frequency"))
     def order(self) -> Floats | None:
-        """Of `harmonics`."""
+        """Orders of `harmonics`."""
         if not self.harmonics:
             return None
         return np.arange(next(iter(self.harmonics.values())).shape[1]) / (self.period_multiple or 1)
 
     @property
     def limited(self) -> dict[str, Floats]:
-        """What limits ask for beyond the rest: ``bending_stress`` Pa, ``gap <snubber>`` m."""
-        found = {f"gap {name}": values for name, values in self.peak_gap.items()}
-        return found if self.peak_bending_stress is None else {**found, "bending_stress": self.peak_bending_stress}
+        """Quantities computed only for limits: ``bending_stress`` Pa, ``gap <snubber>`` m."""
+        gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
+        return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}

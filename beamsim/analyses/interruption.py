@@ -1,7 +1,7 @@
-"""Ending early when asked to: an analysis asks between points, where nothing is half done, and keeps what it has.
+"""Interruption on request: an analysis checks between points and keeps the points it has.
 
-An exception in the middle of a point could leave a flow at another point's parameter, and what is computed of the
-points before it would be wrong.
+An exception during a point could leave a flow with the parameter of another point; outputs computed later for the
+earlier points would then be wrong.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-Stop = Callable[[], bool]  # whether it is time to end
+Stop = Callable[[], bool]  # whether to stop
 Point = TypeVar("Point")
 
 
 def never() -> bool:
-    """Go on to the end."""
+    """Do not stop early."""
     return False
 
 
 def until(points: Iterable[Point], stop: Stop) -> Iterator[Point]:
-    """The points, at least one, until it is time to end.
+    """The points, at least one, until `stop` is true.
 
     >>> list(until("abc", lambda: True))
     ['a']

@@ -21,11 +21,11 @@ LIMITED = {
     "peak_acceleration": ("peak_acceleration_g", "m/s^2"),
     "gap": ("largest_gap_m", "m"),
 }
-"""What of a run's summary each limit is compared with, and its SI unit."""
+"""For each limit, the entry of the summary of a run with which it is compared, and its SI unit."""
 
 
 def margin_of(limit: float, value: float) -> float:
-    """Return limit / value - 1, infinite where the value is zero.
+    """Return limit / value - 1, infinite if the value is zero.
 
     >>> margin_of(50.0, 40.0)
     0.25
@@ -34,8 +34,8 @@ def margin_of(limit: float, value: float) -> float:
 
 
 def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Compare a run's summary with the limits; by name of the limit: limit, value, margin, at, exceeded (SI)."""
-    found: dict[str, dict[str, Any]] = {}
+    """Compare the summary of a run with the limits: by limit its limit, value, margin, at and exceeded (SI)."""
+    result: dict[str, dict[str, Any]] = {}
     for name, limit in ({} if limits is None else limits.given).items():
         key, _ = LIMITED[name]
         given = summary[key]
@@ -47,21 +47,21 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict
             at, value = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
         if key.endswith("_g"):
             value *= STANDARD_GRAVITY
-        found[name] = {
+        result[name] = {
             "limit": limit,
             "value": value,
             "margin": margin_of(limit, value),
             "at": at,
             "exceeded": value > limit,
         }
-    return found
+    return result
 
 
-def exceeded_limits(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """A phrase for every limit that is exceeded."""
+def exceeded_limits(compared: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A message for every limit that is exceeded."""
     return [
         f"{name.replace('_', ' ')} = {item['value']:.5g} {LIMITED[name][1]} exceeds limits.{name} = "
         f"{item['limit']:.5g} {LIMITED[name][1]}"
-        for name, item in found.items()
+        for name, item in compared.items()
         if item["exceeded"]
     ]

@@ -1,7 +1,7 @@
-"""Workers: processes of this machine, or an existing Dask cluster.
+"""Workers: processes on this machine, or an existing Dask cluster.
 
-Results come in the order in which they are ready; who computed them makes no difference to them, since a worker gets
-plain data, and linear algebra runs on one thread in each.
+Results are yielded in the order of completion. They do not depend on the worker, which gets plain data and uses one
+thread for linear algebra.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-_AHEAD = 3  # tasks that wait for a worker, so that none is idle
+_AHEAD = 3  # tasks queued per worker, so that none is idle
 
 
 def default_workers() -> int:
@@ -37,13 +37,13 @@ def on_this_machine(
 ) -> Iterator[Result]:
     """Yield ``function(item)`` for every item, computed by processes.
 
-    Before the items, one worker calls ``prepare`` with the first of them (which fills the compiler's cache once for
-    all) while the others call it with None.
+    First, one worker calls ``prepare`` with the first item (which fills the cache of the compiler for all) while the
+    others call it with None.
 
     Raises
     ------
     NotTrustedError
-        When a worker dies.
+        If a worker process ends unexpectedly.
     """
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from concurrent.futures.process import BrokenProcessPool
@@ -68,12 +68,13 @@ def on_this_machine(
             done = True
         except BrokenProcessPool:
             raise NotTrustedError(
-                "a worker process died (killed, or out of memory); go on with --resume, perhaps with fewer --workers"
+                "a worker process ended unexpectedly (killed, or out of memory); continue with --resume, perhaps with "
+                "fewer --workers"
             ) from None
         finally:
             if not done:
                 for process in list((getattr(pool, "_processes", None) or {}).values()):
-                    process.terminate()  # a long case would keep the user waiting
+                    process.terminate()  # without waiting for a long case
             pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -88,9 +89,9 @@ def on_cluster(
     Raises
     ------
     ScenarioError
-        When Dask is not installed, nobody answers at the address, or the cluster has no workers.
+        If Dask is not installed, there is no scheduler at the address, or the cluster has no workers.
     NotTrustedError
-        When the cluster goes away.
+        If the connection to the cluster is lost.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -103,7 +104,7 @@ def on_cluster(
     except (OSError, TimeoutError, ValueError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise ScenarioError(
-            f"--scheduler {address}: nobody answers there ({reason}); start one with `dask scheduler`"
+            f"--scheduler {address}: no scheduler answers ({reason}); start one with `dask scheduler`"
         ) from None
     try:
         threads = sum(client.nthreads().values())
@@ -121,12 +122,14 @@ def on_cluster(
                 queue.add(client.submit(function, item, pure=False))
                 break
     except (OSError, TimeoutError) as error:
-        raise NotTrustedError(f"the cluster at {address} went away ({error}); go on with --resume") from None
+        raise NotTrustedError(
+            f"lost the connection to the cluster at {address} ({error}); continue with --resume"
+        ) from None
     except Exception as error:
         if type(error).__module__.split(".")[0] != "distributed":
             raise
         raise NotTrustedError(
-            f"the cluster at {address} gave up ({type(error).__name__}); go on with --resume"
+            f"the cluster at {address} failed ({type(error).__name__}); continue with --resume"
         ) from None
     finally:
         client.close()
@@ -134,7 +137,7 @@ def on_cluster(
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Let processes that are started now use one thread for linear algebra."""
+    """Processes started in this context use one thread for linear algebra."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -148,7 +151,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 def _begin_worker() -> None:
-    """Leave interrupts to the parent, and never outlive it."""
+    """Ignore interrupts, which the parent handles, and end with the parent."""
     import signal
     import threading
     from multiprocessing import parent_process

@@ -1,4 +1,4 @@
-"""What every analysis hands back beside its own numbers."""
+"""Base class of the results of all analyses."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def _versions() -> dict[str, str]:
 
 @declared_base
 class Result:
-    """Base of the results of all commands: where they come from, how they ended, what is printed of them."""
+    """Base of the results of all commands: scenario, outcome, summary, warnings and provenance."""
 
-    SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # what may be in the summary, in the order of the printed table
+    SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
 
     scenario: Scenario  # resolved
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
@@ -49,7 +49,7 @@ class Result:
 
     @property
     def complete(self) -> bool:
-        """Whether everything asked for was computed and can be trusted."""
+        """Whether everything requested was computed and is reliable."""
         return self.outcome.complete
 
     @property

@@ -72,7 +72,7 @@ def test_a_spring_on_a_node_is_refused_and_why():
     ("measured", "says"),
     [
         ([20.0], "is not above the frequency without the snubber"),
-        ([3000.0], "is not below that with the point pinned"),
+        ([3000.0], "is not below the frequency with the point pinned"),
     ],
 )
 def test_out_of_reach_is_explained_with_the_interval(measured, says):
@@ -231,5 +231,5 @@ def test_of_several_modes_one_beyond_reach_is_a_warning():
 
 def test_a_model_with_fewer_modes_than_were_measured():
     chain = load_scenario(CHAIN, {"identify_stiffness.measured_with": [2.0, 3.0, 4.0, 5.0]})
-    with pytest.raises(ScenarioError, match="has 4 frequencies, and the model has 3"):
+    with pytest.raises(ScenarioError, match="has 4 frequencies, but the model has only 3"):
         identify_stiffness(chain)

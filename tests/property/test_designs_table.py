@@ -139,7 +139,7 @@ def test_nobody_at_the_address(monkeypatch):
         raise OSError("timed out\nand more")
 
     monkeypatch.setattr(distributed, "Client", nobody)
-    with pytest.raises(ScenarioError, match=r"tcp://nowhere:1: nobody answers there \(timed out\)"):
+    with pytest.raises(ScenarioError, match=r"tcp://nowhere:1: no scheduler answers \(timed out\)"):
         design_study(load_scenario(BASE + GRID), scheduler="tcp://nowhere:1")
 
 

@@ -1,4 +1,4 @@
-"""``beamsim compare``: a computed motion beside a measured one, phase aligned, harmonic by harmonic."""
+"""``beamsim compare``: a computed and a measured motion, aligned in phase and compared harmonic by harmonic."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def compare(
 
     Parameters
     ----------
-    harmonics : number of them in the table.
-    last : use only this last part of measured histories, s; by default one as long as the part of the run that its
-        spectrum was taken of.
+    harmonics : number of harmonics in the table.
+    last : use only this last part of measured histories, s; by default as long as the part of the run from which its
+        spectrum is computed.
 
     Raises
     ------
     ScenarioError
-        Where a measured record is too short, unevenly sampled or too coarse.
+        If a measured record is too short, unevenly sampled or sampled too slowly.
     """
     warnings: list[str] = []
     begin = perf_counter()
@@ -79,9 +79,13 @@ def _channel(
         predicted, measured = _harmonics(predicted_signal, signal, excitation, count, last, warnings)
     except ValueError as error:
         raise ScenarioError(
-            Problem("", f"{signal.source or signal.name}: {signal.name} {error}", "measure longer, or faster")
+            Problem(
+                "",
+                f"{signal.source or signal.name}: {signal.name} {error}",
+                "use a longer record or a higher sample rate",
+            )
         ) from None
-    own, kept = _histories(signal, last)
+    time_measured, history_measured = _histories(signal, last)
     settings = SpectrumSettings()
     predicted_spectrum = spectrum(
         predicted_signal.x, np.asarray(predicted_signal.y, dtype=float), settings, excitation, place, quantity, unit
@@ -90,7 +94,7 @@ def _channel(
         measured_spectrum = _given_spectrum(signal, excitation, place, quantity, unit)
     else:
         _evenly_sampled(signal)
-        measured_spectrum = spectrum(own, kept, settings, excitation, place, quantity, unit)
+        measured_spectrum = spectrum(time_measured, history_measured, settings, excitation, place, quantity, unit)
     forced = bool(np.isfinite(excitation))
     has_phase = measured.has_phase
     if forced and has_phase:
@@ -99,9 +103,9 @@ def _channel(
         phase = float(np.angle(np.exp(1j * phase)))
         delay = phase / (2 * np.pi * excitation)
     else:
-        phase, delay = 0.0, 0.0 if signal.of_frequency else _lag(predicted_signal, own, kept)
+        phase, delay = 0.0, 0.0 if signal.of_frequency else _lag(predicted_signal, time_measured, history_measured)
     time_p, history_p, time_m, history_m = _aligned(
-        predicted_signal, own, kept, delay, excitation, histories=not signal.of_frequency
+        predicted_signal, time_measured, history_measured, delay, excitation, histories=not signal.of_frequency
     )
     return ChannelComparison(
         place=place,
@@ -130,7 +134,7 @@ def _harmonics(
     predicted: MeasuredSignal, measured: MeasuredSignal, excitation: float, count: int, last: float | None,
     warnings: list[str],
 ) -> tuple[Harmonics, Harmonics]:  # fmt: skip
-    """Harmonics of both, as many as both carry; none without an excitation frequency."""
+    """Harmonics of both signals, as many as both contain; none without an excitation frequency."""
     if not np.isfinite(excitation):
         none = Harmonics(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=complex), np.zeros(0), False)
         return none, none
@@ -139,7 +143,7 @@ def _harmonics(
         limits[1] = int(measured.x[-1] / excitation)
     possible = max(1, min(count, *limits))
     if possible < count:
-        warnings.append(f"{measured.name}: the records carry {possible} harmonics of {excitation:g} Hz, not {count}")
+        warnings.append(f"{measured.name}: the records contain {possible} harmonics of {excitation:g} Hz, not {count}")
     return harmonics_of(predicted, excitation, possible), harmonics_of(measured, excitation, possible, last)
 
 
@@ -176,7 +180,7 @@ def _given_spectrum(signal: MeasuredSignal, excitation: float, place: str, quant
 
 
 def _lag(predicted: MeasuredSignal, time: Floats, history: Floats) -> float:
-    """Delay with the largest correlation, for motions without excitation frequency."""
+    """Delay of maximum correlation, for motions without excitation frequency."""
     step = float((time[-1] - time[0]) / (time.size - 1))
     span = min(float(predicted.x[-1] - predicted.x[0]), float(time[-1] - time[0]))
     grid = np.arange(int(span / step) + 1) * step
@@ -192,7 +196,7 @@ def _lag(predicted: MeasuredSignal, time: Floats, history: Floats) -> float:
 def _aligned(
     predicted: MeasuredSignal, time: Floats, history: Floats, delay: float, excitation: float, *, histories: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """A few periods of both on the predicted clock (everything without an excitation frequency)."""
+    """A few periods of both in the time of the prediction (the whole record without an excitation frequency)."""
     x, y = predicted.x, np.asarray(predicted.y, dtype=float)
     if not np.isfinite(excitation):
         return x, y, time + delay if histories else time, history

@@ -9,8 +9,8 @@ import numpy as np
 from beamsim.analyses.run.spectrum import project
 from beamsim.typing import Complexes, Floats, Ints
 
-_PHASES = 720  # tried before Newton's method
-_MOST_HARMONICS = 60  # taken out of a signal before the rest counts as noise
+_PHASES = 720  # grid for the initial guess of Newton's method
+_MOST_HARMONICS = 60  # fitted to a signal; the residual counts as noise
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class MeasuredSignal:
     x: Floats  # (n,) s or Hz, increasing
     y: Floats | Complexes  # (n,) in `unit`; complex: amplitude e^{i phase} of A cos(2 pi f t + phase)
     of_frequency: bool = False
-    unit: str = ""  # as the file says; empty when it does not
+    unit: str = ""  # as given in the file, or empty
     source: str = ""  # file
 
     @property
@@ -43,13 +43,13 @@ class Harmonics:
 def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: float | None = None) -> Harmonics:
     r"""The first `count` harmonics of a frequency, by least squares on the signal or from a spectrum's lines.
 
-    Of a time history every harmonic up to half the sample rate (60 at most) is taken out; the scatter of the rest,
-    taken as white, gives the noise :math:`s \sqrt{2 / N}` of each part.
+    All harmonics of a time history up to half the sample rate (60 at most) are fitted; the scatter of the residual,
+    assumed white, gives the noise :math:`s \sqrt{2 / N}` of each part.
 
     Raises
     ------
     ValueError
-        With a sentence, where the record is too short or its spectrum too coarse.
+        If the record is too short or its spectrum too coarse, with a message.
     """
     orders = np.arange(1, count + 1)
     if signal.of_frequency:
@@ -85,7 +85,7 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
 def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> Harmonics:
     step = float(np.median(np.diff(signal.x))) if signal.x.size > 1 else np.inf
     if step > 0.5 * frequency_hz:
-        raise ValueError(f"has a line every {step:g} Hz, too few to tell harmonics of {frequency_hz:g} Hz apart")
+        raise ValueError(f"has a line every {step:g} Hz, which is too coarse for harmonics of {frequency_hz:g} Hz")
     if orders[-1] * frequency_hz > signal.x[-1] + 0.5 * step:
         raise ValueError(f"ends at {signal.x[-1]:g} Hz, below harmonic {orders[-1]} of {frequency_hz:g} Hz")
     nearest = np.array([int(np.argmin(np.abs(signal.x - k * frequency_hz))) for k in orders])
@@ -93,10 +93,10 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
     value = signal.y[nearest].astype(complex)
     if complex_values:
         value = 1j * value  # from cosines to sines
-    # What lies between the harmonics is noise.
+    # the lines between the harmonics are noise
     distance = np.abs(signal.x / frequency_hz - np.round(signal.x / frequency_hz)) * frequency_hz
     between = np.abs(signal.y[distance > max(4 * step, 0.1 * frequency_hz)])
-    # The amplitude of noise with standard deviation s in each part has the median 1.1774 s.
+    # the amplitude of noise with standard deviation s in both parts has the median 1.1774 s
     noise = float(np.median(between)) / 1.1774 if between.size > 8 else 0.0
     return Harmonics(orders, value, np.full(orders.size, noise), complex_values)
 

@@ -1,4 +1,4 @@
-"""What a comparison with measured signals hands back."""
+"""Results of a comparison with measured signals."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ class ChannelComparison:
     order: Ints = axis("1", "frequency over excitation frequency")
     predicted: Complexes = dataset(  # A e^{i phase} of A sin(2 pi f n t + phase)
         "{unit}", "predicted harmonic, zero to peak", along=_ORDER,
-        phase="phase of the predicted harmonic as a sine, on the predicted clock",
+        phase="phase of the predicted harmonic as a sine, in the time of the prediction",
     )  # fmt: skip
     measured: Complexes = dataset(  # amplitudes alone where phases are unknown
         "{unit}", "measured harmonic, zero to peak", along=_ORDER,
-        phase="phase of the measured harmonic as a sine, on the predicted clock",
+        phase="phase of the measured harmonic as a sine, in the time of the prediction",
     )  # fmt: skip
     measured_noise: Floats = dataset("{unit}", "standard deviation of the measured harmonic", along=_ORDER)
-    has_phase: bool = attribute("", "whether the phases measured are known")
+    has_phase: bool = attribute("", "whether the measured phases are known")
     rms_difference: float = attribute(
-        "1", "difference of the aligned histories over the measured one, both root mean square; NaN without histories"
+        "1",
+        "rms of the difference of the aligned histories over that of the measured one; NaN without histories",
     )
-    # a few periods; the measured ones moved to the predicted clock, empty for a measured spectrum
+    # a few periods; the measured ones are shifted to the time of the prediction, empty for a measured spectrum
     predicted_time: Floats = axis("s", "time", name="predicted_history/time")
     predicted_history: Floats = dataset(
         "{unit}", "predicted {quantity}", along=_TIME, name="predicted_history/{quantity}"
@@ -66,7 +67,7 @@ class ChannelComparison:
 
 @declared
 class Comparison(Result):
-    """Everything that ``beamsim compare`` found."""
+    """Result of ``beamsim compare``."""
 
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one"),

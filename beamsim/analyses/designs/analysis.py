@@ -1,4 +1,4 @@
-"""Many cases of one scenario: planned, solved by workers, gathered into a table of responses."""
+"""Design studies: many cases of one scenario, solved by workers and collected in a table of responses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Value = float | str
 
-MOST_CHECKED = 400  # cases whose scenario is checked before any is solved
+MOST_CHECKED = 400  # cases checked before the first is solved
 MOST_SHOWN = 5  # problems and failures in a message
 NORMAL_REACH = 3.0  # standard deviations in a tolerance
 
@@ -40,12 +40,12 @@ LIMITED_QUANTITIES = {
     "peak_acceleration": "peak_acceleration",
     "gap": "largest_gap",
 }
-"""The quantity among the responses that each limit is compared with."""
+"""For each limit, the response quantity with which it is compared."""
 
 
 @dataclass(frozen=True)
 class DesignPlan:
-    """What is to be computed, in order."""
+    """The cases to be computed, in order."""
 
     scenario: Scenario
     analysis: str
@@ -62,7 +62,7 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
     Raises
     ------
     ScenarioError
-        When there is nothing to vary, or nothing to do with a case.
+        If ``vary`` is missing, or there is no analysis for the cases.
     """
     vary = scenario.vary
     if vary is None:
@@ -95,12 +95,12 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
 
 
 def check_cases(plan: DesignPlan) -> None:
-    """Check that values make sense together; of many cases an evenly spread part.
+    """Check that the scenario of each case is valid; of many cases only an evenly spaced selection.
 
     Raises
     ------
     ScenarioError
-        With the first cases that are no scenario, and why.
+        With the first invalid cases and their problems.
     """
     problems: list[Problem] = []
     step = max(1, -(-len(plan.tasks) // MOST_CHECKED))
@@ -111,7 +111,7 @@ def check_cases(plan: DesignPlan) -> None:
         except ScenarioError as error:
             named = ", ".join(_assigned(c, value) for c, value in zip(plan.coordinates, task.values, strict=True))
             problems += [
-                Problem("vary", f"with {named}: {p.path} {p.message}", p.remedy or "leave such cases out")
+                Problem("vary", f"with {named}: {p.path} {p.message}", p.remedy or "leave out such cases")
                 for p in error.problems
             ]
         if len(problems) >= MOST_SHOWN:
@@ -136,24 +136,24 @@ def design_study(
 ) -> DesignsResult:
     """Solve every case of a scenario with ``vary``.
 
-    The result does not depend on the number of workers, on who they are, or on what was known before.
+    The result does not depend on the number or kind of workers, or on which outcomes were known before.
 
     Parameters
     ----------
-    scenario : with ``vary``; or what `plan_designs` made of it, once `check_cases` found it good. Each case is a
-        sweep where there is ``sweep``, else a run.
-    workers : processes on this machine; as many as it has processors by default.
-    scheduler : address of a Dask scheduler, whose workers are used instead.
+    scenario : with ``vary``; or its plan from `plan_designs`, already checked by `check_cases`. Each case is a sweep if
+        there is a section ``sweep``, else a run.
+    workers : number of processes on this machine; by default the number of processors.
+    scheduler : address of a Dask scheduler whose workers are used instead.
     known : outcomes of an earlier, unfinished study.
-    each : called with every new outcome, in the order in which they are ready.
-    progress : called with the fraction of the cases that is done.
+    each : called with every new outcome, in the order of completion.
+    progress : called with the fraction of cases done.
 
     Raises
     ------
     ScenarioError
-        Where a case cannot be what was written.
+        If the scenario of a case is invalid.
     NotTrustedError
-        When workers die; `each` has seen all that was solved.
+        If workers end unexpectedly; `each` has been called for all solved cases.
     """
     begin = clock.perf_counter()
     if isinstance(scenario, DesignPlan):
@@ -175,7 +175,7 @@ def design_study(
 
 
 def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
-    """Put outcomes, perhaps not of all cases yet, into one table."""
+    """Collect the outcomes, possibly of some cases only, in one table."""
     solved = np.zeros(len(plan.tasks), dtype=bool)
     failed = [outcomes[k] for k in sorted(outcomes) if not outcomes[k].outcome.complete]
     good = [outcomes[k] for k in sorted(outcomes) if outcomes[k].outcome.complete]
@@ -220,9 +220,9 @@ def _solved(tasks: list[CaseTask], workers: int | None, scheduler: str | None) -
 
 
 def _base(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as plain data, without what no case needs; a sample rate that was chosen is chosen for each case."""
+    """The scenario as plain data, without unused sections; an automatic sample rate is chosen again for each case."""
     base: dict[str, Any] = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    # a sweep computes stress and gap only where a limit asks for them; a run always does, whatever the limits
+    # a sweep computes stress and gap only if there are limits on them; a run always does
     unused = ("vary", "title", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
     for key in unused:
         base.pop(key, None)
@@ -254,7 +254,7 @@ def _values(axis: Axis) -> list[Value]:
 
 
 def _latin_hypercube(varied: tuple[Axis, ...], samples: int, seed: int) -> list[list[Value]]:
-    """Sample the unit cube, and put each column through the inverse distribution of its parameter."""
+    """Sample the unit cube and map each column by the inverse distribution of its parameter."""
     from scipy.stats import truncnorm
     from scipy.stats.qmc import LatinHypercube as Sampler
 
@@ -277,7 +277,7 @@ def _latin_hypercube(varied: tuple[Axis, ...], samples: int, seed: int) -> list[
 
 def _responses(plan: DesignPlan, outcomes: list[CaseOutcome]) -> dict[str, Response]:
     names = dict.fromkeys(name for outcome in outcomes for name in outcome.values)
-    found: dict[str, Response] = {}
+    responses: dict[str, Response] = {}
     for name in names:
         widths = {len(v) for o in outcomes if isinstance(v := o.values.get(name), list)}
         table = np.full((len(plan.tasks), max(widths, default=1)), np.nan)
@@ -286,26 +286,28 @@ def _responses(plan: DesignPlan, outcomes: list[CaseOutcome]) -> dict[str, Respo
             row = given if isinstance(given, list) else [given]
             table[outcome.index, : len(row)] = row
         table = table if widths else table[:, 0]
-        found[name] = Response(name, table.reshape(plan.shape + table.shape[1:]), *describe(name))
-    return found
+        responses[name] = Response(name, table.reshape(plan.shape + table.shape[1:]), *describe(name))
+    return responses
 
 
 def _margins(
     plan: DesignPlan, responses: Mapping[str, Response], limits: Mapping[str, float]
 ) -> tuple[dict[str, Response], dict[str, tuple[Floats, NDArray[np.str_]]]]:
-    """Margin of every case, and the value and place that decide it."""
-    found, where = {}, {}
+    """Margin of every case, and the value and place that determine it."""
+    margins, where = {}, {}
     for name, limit in limits.items():
-        ours = [r for r in responses.values() if r.quantity == LIMITED_QUANTITIES[name] and is_scalar(r, plan.shape)]
-        if not ours:
+        compared = [
+            r for r in responses.values() if r.quantity == LIMITED_QUANTITIES[name] and is_scalar(r, plan.shape)
+        ]
+        if not compared:
             continue
-        values = np.stack([r.values.ravel() for r in ours])
+        values = np.stack([r.values.ravel() for r in compared])
         decisive = np.where(np.isnan(values), -np.inf, values).argmax(axis=0)
         worst = values[decisive, np.arange(values.shape[1])]
-        where[name] = worst, np.array([r.place for r in ours])[decisive]
+        where[name] = worst, np.array([r.place for r in compared])[decisive]
         margin = np.array([margin_of(limit, float(value)) for value in worst]).reshape(plan.shape)
-        found[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
-    return found, where
+        margins[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
+    return margins, where
 
 
 def _worst_margins(
@@ -335,7 +337,7 @@ def _worst_margins(
 
 
 def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:
-    """Smallest and largest of every response, and where; of a sample also mean, deviation and quantiles."""
+    """Extremes of every response with their cases; for a sample also mean, standard deviation and quantiles."""
     summary: dict[str, Any] = {}
     for name, response in responses.items():
         if not is_scalar(response, plan.shape):

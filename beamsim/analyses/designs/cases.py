@@ -1,7 +1,7 @@
-"""One case of a design study, solved where it is sent: from values to responses.
+"""One case of a design study: from parameter values to responses.
 
-A case travels as plain data (the resolved scenario as a mapping, and what to replace in it), so that any
-worker, on this machine or another, computes the same numbers from it.
+A case is sent to its worker as plain data (the resolved scenario as a mapping, and the values to replace in it), so
+that every worker, on this machine or another, computes the same numbers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from beamsim.outcomes import Outcome, OutcomeCode
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-SHORT = 0.01  # share of the range that is followed in a rehearsal
+SHORT = 0.01  # share of the range that is followed in a warm-up
 
 Place = tuple[str | int, ...]
 Value = float | str
@@ -28,7 +28,7 @@ Value = float | str
 
 @dataclass(frozen=True)
 class CaseTask:
-    """What a worker needs."""
+    """Data of one case for a worker."""
 
     index: int
     analysis: str
@@ -39,21 +39,23 @@ class CaseTask:
 
 @dataclass(frozen=True)
 class Analysis:
-    """How one case is solved."""
+    """How a case is solved."""
 
-    solve: Callable[[Scenario], tuple[Responses, Outcome]]  # responses, and how the analysis ended
-    rehearse: Callable[[Scenario], object]  # a short case that compiles what a long one needs
+    solve: Callable[[Scenario], tuple[Responses, Outcome]]  # responses and outcome
+    rehearse: Callable[[Scenario], object]  # a short case that compiles all functions needed
 
 
 def analysis_of(scenario: Scenario) -> str:
-    """What is done with each case: its sweep, else its run."""
+    """Analysis of each case: its sweep, else its run."""
     kind = "run" if scenario.sweep is None else str(scenario.sweep.kind)
     if kind not in ANALYSES:
         raise ScenarioError(
             Problem("sweep.kind", f"= {kind} cannot be combined with vary", f"use one of {', '.join(ANALYSES)}")
         )
     if kind == "run" and scenario.run is None:
-        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s}`: every case is a run"))
+        raise ScenarioError(
+            Problem("run", "is missing", "add for example `run: {duration: 1 s}`; without sweep every case is a run")
+        )
     return kind
 
 
@@ -63,7 +65,7 @@ def case_scenario(task: CaseTask) -> Scenario:
     Raises
     ------
     ScenarioError
-        Where these values together are no scenario.
+        If the scenario with these values is invalid.
     """
     from beamsim.scenario import load_scenario
 
@@ -78,7 +80,7 @@ def case_scenario(task: CaseTask) -> Scenario:
 
 
 def solve_case(task: CaseTask) -> CaseOutcome:
-    """Solve one case; what goes wrong is part of the outcome, so that the other cases go on."""
+    """Solve one case; an error becomes part of the outcome, so that the other cases continue."""
     begin = clock.process_time()
     try:
         values, outcome = ANALYSES[task.analysis].solve(case_scenario(task))
@@ -91,7 +93,7 @@ def solve_case(task: CaseTask) -> CaseOutcome:
 
 
 def warm_up(task: CaseTask | None) -> None:
-    """Import all that a case needs and compile it (or read what was compiled before)."""
+    """Import the modules that a case needs and compile them (or load the compiled code)."""
     import beamsim.analyses.run.analysis
     import beamsim.scenario  # noqa: F401
 
@@ -99,7 +101,7 @@ def warm_up(task: CaseTask | None) -> None:
         try:
             ANALYSES[task.analysis].rehearse(case_scenario(task))
         except BeamsimError:
-            return  # the case itself will say so
+            return  # reported when the case is solved
 
 
 def _solve_run(scenario: Scenario) -> tuple[Responses, Outcome]:
@@ -166,4 +168,4 @@ ANALYSES: dict[str, Analysis] = {
     "stepped": Analysis(_solve_sweep, _rehearse_sweep),
     "continuation": Analysis(_solve_response, _rehearse_response),
 }
-"""What can be done with a case, by name: a run, or the kind of sweep."""
+"""Analyses of a case by name: a run, or the kind of sweep."""

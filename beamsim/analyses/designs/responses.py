@@ -1,4 +1,4 @@
-"""What a study keeps of the result of a case: numbers under names that say whose they are."""
+"""Responses that a design study keeps of each case: numbers by name of quantity, probe or snubber."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def run_responses(result: RunResult) -> Responses:
 
 
 def sweep_responses(result: SweepResult) -> Responses:
-    """Responses of a sweep: of every curve (direction and level) the largest values, and where they are."""
+    """Responses of a sweep: for every curve (direction and level) the largest values and their frequencies."""
     values: Responses = {}
     for curve in result.curves.values():
         for name, envelope in curve.displacement.items():
@@ -92,30 +92,32 @@ def sweep_responses(result: SweepResult) -> Responses:
 
 
 def response_responses(result: FrequencyResponse) -> Responses:
-    """Of the stable motions of every level, ``stable_<index>/…``, the largest values and where they are.
+    """Responses of a continuation: for every level the largest values of the stable motions, ``stable_<index>/…``.
 
-    All periods count. Where no motion is stable the value is not a number.
+    Motions of all periods are included. If no motion is stable the value is nan.
     """
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b.level) for b in result.branches)):
-        own = [b for b in result.branches if repr(b.level) == level]
-        stable = np.concatenate([b.stable for b in own])
-        parameter = np.concatenate([b.parameter for b in own])
+        branches = [b for b in result.branches if repr(b.level) == level]
+        stable = np.concatenate([b.stable for b in branches])
+        parameter = np.concatenate([b.parameter for b in branches])
         sources: list[tuple[str, dict[str, Any]]] = [
             (f"probes/{name}/{quantity}", {"of": quantity, "name": name})
             for quantity in ("peak_displacement", "peak_acceleration")
-            for name in own[0].peak_displacement
+            for name in branches[0].peak_displacement
         ]
-        sources += [(f"snubbers/{name}/peak_force", {"of": "peak_force", "name": name}) for name in own[0].peak_force]
+        sources += [
+            (f"snubbers/{name}/peak_force", {"of": "peak_force", "name": name}) for name in branches[0].peak_force
+        ]
         sources += [
             (f"snubbers/{name.partition(' ')[2]}/largest_gap" if " " in name else name, {"of": "limited", "name": name})
-            for name in own[0].limited
+            for name in branches[0].limited
         ]
         for place, source in sources:
-            of = np.concatenate([getattr(b, source["of"])[source["name"]] for b in own])
-            best = int(np.argmax(np.where(stable, of, -np.inf)))
+            values_along = np.concatenate([getattr(b, source["of"])[source["name"]] for b in branches])
+            best = int(np.argmax(np.where(stable, values_along, -np.inf)))
             known = bool(stable.any())
-            values[f"stable_{index}/{place}"] = float(of[best]) if known else float("nan")
+            values[f"stable_{index}/{place}"] = float(values_along[best]) if known else float("nan")
             if source["of"] == "peak_displacement" and result.parameter == "frequency":
                 at = f"stable_{index}/probes/{source['name']}/resonance_frequency"
                 values[at] = float(parameter[best]) if known else float("nan")
@@ -126,7 +128,7 @@ def response_responses(result: FrequencyResponse) -> Responses:
 
 
 def frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
-    """The first natural frequencies, and the bilinear one of the first pair."""
+    """The first natural frequencies, and the bilinear frequency of the first pair."""
     values: Responses = {"open_frequencies_hz": _first(opened)}
     if snubbers:
         values["closed_frequencies_hz"] = _first(closed)

@@ -1,4 +1,4 @@
-"""What a design study hands back."""
+"""Results of a design study."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CASES = Axes("axes", "parameters of a grid, otherwise case", auxiliary="auxilia
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """One case: its responses, or why there are none."""
+    """One case: its responses, or the reason why there are none."""
 
     index: int  # in the order of the cases
     values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode
@@ -59,15 +59,15 @@ class Response:
 
     @property
     def quantity(self) -> str:
-        """What it is, ``peak_force``."""
+        """Quantity, e.g. ``peak_force``."""
         return self.name.rpartition("/")[2]
 
     @property
     def place(self) -> str:
-        """Whose it is, ``tip`` or ``tip up_0``; empty for the structure as a whole."""
-        *path, _ = self.name.split("/")  # [curve,] [probes or snubbers, whose]
-        *curve, _, who = path if len(path) > 1 else (*path, "", "")
-        return " ".join([who, *curve]).strip()
+        """Probe or snubber, and curve: ``tip`` or ``tip up_0``; empty for the structure as a whole."""
+        *path, _ = self.name.split("/")  # [curve,] [probes or snubbers, name]
+        *curve, _, name = path if len(path) > 1 else (*path, "", "")
+        return " ".join([name, *curve]).strip()
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,13 @@ class CaseFailure:
 
 
 _SUMMARY = (
-    Entry("analysis", "", "what was done with each case: run, or the kind of sweep"),
+    Entry("analysis", "", "analysis of each case: run, or the kind of sweep"),
     Entry("cases", "1", "number of cases"),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
     Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; and "
              "the number of cases beyond the limit"),
-    Entry("responses", "", "by response: smallest and largest, and with which parameters; of a sample also mean, "
+    Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, "
              "standard deviation and the 5 % and 95 % quantiles"),
     Entry("processor_time_s", "s", "processor time of all cases"),
 )  # fmt: skip
@@ -153,5 +153,5 @@ class DesignsResult(Result):
 
 
 def is_scalar(response: Response, shape: tuple[int, ...]) -> bool:
-    """Whether a response is one number a case."""
+    """Whether a response is one number per case."""
     return response.values.shape == shape

@@ -1,12 +1,10 @@
-"""``beamsim identify-stiffness``: what measurements say of a snubber, and of the structure that carries it."""
+"""``beamsim identify-stiffness``: parameters of a snubber, and of the structure that carries it, from measurements."""
 
 from __future__ import annotations
 
-import platform
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,9 +42,9 @@ if TYPE_CHECKING:
 
 _HZ = 2 * np.pi
 _CURVE_POINTS = 240
-_NARROWEST = 1e-3  # curves run from this part of the stiffness found to as many times it
-_LEAST_MODES = 3  # in the tables
-_POOR_MODEL = 3.0  # percent between measured and predicted frequency without snubber worth a warning
+_NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
+_MIN_MODES = 3  # in the tables
+_POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
 
 
 def identify_stiffness(
@@ -54,18 +52,18 @@ def identify_stiffness(
     measurements: Sequence[MeasuredSignal] = (),
     progress: Callable[[float], None] | None = None,
 ) -> IdentificationResult:
-    """Identify what the section ``identify_stiffness`` of a scenario asks for.
+    """Identify the parameters listed in the section ``identify_stiffness`` of a scenario.
 
     Parameters
     ----------
     scenario : with that section.
     measurements : one signal for each of ``identify_stiffness.nonlinear.tests``, read from their files.
-    progress : called from time to time with the fraction that is done.
+    progress : called repeatedly with the fraction done.
 
     Raises
     ------
     ScenarioError
-        Where the measurements cannot be explained, with the reason and a remedy.
+        If no parameters explain the measurements, with the reason and a remedy.
     """
     try:
         return _identify(scenario, measurements, progress)
@@ -87,21 +85,21 @@ def _identify(
     warnings: list[str] = []
     update = update_model(scenario, section) if section.update else None
     current = scenario if update is None else update.scenario
-    wanted = max(_LEAST_MODES, len(section.measured_with), len(section.measured_without))
-    point = snubber_point(current, section.snubber, wanted)
+    count = max(_MIN_MODES, len(section.measured_with), len(section.measured_without))
+    point = snubber_point(current, section.snubber, count)
     rigid = int(np.sum(point.omega == 0))
-    still = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes left with the snubber closed
-    wanted += rigid
+    unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
+    count += rigid
     _enough_modes(point, section, rigid)
-    without = _table(point.omega[:wanted], section.measured_without, rigid)
+    without = _table(point.omega[:count], section.measured_without, rigid)
     mac = _mac(current, section, warnings)
     if update is not None:
         warnings += update.warnings
     else:
-        warnings += _doubts_about_the_beam(without)
+        warnings += _structure_warnings(without)
     others = [s.name for s in current.all_snubbers if s.name != section.snubber]
     if others:
-        warnings.append(f"the other snubbers ({', '.join(others)}) are taken as open")
+        warnings.append(f"the other snubbers ({', '.join(others)}) are assumed to be open")
 
     estimate: StiffnessEstimate | None = None
     table: FrequencyTable | None = None
@@ -109,17 +107,17 @@ def _identify(
     curves: tuple[FrequencyCurve, ...] = ()
     profile: Profile | None = None
     if section.measured_with:
-        measured = _measured(section, still)
+        measured = _measured(section, unconstrained)
         warnings += check_reach(point, measured, section.measured_without)
         estimate = _estimate(point, section, measured)
         known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
         known |= {} if update is None else _updated(update)
         sensitive = sensitivities(current, point, section.snubber, measured, estimate.stiffness, known)
         estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
-        table = _table(point.frequencies(estimate.stiffness, wanted), section.measured_with, still)
-        curves = _curves(point, wanted, estimate.stiffness)
+        table = _table(point.frequencies(estimate.stiffness, count), section.measured_with, unconstrained)
+        curves = _curves(point, count, estimate.stiffness)
         profile = stiffness_profile(point, measured, estimate.stiffness, estimate.standard_deviation)
-        warnings += _doubts_about_the_fit(table, section, estimate)
+        warnings += _fit_warnings(table, section, estimate)
     nonlinear: NonlinearEstimate | None = None
     if section.nonlinear is not None:
         from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
@@ -152,25 +150,25 @@ def _identify(
 
 
 def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) -> None:
-    """More measured frequencies than the model has modes cannot be compared."""
+    """Refuse more measured frequencies than the model has modes."""
     size = point.omega.size - rigid
     for key in ("measured_without", "measured_with"):
         if len(getattr(section, key)) > size:
             raise ScenarioError(
                 Problem(
                     f"identify_stiffness.{key}",
-                    f"has {len(getattr(section, key))} frequencies, and the model has {size}",
-                    "raise beam.elements, or leave out the highest",
+                    f"has {len(getattr(section, key))} frequencies, but the model has only {size} modes",
+                    "increase beam.elements, or leave out the highest frequencies",
                 )
             )
 
 
-def _measured(section: IdentifyStiffness, still: int) -> MeasuredModes:
+def _measured(section: IdentifyStiffness, unconstrained: int) -> MeasuredModes:
     return MeasuredModes(
-        tuple(still + listed for listed in section.fit_to),
+        tuple(unconstrained + listed for listed in section.fit_to),
         _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
         np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
-        still,
+        unconstrained,
     )
 
 
@@ -187,16 +185,16 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
     predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
     relative = (predicted - measured.omega) / measured.omega
     source = "given" if measured.sigma.all() else ""
-    weighed = measured
+    weighted = measured
     if not source and len(measured.mode) > 1:
         scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
-        weighed = replace(measured, sigma=np.full(measured.omega.size, scatter))
+        weighted = replace(measured, sigma=np.full(measured.omega.size, scatter))
         source = "scatter" if scatter > 0 else ""
-    spread = spread_of(point, weighed, k, section.coverage)
-    deviation, interval, lost = np.nan, (np.nan, np.nan), 0.0
+    spread = spread_of(point, weighted, k, section.coverage)
+    deviation, interval, unreachable = np.nan, (np.nan, np.nan), 0.0
     if source:
-        deviation, interval, lost = monte_carlo(
-            point, weighed, k, samples=section.monte_carlo.samples, coverage=section.coverage,
+        deviation, interval, unreachable = monte_carlo(
+            point, weighted, k, samples=section.monte_carlo.samples, coverage=section.coverage,
             generator=np.random.default_rng(section.monte_carlo.seed),
         )  # fmt: skip
     return StiffnessEstimate(
@@ -214,7 +212,7 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
         monte_carlo_standard_deviation=deviation,
         monte_carlo_interval=interval,
         monte_carlo_samples=section.monte_carlo.samples if source else 0,
-        monte_carlo_unreachable=lost,
+        monte_carlo_unreachable=unreachable,
         coverage=section.coverage,
         total_standard_deviation=spread.standard_deviation,
         uncertainty_from=source,
@@ -224,37 +222,37 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
 
 
 def _updated(update: ModelUpdate) -> dict[str, float]:
-    """Relative standard deviations of the parameters that were fitted before."""
+    """Relative standard deviations of the parameters fitted in the update."""
     return {p.parameter: p.standard_deviation / p.value for p in update.parameters if np.isfinite(p.standard_deviation)}
 
 
 def _total(estimate: StiffnessEstimate, sensitive: list[Sensitivity], update: ModelUpdate | None) -> float:
-    """Standard deviation with the parts of all parameters whose uncertainty is known.
+    """Standard deviation including the contributions of all parameters with known uncertainty.
 
-    Parameters fitted together are correlated; the others count as independent.
+    Parameters fitted together are correlated; the others are treated as independent.
     """
     fitted = {} if update is None else _updated(update)
     parts = {s.parameter: s.relative * s.uncertainty for s in sensitive if np.isfinite(s.contribution)}
-    own = estimate.standard_deviation
+    deviation = estimate.standard_deviation
     if not parts:
-        return own
+        return deviation
     variance = sum(part**2 for name, part in parts.items() if name not in fitted)
     if update is not None:
         names = [p.parameter for p in update.parameters]
         vector = np.array([parts.get(name, 0.0) for name in names])
         variance += float(vector @ np.nan_to_num(update.correlation) @ vector)
-    return float(np.hypot(0.0 if np.isnan(own) else own, estimate.stiffness * np.sqrt(variance)))
+    return float(np.hypot(0.0 if np.isnan(deviation) else deviation, estimate.stiffness * np.sqrt(variance)))
 
 
 def _table(omega: Floats, measured_hz: Sequence[float], rigid: int) -> FrequencyTable:
-    """Predicted angular frequencies, as Hz, beside the measured ones, which start after the rigid-body modes."""
+    """Predicted frequencies (given in rad/s) and the measured ones, which start after the rigid-body modes."""
     measured = np.full(omega.size, np.nan)
     measured[rigid : rigid + len(measured_hz)] = measured_hz[: omega.size - rigid]
     return FrequencyTable(np.arange(1, omega.size + 1), measured, omega / _HZ)
 
 
 def _curves(point: SpringPoint, count: int, stiffness: float) -> tuple[FrequencyCurve, ...]:
-    """Frequency against stiffness, around the stiffness found: the closed form on frequencies within reach."""
+    """Frequency against stiffness around the identified value, in closed form on the frequencies within reach."""
     k = stiffness if 0 < stiffness < np.inf else 1.0
     share = 1 / (1 + np.exp(-np.linspace(-14, 14, _CURVE_POINTS)))
     curves = []
@@ -271,7 +269,7 @@ def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) ->
     given = section.shapes_without
     if given is None:
         return None
-    _, predicted = mode_shapes(scenario, max(len(given.shapes), _LEAST_MODES), given.positions)
+    _, predicted = mode_shapes(scenario, max(len(given.shapes), _MIN_MODES), given.positions)
     mac = mac_matrix(np.array(given.shapes), predicted)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))
@@ -283,38 +281,38 @@ def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) ->
     return mac
 
 
-def _doubts_about_the_beam(table: FrequencyTable) -> list[str]:
+def _structure_warnings(table: FrequencyTable) -> list[str]:
     off = table.difference_percent
     known = np.isfinite(off)
     if not known.any() or np.max(np.abs(off[known])) <= _POOR_MODEL:
         return []
     worst = int(np.nanargmax(np.abs(off)))
     return [
-        f"without the snubber the model's mode {worst + 1} is {off[worst]:+.1f} % off what was measured: correct the "
-        "structure's own parameters first (identify_stiffness.update fits them)"
+        f"without the snubber the model's mode {worst + 1} differs by {off[worst]:+.1f} % from the measured frequency: "
+        "correct the parameters of the structure first (identify_stiffness.update fits them)"
     ]
 
 
-def _doubts_about_the_fit(table: FrequencyTable, section: IdentifyStiffness, estimate: StiffnessEstimate) -> list[str]:
-    found = []
+def _fit_warnings(table: FrequencyTable, section: IdentifyStiffness, estimate: StiffnessEstimate) -> list[str]:
+    warnings = []
     off = table.difference_percent
     for i, mode in enumerate(table.mode):
         if np.isfinite(off[i]) and mode not in estimate.fit_to and abs(off[i]) > _POOR_MODEL:
-            found.append(f"with this stiffness mode {mode}, which the fit did not use, is {off[i]:+.1f} % off")
+            warnings.append(f"with this stiffness mode {mode}, which was not fitted, is off by {off[i]:+.1f} %")
     low, high = estimate.interval
     if low == 0.0 or np.isinf(high):
-        found.append(
-            "the uncertainty of the frequency reaches "
-            + ("the free frequency" if low == 0.0 else "that of the pinned point")
+        warnings.append(
+            "the uncertainty of the frequency extends to "
+            + ("the frequency without snubber" if low == 0.0 else "the frequency with the point pinned")
             + ": the stiffness has no "
             + ("lower" if low == 0.0 else "upper")
-            + " bound; use a mode that the snubber moves more"
+            + " bound; use a mode whose frequency depends more on the snubber"
         )
-    return found
+    return warnings
 
 
 def _with_stiffness(scenario: Scenario, snubber: str, stiffness: float) -> Scenario:
-    """The scenario with the identified stiffness as starting value."""
+    """The scenario with the identified stiffness as initial value."""
     from beamsim.scenario.parameters import with_values
 
     return with_values(scenario, {(*scenario.located_snubber(snubber).path, "stiffness"): stiffness})
@@ -390,10 +388,3 @@ def _plain(p: ParameterEstimate) -> dict[str, Any]:
         "standard_deviation": p.standard_deviation,
         "interval": list(p.interval),
     }
-
-
-@cache
-def _versions() -> dict[str, str]:
-    from importlib.metadata import version
-
-    return {"python": platform.python_version(), **{name: version(name) for name in ("numpy", "scipy")}}

@@ -1,12 +1,12 @@
-r"""The structure's own parameters from natural frequencies measured without the snubber.
+r"""Model updating: parameters of the structure from natural frequencies measured without the snubber.
 
-Each sought number p is varied by a factor, :math:`p = p_0 e^\theta`; the estimate minimises
+Each parameter p is varied by a factor, :math:`p = p_0 e^\theta`; the estimate minimises
 
 .. math:: \chi^2 = \sum_j \left(\frac{f_j(\theta) - m_j}{\sigma_j}\right)^2
           + \sum_i \left(\frac{e^{\theta_i} - 1}{\pi_i}\right)^2
 
-(:math:`\pi_i` the prior's relative standard deviation) within the bounds. A path with ``[*]`` is one factor for the
-whole list. Supports are no numbers: every combination of the four kinds is fitted and the best one kept.
+(:math:`\pi_i` is the relative standard deviation of the prior) within the bounds. A path with ``[*]`` is one factor for
+the whole list. Supports are not numbers: every combination of the four kinds is fitted and the best one kept.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Place = tuple[str | int, ...]
 
-_WIDEST_FACTOR = 100.0  # without bounds, a number is sought within this factor of the scenario's value
-_CONFOUNDED = 0.995  # correlation from which two parameters are not told apart
+_WIDEST_FACTOR = 100.0  # without bounds, the search range is this factor on either side of the scenario's value
+_CONFOUNDED = 0.995  # correlation above which two parameters count as indistinguishable
 _SINGULAR = 1e-6  # ratio of singular values below which a combination is not determined
 _AT_BOUND = 1e-6
 _PROFILE_POINTS = 13
@@ -39,11 +39,11 @@ _PROFILE_WIDTH = 2.5  # standard deviations
 
 @dataclass(frozen=True)
 class Sought:
-    """A number to be found, resolved in its scenario."""
+    """A parameter to be identified, located in its scenario."""
 
     parameter: str
     places: tuple[Place, ...]
-    values: tuple[float, ...]  # SI, one a place
+    values: tuple[float, ...]  # SI, one for each place
     bounds: tuple[float, float]  # SI, of the first place's value
     prior: float  # relative standard deviation; nan without
 
@@ -53,12 +53,12 @@ class Sought:
         return self.values[0]
 
     def at_factor(self, factor: float) -> dict[Place, object]:
-        """Values of all places, multiplied."""
+        """Values at all places, multiplied by a factor."""
         return {place: value * factor for place, value in zip(self.places, self.values, strict=True)}
 
 
 def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[Sought], list[Place]]:
-    """The numbers sought, and the places of words (supports)."""
+    """The numeric parameters, and the places of the non-numeric ones (supports)."""
     from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at
 
     numbers: list[Sought] = []
@@ -78,7 +78,7 @@ def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tupl
 
 
 def frequency_table(scenario: Scenario, measured_hz: Sequence[float], at_least: int = 0) -> FrequencyTable:
-    """Predicted frequencies without the snubber beside the measured ones, which start after the rigid-body modes."""
+    """Predicted frequencies without the snubber and the measured ones, which start after the rigid-body modes."""
     predicted = free_frequencies(scenario, max(len(measured_hz), at_least))
     measured = np.full(predicted.size, np.nan)
     rigid = int(np.sum(predicted == 0))
@@ -140,7 +140,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     warnings += [f"{p.parameter} ended on its bound, {p.value:g}" for p in parameters if p.at_bound]
     if len(alternatives) > 1 and alternatives[1][1] < best.misfit + 4.0 and known:
         warnings.append(
-            f"the supports {alternatives[1][0]} fit nearly as well: these frequencies do not tell them apart"
+            f"the supports {alternatives[1][0]} fit nearly as well: these frequencies do not distinguish them"
         )
     return ModelUpdate(
         parameters=parameters,
@@ -159,9 +159,9 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
 
 
 def covariance_of(jacobian: Floats, misfit: float, measurements: int, sigma_known: bool) -> tuple[Floats, bool]:
-    """Covariance of the logarithmic parameters, and whether it means anything.
+    """Covariance of the logarithmic parameters, and whether it is meaningful.
 
-    With unknown standard deviations the residuals' scatter stands for them, where there are more measurements than
+    Unknown standard deviations are estimated from the scatter of the residuals if there are more measurements than
     unknowns.
     """
     count = jacobian.shape[1]
@@ -179,12 +179,12 @@ def covariance_of(jacobian: Floats, misfit: float, measurements: int, sigma_know
 
 
 def confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> list[str]:
-    """Sentences about parameters that the measurements cannot tell apart."""
+    """Warnings about parameters that the measurements cannot distinguish."""
     if len(names) == 0:
         return []
     size = np.linalg.norm(jacobian, axis=0)
     warnings = [
-        f"{name} has no influence on what was measured: it cannot be found from it"
+        f"{name} has no influence on the measured quantities and cannot be identified from them"
         for name, s in zip(names, size, strict=True)
         if s <= 1e-9 * size.max()
     ]
@@ -197,14 +197,14 @@ def confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> li
             if value < _SINGULAR * values[0]:
                 together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > 0.2]
                 warnings.append(
-                    f"{' and '.join(together)} cannot be told apart: only a combination of them shows in what was "
-                    "measured; fix one of them, or give it a prior"
+                    f"{' and '.join(together)} cannot be distinguished: the measurements depend only on a "
+                    "combination of them; fix one of them, or give it a prior"
                 )
-        if not any("told apart" in w for w in warnings):
+        if not any("cannot be distinguished" in w for w in warnings):
             correlation = _correlation(covariance)
             for i in range(len(names)):
                 warnings += [
-                    f"{names[j]} and {names[i]} can hardly be told apart: their correlation is "
+                    f"{names[j]} and {names[i]} can hardly be distinguished: their correlation is "
                     f"{correlation[i, j]:.4f}; fix one of them, give it a prior, or measure more"
                     for j in range(i)
                     if abs(correlation[i, j]) > _CONFOUNDED
@@ -276,16 +276,16 @@ def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Flo
             (lower, upper),
             1,
         )
-    found = _solve(counted, np.zeros(len(numbers)), lower, upper)
+    solution = _solve(counted, np.zeros(len(numbers)), lower, upper)
     values: dict[Place, object] = {}
-    for number, theta in zip(numbers, found.x, strict=True):
+    for number, theta in zip(numbers, solution.x, strict=True):
         values |= number.at_factor(float(np.exp(theta)))
     return _ModelFit(
         scenario,
         with_values(scenario, values),
-        found.x,
-        float(2 * found.cost),
-        found.jac,
+        solution.x,
+        float(2 * solution.cost),
+        solution.jac,
         residuals,
         (lower, upper),
         count,
@@ -362,8 +362,8 @@ def _profiles(fit: _ModelFit, numbers: list[Sought], deviation: Floats) -> tuple
             if others.size == 0:
                 values.append(float(np.sum(fixed(start) ** 2)))
                 continue
-            found = _solve_quickly(fixed, start, lower[others], upper[others])
-            values.append(float(2 * found.cost))
+            solution = _solve_quickly(fixed, start, lower[others], upper[others])
+            values.append(float(2 * solution.cost))
         profiles.append(
             Profile(number.parameter, number.start * np.exp(grid), np.maximum(np.array(values) - fit.misfit, 0.0))
         )

@@ -4,10 +4,10 @@ The harmonics :math:`m_{tk}` of test t (amplitude and phase) are compared with t
 
 .. math:: \chi^2 = \sum_{t,k} \frac{|m_{tk} - c_{tk}(\theta)\, e^{i k \psi_t}|^2}{\sigma_{tk}^2},
 
-:math:`\psi_t` being the unknown delay between the measurement's clock and the excitation's. Every response is a
-solution of the shooting equations with the exact monodromy matrix, so it is smooth in the parameters down to
-round-off, and its derivatives come from differences of neighbouring exact responses. Minimised by a
-trust-region least-squares method from several starts.
+where :math:`\psi_t` is the unknown phase lag between measurement and excitation. Every response is a solution of the
+shooting equations with the exact monodromy matrix. It is therefore smooth in the parameters down to round-off, and its
+derivatives are finite differences of neighbouring exact responses. The sum is minimised by a trust-region least-squares
+method from several starting points.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ Place = tuple[str | int, ...]
 
 _STEP = 1e-5  # of the scaled parameters, for differences of exact responses
 _WIDEST_FACTOR = 30.0
-_UNKNOWN_NOISE = 0.01  # of the largest harmonic, where nothing tells the noise
-_GOOD = 1e-3  # probability below which chi^2 says that the model does not fit
-_FAR = 1e6  # residual where there is no steady vibration
+_UNKNOWN_NOISE = 0.01  # of the largest harmonic, if the noise is unknown
+_GOOD = 1e-3  # smallest probability of chi^2 with which the model counts as fitting
+_FAR = 1e6  # residual if there is no steady vibration
 _MOST_EVALUATIONS = 60  # of the residuals, in one fit
 _PROFILE_POINTS = 7
 _PROFILE_WIDTH = 2.5
@@ -56,13 +56,13 @@ def fit_nonlinear(
     signals: Sequence[MeasuredSignal],
     progress: Callable[[float], None] | None = None,
 ) -> NonlinearEstimate:
-    """Fit ``section.nonlinear.estimate`` to measured signals, one a test, in SI units.
+    """Fit ``section.nonlinear.estimate`` to measured signals, one per test, in SI units.
 
     Raises
     ------
     ScenarioError
-        Where a signal cannot be used, there are more unknowns than measured numbers, or the scenario's values lead to
-        no steady vibration to start from.
+        If a signal cannot be used, there are more unknowns than measured numbers, or there is no steady vibration
+        with the initial values of the scenario.
     """
     begin = clock.process_time()
     nonlinear = section.nonlinear
@@ -77,7 +77,7 @@ def fit_nonlinear(
             Problem(
                 "identify_stiffness.nonlinear.estimate",
                 f"asks for {len(numbers)} parameters (and {unknowns - free} delays) from {measured} measured numbers",
-                "measure more tests or use more harmonics, seek fewer parameters, or give them a prior",
+                "use more tests or more harmonics, estimate fewer parameters, or give them a prior",
             )
         )
     fit = _NonlinearFit(scenario, numbers, tests)
@@ -87,26 +87,26 @@ def fit_nonlinear(
     misfit_before = float(np.sum(fit.residuals(first) ** 2))
     before = [h.copy() for h in fit.last]
     generator = np.random.default_rng(nonlinear.seed)
-    found: list[Any] = []
+    solutions: list[Any] = []
     for index in range(nonlinear.starts):
         offset = start if index == 0 else _random_start(fit, nonlinear.spread, generator)
         try:
-            found.append(_solve(fit, fit.with_phases(offset)))
+            solutions.append(_solve(fit, fit.with_phases(offset)))
         except NoSteadyVibrationError:
             continue
         if progress is not None:
             progress((index + 1) / (nonlinear.starts + 1))
-    if not found:
+    if not solutions:
         raise ScenarioError(
             Problem(
                 "identify_stiffness.nonlinear",
-                "found no parameters with which every test has a steady vibration",
-                "start from better values, or leave tests with irregular motion out",
+                "found no parameters for which every test has a steady vibration",
+                "start from better values, or leave out tests with irregular motion",
             )
         )
-    best = min(found, key=lambda r: float(r.cost))
+    best = min(solutions, key=lambda r: float(r.cost))
     misfit = float(2 * best.cost)
-    agreeing = sum(1 for r in found if 2 * r.cost <= misfit + max(0.5, 1e-3 * misfit))
+    agreeing = sum(1 for r in solutions if 2 * r.cost <= misfit + max(0.5, 1e-3 * misfit))
     x = best.x
     jacobian = fit.jacobian(x, central=True)
     fit.residuals(x)
@@ -118,9 +118,9 @@ def fit_nonlinear(
     parameters = tuple(_estimate(fit, i, float(x[i]), float(deviation[i]), z) for i in range(len(numbers)))
     warnings += confounded([n.parameter for n in numbers], _without_phases(jacobian, len(numbers)), covariance)
     warnings += [f"{p.parameter} ended on its bound, {p.value:g}" for p in parameters if p.at_bound]
-    warnings += fit.doubts(x)
-    if agreeing < len(found) and agreeing == 1 and len(found) > 1:
-        warnings.append("only one start reached the lowest misfit: there are other minima; give better starting values")
+    warnings += fit.test_warnings(x)
+    if agreeing < len(solutions) and agreeing == 1 and len(solutions) > 1:
+        warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
     predicted = [h.copy() for h in fit.last]
     profiles = _profiles(fit, x, covariance, misfit, scale) if nonlinear.profiles else ()
     with np.errstate(all="ignore"):
@@ -178,8 +178,8 @@ def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[
         raise ScenarioError(
             Problem(
                 "identify_stiffness.nonlinear.tests",
-                f"lists {len(given)} tests, and {len(signals)} measured signals were handed over",
-                "hand over one signal a test",
+                f"lists {len(given)} tests, and {len(signals)} measured signals were given",
+                "give one signal per test",
             )
         )
     probes = [probe.name for probe in scenario.effective_probes]
@@ -189,7 +189,7 @@ def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[
         frequency = excitation.frequency if test.frequency is None else test.frequency
         at = f"identify_stiffness.nonlinear.tests[{index}]"
         if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
-            problems.append(Problem(f"{at}.file", f"= {test.file} holds values that are no numbers", "cut them out"))
+            problems.append(Problem(f"{at}.file", f"= {test.file} has values that are not numbers", "remove them"))
             continue
         try:
             harmonics = harmonics_of(signal, frequency, test.harmonics, test.last)
@@ -203,7 +203,7 @@ def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[
             problems.append(
                 Problem(
                     f"{at}.file",
-                    f"= {test.file} has nothing at {frequency:g} Hz and its harmonics",
+                    f"= {test.file} has no component at {frequency:g} Hz and its harmonics",
                     "check channel and frequency",
                 )
             )
@@ -251,7 +251,7 @@ class _NonlinearFit:
     _scale: list[float] = field(default_factory=list)
 
     def prepare(self) -> None:
-        """A scenario for each test, and the scaling of every parameter: a factor, or a length for what may be zero."""
+        """A scenario for each test, and the scaling of every parameter: a factor, or a length if it may be zero."""
         from beamsim.scenario.run import Reduction
 
         highest = max(test.frequency_hz * test.harmonics.order[-1] for test in self.tests)
@@ -274,8 +274,8 @@ class _NonlinearFit:
             raise ScenarioError(
                 Problem(
                     "identify_stiffness.nonlinear.tests",
-                    f"cannot be compared with the scenario's values: {error}",
-                    "start from better values, or leave tests with irregular motion out",
+                    f"have no steady vibration with the initial values of the scenario: {error}",
+                    "start from better values, or leave out tests with irregular motion",
                 )
             ) from error
         self._guesses = [vibration.start for vibration in self._vibrations]
@@ -290,7 +290,7 @@ class _NonlinearFit:
             self._scale.append(max(0.3 * size, abs(number.start)) if length else 0.01)
 
     def factor_of(self, i: int) -> tuple[bool, float]:
-        """Whether parameter i is shifted (else multiplied by e^x), and by how much for x = 1."""
+        """Whether parameter i is shifted (else multiplied by e^x), and the shift for x = 1."""
         return self._linear[i], self._scale[i]
 
     def value(self, i: int, x: float) -> float:
@@ -299,7 +299,7 @@ class _NonlinearFit:
         return start + self._scale[i] * x if self._linear[i] else start * float(np.exp(x))
 
     def values(self, x: Floats) -> dict[Place, object]:
-        """Values of all places."""
+        """Values at all places."""
         out: dict[Place, object] = {}
         for i, number in enumerate(self.numbers):
             for place, value in zip(number.places, number.values, strict=True):
@@ -338,7 +338,7 @@ class _NonlinearFit:
         return predicted
 
     def with_phases(self, theta: Floats) -> Floats:
-        """Parameters followed by the phases that suit them best."""
+        """Parameters followed by the phases that fit best."""
         predicted = self.predict(theta)
         phases = [
             best_phase(test.harmonics, harmonics, test.sigma)
@@ -348,7 +348,7 @@ class _NonlinearFit:
         return np.concatenate([theta, phases])
 
     def phase(self, x: Floats, t: int) -> float:
-        """Phase of test t within the unknowns; 0 where it is not free."""
+        """Phase of test t among the unknowns; 0 if it is not free."""
         if not self.tests[t].free_phase:
             return 0.0
         return float(x[len(self.numbers) + sum(test.free_phase for test in self.tests[:t])])
@@ -370,7 +370,7 @@ class _NonlinearFit:
         return np.concatenate(parts)
 
     def residuals(self, x: Floats) -> Floats:
-        """Of all tests and priors; far off where there is no steady vibration."""
+        """Residuals of all tests and priors; very large if there is no steady vibration."""
         try:
             self.last = self.predict(x[: len(self.numbers)])
         except (NoSteadyVibrationError, ScenarioError):
@@ -378,7 +378,7 @@ class _NonlinearFit:
         return self.compare(x, self.last)
 
     def jacobian(self, x: Floats, *, central: bool = False) -> Floats:
-        """Derivatives of the residuals: differences for parameters, exact for phases."""
+        """Derivatives of the residuals: finite differences for parameters, exact for phases."""
         count = len(self.numbers)
         base = self.last if not central else self.predict(x[:count])
         here = self.compare(x, base)
@@ -403,7 +403,7 @@ class _NonlinearFit:
             elif there:
                 ((sign, moved_residuals),) = there.items()
                 out[:, i] = sign * (moved_residuals - here) / _STEP
-            else:  # no neighbour has a steady vibration: leave this parameter alone
+            else:  # no steady vibration on either side: keep this parameter
                 out[:, i] = 0.0
         self._guesses = kept
         column = count
@@ -420,16 +420,16 @@ class _NonlinearFit:
         self.last = base
         return out
 
-    def doubts(self, x: Floats) -> list[str]:
-        """Tests that say nothing about the contact."""
-        found = []
+    def test_warnings(self, x: Floats) -> list[str]:
+        """Warnings about tests that contain no information on the contact."""
+        warnings = []
         for test, vibration in zip(self.tests, self._vibrations, strict=True):
             if not vibration.touching and vibration.system.snubbers:
-                found.append(
-                    f"{test.name}: contact is never made and lost, the vibration is linear and tells little about the "
-                    "snubber"
+                warnings.append(
+                    f"{test.name}: contact is never made and lost; the vibration is linear and contains little "
+                    "information about the snubber"
                 )
-        return found
+        return warnings
 
 
 def _random_start(fit: _NonlinearFit, spread: float, generator: np.random.Generator) -> Floats:
@@ -451,7 +451,7 @@ def _solve(fit: _NonlinearFit, x: Floats) -> Any:
 
 
 def _without_phases(jacobian: Floats, count: int) -> Floats:
-    """The parameters' columns with what the phases can imitate taken out."""
+    """The columns of the parameters, orthogonal to those of the phases."""
     columns, phases = jacobian[:, :count], jacobian[:, count:]
     if phases.shape[1] == 0:
         return columns
@@ -469,7 +469,7 @@ def _covariance(jacobian: Floats, count: int) -> Floats:
 
 
 def _scatter(fit: _NonlinearFit, misfit: float, freedom: int) -> tuple[float, list[str]]:
-    """Factor on the covariance: chi^2 over its freedom where the noise is unknown or cannot explain the misfit."""
+    """Factor on the covariance: chi^2 per degree of freedom if the noise is unknown or too small for the misfit."""
     if freedom <= 0:
         return 1.0, []
     if not all(test.noise_known for test in fit.tests):
@@ -479,7 +479,7 @@ def _scatter(fit: _NonlinearFit, misfit: float, freedom: int) -> tuple[float, li
     if float(gammaincc(freedom / 2, misfit / 2)) < _GOOD:
         return misfit / freedom, [
             f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with {freedom} "
-            "degrees of freedom): the intervals were widened accordingly"
+            "degrees of freedom); the intervals are widened accordingly"
         ]
     return 1.0, []
 
@@ -502,7 +502,7 @@ def _estimate(fit: _NonlinearFit, i: int, x: float, deviation: float, z: float) 
 
 
 def _profiles(fit: _NonlinearFit, x: Floats, covariance: Floats, misfit: float, scale: float) -> tuple[Profile, ...]:
-    """chi^2 against each parameter, the others and the phases following: predicted linearly, then two corrections."""
+    """chi^2 against each parameter, the others and the phases fitted again: linear prediction and one correction."""
     count = len(fit.numbers)
     lower, upper = fit.limits()
     profiles = []

@@ -1,4 +1,4 @@
-"""What the identification hands back: frozen dataclasses with shapes and units, ready to store or draw."""
+"""Results of the identification: frozen dataclasses with shapes and units."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class FrequencyTable:
     """Measured and predicted natural frequencies, as in tables 1.2 and 1.3 of the thesis."""
 
     mode: Ints = axis("1", "number of the mode")  # (m,) from 1
-    measured_hz: Floats = dataset("Hz", "measured natural frequency", along=_MODE)  # nan: only the prediction is known
+    measured_hz: Floats = dataset("Hz", "measured natural frequency", along=_MODE)  # nan: not measured
     predicted_hz: Floats = dataset("Hz", "predicted natural frequency", along=_MODE)
 
     @property
@@ -50,14 +50,14 @@ class StiffnessEstimate:
     stiffness: float = dataset("N/m", "stiffness of the snubber")
     fit_to: tuple[int, ...] = attribute("", "numbers of the modes used")
     individual: Floats = attribute("N/m", "stiffness from each of these modes alone; NaN where it is out of reach")
-    reach_hz: Floats = attribute("Hz", "for each of these modes the frequencies that some stiffness can reach")
+    reach_hz: Floats = attribute("Hz", "for each of these modes the range of frequencies that a stiffness can reach")
     condition: Floats = attribute("1", "k df/dk / f of each of these modes: relative change in f for one in k")
     residual: float = attribute("1", "root mean square of (predicted - measured) / measured over the modes used")
     standard_deviation: float = attribute("N/m", "standard deviation, first order; NaN where no uncertainty is known")
     interval_first_order: tuple[float, float] = attribute("N/m", "confidence interval, first order, symmetric")
     interval: tuple[float, float] = attribute(
         "N/m",
-        "confidence interval: for one mode that of its frequency carried over, for several the profile likelihood",
+        "confidence interval: for one mode that of its frequency transformed, for several the profile likelihood",
     )
     monte_carlo_standard_deviation: float = attribute("N/m", "standard deviation of Monte Carlo samples")
     monte_carlo_interval: tuple[float, float] = attribute("N/m", "confidence interval by Monte Carlo sampling")
@@ -90,17 +90,17 @@ class Sensitivity:
 
 @declared
 class ParameterEstimate:
-    """A number found by a fit."""
+    """A parameter estimated by a fit."""
 
     parameter: str = axis("1", "path of the parameter in the scenario")
     before: float = dataset("1", "value in the scenario, SI units")  # of the first item for [*]
     value: float = dataset("1", "estimated value, SI units")
-    standard_deviation: float = dataset("1", "standard deviation, SI units")  # nan where it cannot be told
+    standard_deviation: float = dataset("1", "standard deviation, SI units")  # nan where unknown
     interval: tuple[float, float] = dataset(
         "1", "lower and upper end of the confidence interval, SI units", along=_ENDS
     )
     bounds: tuple[float, float] = dataset("1", "lower and upper bound of the search, SI units", along=_ENDS)
-    prior: float = dataset("1", "relative standard deviation known beforehand")  # nan without
+    prior: float = dataset("1", "relative standard deviation of the prior")  # nan without
     at_bound: bool = dataset("1", "whether the estimate lies on its bound", flags=("inside", "on_its_bound"))
 
 
@@ -115,7 +115,7 @@ class Profile:
 
 @declared
 class ModelUpdate:
-    """The beam's own parameters, from frequencies measured without the snubber."""
+    """Parameters of the structure from frequencies measured without the snubber."""
 
     parameters: tuple[ParameterEstimate, ...] = table("")
     choices: dict[str, str] = attribute("", "supports that were chosen, by path", codec="json")
@@ -126,10 +126,10 @@ class ModelUpdate:
     before: FrequencyTable = group("frequencies_before")
     after: FrequencyTable = group("frequencies_after")
     misfit_before: float = attribute("1", "chi squared with the scenario's values, priors included")
-    misfit_after: float = attribute("1", "chi squared with the values found, priors included")
+    misfit_after: float = attribute("1", "chi squared with the identified values, priors included")
     profiles: tuple[Profile, ...] = numbered("profiles", start=1)
     evaluations: int = attribute("1", "eigenvalue problems solved")
-    scenario: Scenario = attribute("", "the scenario with the parameters found, YAML", codec="scenario")
+    scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec="scenario")
     warnings: tuple[str, ...] = ()  # stored with those of the result
 
 
@@ -148,7 +148,7 @@ class TestFit:
 
     __test__ = False  # not a test case, whatever its name
 
-    # harmonics are amplitude e^{i phase} of A sin(2 pi f n t + phase), on the clock of the measurement
+    # harmonics are amplitude e^{i phase} of A sin(2 pi f n t + phase), in the time of the measurement
     name: str = attribute("", "name of the test")
     probe: str = attribute("", "name of the probe")
     quantity: str = attribute("", "quantity that was measured")
@@ -171,7 +171,7 @@ class NonlinearEstimate:
     tests: tuple[TestFit, ...] = numbered("tests", start=1)
     misfit_before: float = attribute("1", "chi squared with the scenario's values")
     misfit: float = attribute("1", "chi squared with the estimated values")
-    degrees_of_freedom: int = attribute("1", "measured numbers less parameters")
+    degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
     starts: int = attribute("1", "starting points of the search")
     starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
     profiles: tuple[Profile, ...] = numbered("profiles", start=1)
@@ -195,7 +195,7 @@ _SUMMARY = (
     Entry("method", "", "secular or thesis"),
     Entry("fit_to", "", "numbers of the modes used"),
     Entry("stiffness_by_mode_n_per_m", "N/m", "stiffness from each of these modes alone"),
-    Entry("reachable_hz", "Hz", "for each of these modes the frequencies that some stiffness can reach"),
+    Entry("reachable_hz", "Hz", "for each of these modes the range of frequencies that a stiffness can reach"),
     Entry("residual", "1", "root mean square of (predicted - measured) / measured over the modes used"),
     Entry("frequencies_with_hz", "Hz", "predicted natural frequencies with the snubber"),
     Entry("measured_with_hz", "Hz", "measured ones"),
@@ -212,7 +212,7 @@ _SUMMARY = (
     Entry("update_eigenvalue_solutions", "1", "eigenvalue problems solved for the update"),
     Entry("estimated", "", "by parameter of the nonlinear fit: value, standard deviation and interval"),
     Entry("nonlinear_misfit", "1", "chi squared before and after the nonlinear fit"),
-    Entry("nonlinear_degrees_of_freedom", "1", "measured numbers less parameters"),
+    Entry("nonlinear_degrees_of_freedom", "1", "measured numbers minus parameters"),
     Entry("periodic_responses", "1", "periodic responses computed"),
     Entry("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them"),
     Entry("processor_time_s", "s", "processor time"),
@@ -221,7 +221,7 @@ _SUMMARY = (
 
 @declared
 class IdentificationResult(Result):
-    """Everything `beamsim identify-stiffness` computes."""
+    """Result of ``beamsim identify-stiffness``."""
 
     SUMMARY = _SUMMARY
 

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 _SAMPLES = 512  # of a period, for the harmonics of the displacement
-_SETTLE = 300  # periods of transient before giving up
+_SETTLE = 300  # most periods of transient
 
 
 class NoSteadyVibrationError(ArithmeticError):
-    """No periodic motion with the excitation's period was reached."""
+    """No periodic motion with the period of the excitation was found."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,13 @@ class SteadyVibration:
 
     system: StructuralSystem
     omega: float  # rad/s
-    start: Floats  # (N,) state at t = 0, to start a neighbouring search from
+    start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
     coordinates: Complexes  # (h, n) harmonics 1 to h of q: q = Im sum c_k e^{i k omega t}
     touching: bool  # whether contact is made and lost
     residual: float  # of periodicity, against the motion's size
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
-        """(count,) harmonics of a probe's quantity as sines of the excitation's clock, zero to peak."""
+        """(count,) harmonics of a quantity of a probe, as sines in the time of the excitation, zero to peak."""
         order = np.arange(1, count + 1)
         value = self.coordinates[:count] @ self.system.probes[probe].shape.astype(complex)
         if quantity == "velocity":
@@ -52,7 +52,7 @@ class SteadyVibration:
         return np.asarray(value)
 
     def largest_deflection(self, snubber: int) -> float:
-        """Sum of the harmonics' amplitudes of the deflection at a snubber, m: the size of the motion there."""
+        """Sum of the harmonics' amplitudes of the deflection at a snubber, m."""
         shape = self.system.dynamics.contacts.shape[snubber]
         return float(np.abs(self.coordinates @ shape.astype(complex)).sum())
 
@@ -97,7 +97,7 @@ def steady_vibration(
         raise NoSteadyVibrationError(str(error)) from error
     if point is None:
         raise NoSteadyVibrationError(
-            f"no vibration with the period of the excitation ({system.excitation_frequency_hz:g} Hz) was reached"
+            f"no vibration with the period of the excitation ({system.excitation_frequency_hz:g} Hz) was found"
         )
     passage = point.data
     period = 2 * np.pi / omega

@@ -1,8 +1,8 @@
 r"""Snubber stiffness from natural frequencies with permanent contact.
 
-One mode: the secular equation read backwards gives k in closed form (`beamsim.structures.secular`). Several modes: the
-k that minimises :math:`\sum_j ((f_j(k) - m_j) / \sigma_j)^2`, bracketed between the stiffnesses of the single modes
-because every f_j rises with k. The thesis's algorithm 1 is kept for comparison.
+One mode: the secular equation solved for k gives it in closed form (`beamsim.structures.secular`). Several modes: the
+k that minimises :math:`\sum_j ((f_j(k) - m_j) / \sigma_j)^2`, bracketed by the stiffnesses of the single modes
+because every f_j increases with k. Algorithm 1 of the thesis (Hazim 2010) is kept for comparison.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
 _PATH = "identify_stiffness.measured_with"
-# A mode that no stiffness moves by more than this part of its frequency doesn't feel the spring.
-_STILL = 1e-9
+_INSENSITIVE = 1e-9  # largest relative change of frequency of a mode that the spring does not affect
 _GRID = 241
-_WIDEST = 1e9  # stiffness sought within this factor of what balances the structure's own compliance
+_WIDEST = 1e9  # search range: this factor on either side of one over the compliance of the structure
 GROWTH = 1.01  # thesis, algorithm 1
 FIRST_STIFFNESS = 0.01  # N/m; thesis, algorithm 1
 
@@ -30,10 +29,10 @@ FIRST_STIFFNESS = 0.01  # N/m; thesis, algorithm 1
 class MeasuredModes:
     """Frequencies of chosen modes with their standard deviations."""
 
-    mode: tuple[int, ...]  # numbers, from 1, rigid-body modes included
+    mode: tuple[int, ...]  # numbers from 1, including rigid-body modes
     omega: Floats  # (m,) rad/s
     sigma: Floats  # (m,) relative standard deviations; all zero when unknown
-    still: int = 0  # rigid-body modes that the snubber leaves, before the first measured frequency
+    unconstrained: int = 0  # rigid-body modes with the snubber closed, below the first measured frequency
 
     @property
     def weight(self) -> Floats:
@@ -43,14 +42,14 @@ class MeasuredModes:
 
 
 def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
-    """Stiffness, N/m, that explains the measured frequencies; 0 or infinity where they lie beyond all stiffnesses."""
+    """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
     single = _individual(point, measured)
     if len(measured.mode) == 1:
         return float(single[0])
     low, high = float(single.min()), float(single.max())
     if low == high:
         return low
-    # Beyond a mode out of reach, search as far as the structure can tell.
+    # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
     unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, measured.omega[0]) ** 2))
     low, high = max(low, unit / _WIDEST), min(high, unit * _WIDEST)
     if low >= high:
@@ -60,12 +59,12 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
     best = int(np.argmin(value))
     from scipy.optimize import minimize_scalar, root_scalar
 
-    left, right = x[max(best - 1, 0)], x[min(best + 1, x.size - 1)]
-    if _descent(point, measured, left) < 0 < _descent(point, measured, right):
-        found = root_scalar(lambda y: _descent(point, measured, y), bracket=(left, right), xtol=1e-15, rtol=1e-15)
-        return float(np.exp(found.root))
+    lower, upper = x[max(best - 1, 0)], x[min(best + 1, x.size - 1)]
+    if _descent(point, measured, lower) < 0 < _descent(point, measured, upper):
+        root = root_scalar(lambda y: _descent(point, measured, y), bracket=(lower, upper), xtol=1e-15, rtol=1e-15)
+        return float(np.exp(root.root))
     nearest = minimize_scalar(
-        lambda y: float(misfit(point, measured, np.exp(np.array([y])))[0]), bounds=(left, right), method="bounded",
+        lambda y: float(misfit(point, measured, np.exp(np.array([y])))[0]), bounds=(lower, upper), method="bounded",
         options={"xatol": 1e-12},
     )  # fmt: skip
     return float(np.exp(nearest.x))
@@ -85,7 +84,7 @@ def _descent(point: SpringPoint, measured: MeasuredModes, log_stiffness: float) 
 
 
 def _individual(point: SpringPoint, measured: MeasuredModes) -> Floats:
-    """Stiffness behind each frequency alone: 0 below what it can reach, infinity above."""
+    """Stiffness from each frequency alone: 0 below its reachable range, infinity above."""
     k = point.stiffness(measured.omega)
     for i, mode in enumerate(measured.mode):
         low, high = point.reach(mode)
@@ -97,25 +96,25 @@ def _individual(point: SpringPoint, measured: MeasuredModes) -> Floats:
 
 
 def check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
-    """Refuse frequencies that no stiffness reaches; with several modes, warn unless none is within reach.
+    """Refuse frequencies that no stiffness reaches; with several modes, only warn if one is within reach.
 
     Raises
     ------
     ScenarioError
-        With the reachable interval, what the number may have been meant for, and a remedy.
+        With the reachable range, the likely mistake, and a remedy.
     """
     problems: list[Problem] = []
     for i, mode in enumerate(measured.mode):
         if mode > point.omega.size:
             problems.append(
                 Problem(
-                    f"{_PATH}[{mode - 1 - measured.still}]",
-                    f"is mode {mode}, but the model has {point.omega.size} modes",
+                    f"{_PATH}[{mode - 1 - measured.unconstrained}]",
+                    f"is mode {mode}, but the model has only {point.omega.size} modes",
                     "leave it out of fit_to",
                 )
             )
             continue
-        problem = _out_of_reach(point, mode, float(measured.omega[i]), without_hz, measured.still)
+        problem = _out_of_reach(point, mode, float(measured.omega[i]), without_hz, measured.unconstrained)
         if problem is not None:
             problems.append(problem)
     if problems and (len(problems) == len(measured.mode) or any("node" in p.message for p in problems)):
@@ -124,43 +123,43 @@ def check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[f
 
 
 def _out_of_reach(
-    point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...], still: int
+    point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...], unconstrained: int
 ) -> Problem | None:
     low, high = point.reach(mode)
     hz = 2 * np.pi
-    at = f"{_PATH}[{mode - 1 - still}]"
-    if point.on_node(mode) or high - low <= _STILL * high:
+    at = f"{_PATH}[{mode - 1 - unconstrained}]"
+    if point.on_node(mode) or high - low <= _INSENSITIVE * high:
         return Problem(
             at,
-            f"= {omega / hz:.6g} Hz says nothing about the snubber: it sits on a node of mode {mode}, where the beam "
-            f"does not move, so no stiffness changes that frequency from {low / hz:.6g} Hz",
-            f"leave mode {mode} out of fit_to and use one that moves at the snubber",
+            f"= {omega / hz:.6g} Hz does not depend on the snubber: it is at a node of mode {mode}, where the "
+            f"structure does not move, so that the frequency is {low / hz:.6g} Hz for every stiffness",
+            f"leave mode {mode} out of fit_to and use one with motion at the snubber",
         )
     if low < omega < high:
         return None
     limit = (
         f"the frequency without the snubber, {low / hz:.6g} Hz"
         if omega <= low
-        else f"that with the point pinned, {high / hz:.6g} Hz"
+        else f"the frequency with the point pinned, {high / hz:.6g} Hz"
     )
     side = "not above" if omega <= low else "not below"
-    reach = "upwards without limit" if np.isinf(high) else f"to {high / hz:.6g} Hz"
+    reach = "upwards without bound" if np.isinf(high) else f"to {high / hz:.6g} Hz"
     return Problem(
         at,
-        f"= {omega / hz:.6g} Hz is {side} {limit}: a spring there can bring mode {mode} from {low / hz:.6g} Hz {reach}",
+        f"= {omega / hz:.6g} Hz is {side} {limit}: a spring there can shift mode {mode} from {low / hz:.6g} Hz {reach}",
         _remedy(point, mode, omega, without_hz),
     )
 
 
 def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...]) -> str:
-    """The likeliest slip behind a frequency out of reach."""
+    """The most likely mistake behind a frequency out of reach."""
     low, high = point.reach(mode)
     hz = 2 * np.pi
     if mode <= len(without_hz) and omega <= low < hz * without_hz[mode - 1] < high:
         return "were measured_with and measured_without swapped?"
     hints = []
     if (number := _fits(point, mode, omega)) is not None:
-        hints.append(f"it fits mode {number}: list the frequencies from the first mode on")
+        hints.append(f"it fits mode {number}: list the frequencies starting with the first mode")
     for factor, unit in ((1 / hz, "rad/s"), (1000.0, "kHz"), (1 / 60, "1/min")):
         if low < omega * factor < high:
             hints.append(f"was the unit forgotten? write {omega / hz:g} {unit} if that was meant")
@@ -168,8 +167,8 @@ def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float
     if hints:
         return "; or ".join(hints)
     return (
-        "check the measurement, the beam's own parameters (measured_without compares them, update: fits them) and the "
-        "units of its dimensions"
+        "check the measurement, the parameters of the beam (measured_without compares them, update: fits them) and "
+        "the units of its dimensions"
     )
 
 
@@ -184,7 +183,7 @@ def _fits(point: SpringPoint, mode: int, omega: float) -> int | None:
 
 @dataclass(frozen=True)
 class LoopResult:
-    """How the thesis's loop ended."""
+    """Result of the loop of the thesis."""
 
     stiffness: float  # N/m, of the last step
     solutions: int  # eigenvalue solutions
@@ -194,27 +193,27 @@ class LoopResult:
 def thesis_loop(
     point: SpringPoint, mode: int, omega: float, *, tolerance: float, most_solutions: int, rigid: int = 0
 ) -> LoopResult:
-    """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the mode's frequency fits within a tolerance.
+    """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the frequency agrees within a tolerance.
 
-    Every step solves the whole eigenvalue problem. A step can jump over a narrow tolerance; because the
-    frequency never falls with k, the loop then ends and says so, instead of running for ever.
+    Every step solves the whole eigenvalue problem. A step can jump over a narrow tolerance. The frequency
+    never decreases with k, so the loop then stops with that outcome instead of running forever.
 
     Parameters
     ----------
     point : modes at the snubber.
     mode, omega : number and measured angular frequency.
     tolerance : relative difference in frequency at which the loop ends.
-    most_solutions : cap.
-    rigid : rigid-body modes among them.
+    most_solutions : largest number of eigenvalue solutions.
+    rigid : number of rigid-body modes.
     """
     from beamsim.structures.modes import closed_frequencies
 
     k, previous = FIRST_STIFFNESS, np.nan
     for count in range(1, most_solutions + 1):
-        found = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
-        if abs(found - omega) <= tolerance * omega:
+        predicted = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
+        if abs(predicted - omega) <= tolerance * omega:
             return LoopResult(k, count, COMPLETE)
-        if found > omega:
+        if predicted > omega:
             outcome = Outcome.of(OutcomeCode.STEPPED_OVER, before=previous, after=k, percent=100 * tolerance)
             return LoopResult(k, count, outcome)
         previous = k
@@ -223,7 +222,7 @@ def thesis_loop(
 
 
 def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Mapping[int, float]:
-    """Stiffness from each mode alone, N/m; nan where it is out of reach."""
+    """Stiffness from each mode alone, N/m; nan if it is out of reach."""
     k = _individual(point, measured)
     usable = np.isfinite(k) & (k > 0)
     return {mode: float(value) if ok else np.nan for mode, value, ok in zip(measured.mode, k, usable, strict=True)}

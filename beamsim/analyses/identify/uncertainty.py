@@ -1,8 +1,8 @@
-r"""How sure an identified stiffness is: first order, carried-over intervals, Monte Carlo, sensitivities.
+r"""Uncertainty of an identified stiffness: first order, confidence intervals, Monte Carlo, sensitivities.
 
 First order, with :math:`s_j = \partial f_j / \partial k` and standard deviations :math:`\sigma_j`:
-:math:`\mathrm{var}(k) = (\sum_j s_j^2 / \sigma_j^2)^{-1}`. One mode: k is a rising function of the frequency, so
-quantiles carry over exactly. Several: the interval where the profile likelihood stays within its quantile.
+:math:`\mathrm{var}(k) = (\sum_j s_j^2 / \sigma_j^2)^{-1}`. One mode: k increases with the frequency, so that
+quantiles transform exactly. Several: the interval in which the profile likelihood stays within its quantile.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ def spread_of(point: SpringPoint, measured: MeasuredModes, stiffness: float, cov
     first = (stiffness - z * deviation, stiffness + z * deviation)
     if len(measured.mode) == 1:
         ends = measured.omega[0] * (1 + np.array([-z, z]) * measured.sigma[0])
-        return Spread(deviation, first, _carried_over(point, measured.mode[0], ends))
+        return Spread(deviation, first, _transformed(point, measured.mode[0], ends))
     return Spread(deviation, first, _profile_interval(point, measured, stiffness, deviation / stiffness, z))
 
 
-def _carried_over(point: SpringPoint, mode: int, omega: Floats) -> tuple[float, float]:
-    """Stiffness behind each frequency: 0 below reach, infinity above."""
+def _transformed(point: SpringPoint, mode: int, omega: Floats) -> tuple[float, float]:
+    """Stiffness at the ends of a frequency interval: 0 below the reachable range, infinity above."""
     low, high = _reachable(point, mode, omega)
     return float(low), float(high)
 
@@ -73,18 +73,18 @@ def _profile_interval(
 
     least = float(misfit(point, measured, np.array([stiffness]))[0])
 
-    def over(log_k: float) -> float:
+    def excess(log_k: float) -> float:
         return float(misfit(point, measured, np.exp(np.array([log_k])))[0]) - least - z * z
 
     centre, ends = float(np.log(stiffness)), []
     for side in (-1.0, 1.0):
         reach = 2 * z * relative
-        while over(centre + side * reach) < 0 and reach < 40:
+        while excess(centre + side * reach) < 0 and reach < 40:
             reach *= 2
-        if over(centre + side * reach) < 0:
+        if excess(centre + side * reach) < 0:
             ends.append(0.0 if side < 0 else np.inf)
         else:
-            ends.append(float(np.exp(brentq(over, centre, centre + side * reach, xtol=1e-12))))
+            ends.append(float(np.exp(brentq(excess, centre, centre + side * reach, xtol=1e-12))))
     return ends[0], ends[1]
 
 
@@ -97,11 +97,11 @@ def monte_carlo(
     coverage: float,
     generator: np.random.Generator,
 ) -> tuple[float, tuple[float, float], float]:
-    """Standard deviation, interval and share out of reach of k under normally distributed frequencies.
+    """Standard deviation and interval of k for normally distributed frequencies, and the share of unreachable samples.
 
-    Every sample is identified by itself: in closed form from one mode, by the least misfit on a table with a parabola
-    through the lowest three for several. Samples that no stiffness explains count as 0 or infinity in the
-    interval and are left out of the standard deviation.
+    Every sample is identified separately: in closed form from one mode; from several by the smallest misfit in a table
+    and a parabola through its three lowest points. Samples that no stiffness explains count as 0 or infinity in the
+    interval and are excluded from the standard deviation.
     """
     omega = measured.omega * (1 + measured.sigma * generator.standard_normal((samples, measured.omega.size)))
     if len(measured.mode) == 1:
@@ -155,7 +155,7 @@ def sensitivities(
     stiffness: float,
     known: dict[str, float],
 ) -> list[Sensitivity]:
-    """d ln k / d ln p at fixed frequencies for every number of the structure, the strongest first.
+    """d ln k / d ln p at fixed frequencies for every number of the structure, largest first.
 
     One mode: exact for the finite-element model. Several: to first order in the misfit. A path with ``[*]`` is a
     common factor.
@@ -163,7 +163,7 @@ def sensitivities(
     Parameters
     ----------
     point : modes at the snubber.
-    stiffness : the identified one.
+    stiffness : the identified value, N/m.
     known : relative standard deviations by path.
     """
     from beamsim.scenario.parameters import find_parameters, value_at
@@ -182,7 +182,7 @@ def sensitivities(
         places = find_parameters(scenario, path)
         name = path_text(places[0]) if len(places) == 1 else path
         rows[name], given[name] = places, uncertainty
-    found = [
+    result = [
         Sensitivity(
             name,
             float(value_at(scenario, places[0])),
@@ -191,4 +191,4 @@ def sensitivities(
         )
         for name, places in rows.items()
     ]
-    return sorted(found, key=lambda s: -abs(s.relative))
+    return sorted(result, key=lambda s: -abs(s.relative))

@@ -1,4 +1,4 @@
-"""``beamsim sweep``: the answers of one structure as the frequency of its excitation changes."""
+"""``beamsim sweep``: response of a structure to a swept or stepped sine."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def sweep(
     save: Callable[[SweepResult], object] | None = None,
     resume: SweepResult | None = None,
 ) -> SweepResult:
-    """Sweep a scenario through its frequencies, at all its levels.
+    """Compute the sweeps of a scenario at all its levels.
 
     Parameters
     ----------
     scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
-    progress : called with the fraction that is done.
-    save : called with what there is so far, after the first level and from time to time after others.
-    resume : what an earlier, interrupted sweep of the same scenario left; its levels are not computed again.
+    progress : called with the fraction done.
+    save : called with the partial result after the first level and repeatedly later.
+    resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
     Raises
     ------
     ScenarioError
-        Where the scenario cannot be swept.
+        If the scenario cannot be swept.
     """
     begin = clock.perf_counter()
     next_save = begin
@@ -58,7 +58,7 @@ def sweep(
             )
         )
     if not isinstance(settings, (SweptSine, SteppedSine)):
-        raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} is followed by another analysis", ""))
+        raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} belongs to another analysis", ""))
     assert isinstance(excitation, Harmonic)
     system = sweep_system(scenario)
     if system.cubic.count:
@@ -134,7 +134,7 @@ def sweep(
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
             save(result())
-            # saving takes a tenth of the time at most
+            # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
     return result()
 
@@ -144,7 +144,7 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
     assert isinstance(scenario.sweep, (SweptSine, SteppedSine))
     assert isinstance(scenario.excitation, Harmonic)
     highest = max(scenario.sweep.from_, scenario.sweep.to)
-    # without the run its sample rate does not call for modes; the excitation's own frequency plays no part
+    # the sample rate of a run and the frequency of the excitation do not influence the reduction of a sweep
     return build_system(
         scenario.model_copy(
             update={"run": None, "excitation": scenario.excitation.model_copy(update={"frequency": highest})}
@@ -230,15 +230,15 @@ def _uncompared(scenario: Scenario) -> list[str]:
         and scenario.sweep is not None
         and not getattr(scenario.sweep, "accelerations", True)
     ):
-        return ["limits.peak_acceleration is not compared: sweep.accelerations = false leaves accelerations out"]
+        return ["limits.peak_acceleration is not checked, because sweep.accelerations = false"]
     return []
 
 
 def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """Margins against the allowables: the worst of all curves."""
+    """Margins against the allowables: the smallest over all curves."""
     if scenario.limits is None:
         return {}
-    found: dict[str, tuple[float, str]] = {}
+    largest: dict[str, tuple[float, str]] = {}
     for curve in curves.values():
         sources = {
             "peak_force": curve.force,
@@ -249,16 +249,16 @@ def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
             for name, envelope in envelopes.items():
                 k = int(np.nanargmax(envelope.peak))
                 here = (float(envelope.peak[k]), f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}")
-                found[limit] = max(found.get(limit, (-1.0, "")), here)
+                largest[limit] = max(largest.get(limit, (-1.0, "")), here)
         for name, values in curve.limited.items():
             limit, _, snubber = name.partition(" ")
             k = int(np.nanargmax(values))
             at = f"{snubber}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
-            found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
+            largest[limit] = max(largest.get(limit, (-1.0, "")), (float(values[k]), at))
     margins = {}
     for name, allowed in scenario.limits.given.items():
-        if name in found:
-            value, at = found[name]
+        if name in largest:
+            value, at = largest[name]
             margins[name] = {
                 "limit": allowed,
                 "value": value,

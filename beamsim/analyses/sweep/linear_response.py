@@ -1,4 +1,4 @@
-"""Steady response of the structure without its snubbers: the curve every sweep is drawn over.
+"""Steady response of the structure without its snubbers, for comparison with a sweep.
 
 .. math:: q = (K - \\omega^2 + i \\omega C)^{-1} \\Big(l_1 - \\frac{l_2}{\\omega^2}\\Big) A,
 
@@ -18,7 +18,7 @@ POINTS = 2000
 
 
 def transfer(system: StructuralSystem, frequency_hz: Floats, closed: Bools | None = None) -> Complexes:
-    """(F, n) coordinates for a unit amplitude of base acceleration or force, with some contacts closed for good."""
+    """(F, n) coordinates for a unit amplitude of base acceleration or force, with some contacts permanently closed."""
     dynamics = system.dynamics
     contacts, n = dynamics.contacts.split(), dynamics.size
     closed = np.zeros(contacts.count, dtype=bool) if closed is None else closed
@@ -38,11 +38,11 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, closed: Bools | Non
     try:
         return np.asarray(np.linalg.solve(matrix, per_unit[:, :, None])[:, :, 0])
     except np.linalg.LinAlgError:
-        return np.full(per_unit.shape, np.nan, dtype=complex)  # a frequency is an undamped resonance
+        return np.full(per_unit.shape, np.nan, dtype=complex)  # one of the frequencies is an undamped resonance
 
 
 def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
-    """Levels at which contact begins or is lost, from the linear motion about static equilibrium."""
+    """Levels at which contact is made or lost, from the linear motion about static equilibrium."""
     contacts = system.dynamics.contacts.split()
     if system.static_equilibrium is None or contacts.count == 0:
         return {}
@@ -55,24 +55,24 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
         moved = transfer(system, frequency_hz, which) @ contacts.shape.T
         return np.asarray(moved + base[:, None] * contacts.on_ground)
 
-    snubbers = np.arange(contacts.count) < len(system.snubbers)  # piecewise-linear springs stay as they are at rest
+    snubbers = np.arange(contacts.count) < len(system.snubbers)  # piecewise-linear springs keep their state at rest
     at_rest, shut = opening(closed), opening(closed | snubbers)
     unknown = np.full(omega.size, np.nan)
-    found = {}
+    levels = {}
     for j, snubber in enumerate(system.snubbers):
         with np.errstate(divide="ignore", invalid="ignore"):
             if closed[j]:
-                # contact ends with the penetration, not with the force
+                # contact is lost when the penetration vanishes, not the force
                 onset, loss = unknown, penetration[j] / np.abs(at_rest[:, j])
             else:
                 onset, loss = -penetration[j] / np.abs(at_rest[:, j]), unknown
         needed = contacts.stiffness[j] * np.abs(shut[:, j])
-        found[snubber.name] = ContactLevels(onset, loss, needed)
-    return found
+        levels[snubber.name] = ContactLevels(onset, loss, needed)
+    return levels
 
 
 def linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:
-    """The curve between two frequencies, with the resonances among its points."""
+    """The curve between two frequencies; the resonances are among its points."""
     frequency = np.geomspace(low_hz, high_hz, POINTS) if logarithmic else np.linspace(low_hz, high_hz, POINTS)
     resonances = system.modes.open_frequencies_hz
     frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))

@@ -1,8 +1,8 @@
-"""Peaks of a response curve, and what each of them is.
+"""Peaks of a response curve and their classification.
 
-A peak is named after the harmonic that rises most there: the excitation frequency itself (a resonance, linear where
-contact is never lost or never made, nonlinear otherwise), a multiple of it (a superharmonic: that multiple lies on a
-resonance), or a fraction (a subharmonic).
+A peak is classified by the harmonic with the largest increase: the excitation frequency itself (a resonance, linear if
+contact is never lost or never made, nonlinear otherwise), a multiple of it (a superharmonic resonance), or a fraction
+(a subharmonic resonance).
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import numpy as np
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
 from beamsim.typing import Bools, Floats, Ints
 
-BINS = 300  # stretches of frequency over which the envelope of a swept response is taken
-LEAST_PROMINENCE = 1.3  # factor by which a peak stands out
-NEIGHBOURHOOD = 1.25  # factor in frequency within which a harmonic's rise is measured
+BINS = 300  # frequency bins for the envelope of a swept response
+LEAST_PROMINENCE = 1.3  # smallest ratio of a peak to its surroundings
+NEIGHBOURHOOD = 1.25  # frequency ratio within which the increase of a harmonic is measured
 MOST_PEAKS = 12  # of a curve
-ALWAYS = 1e-6  # contact shares this close to 0 or 1 mean never and always
+ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or always
 
 
 def find_peaks(curve: SweepCurve, probe: str) -> list[ResponsePeak]:
-    """Peaks of a probe's peak displacement, by falling value."""
+    """Peaks in the displacement of a probe, largest first."""
     from scipy.signal import find_peaks as local_maxima
 
     envelope = curve.displacement[probe]
@@ -30,23 +30,23 @@ def find_peaks(curve: SweepCurve, probe: str) -> list[ResponsePeak]:
     order = np.argsort(curve.frequency_hz[good], kind="stable")
     index = np.flatnonzero(good)[order]
     frequency, peak = curve.frequency_hz[index], envelope.peak[index]
-    stretch = _stretches(frequency, BINS) if frequency.size > 3 * BINS else np.arange(frequency.size)
-    first = np.flatnonzero(np.append(True, np.diff(stretch) > 0))
+    bins = _bins(frequency, BINS) if frequency.size > 3 * BINS else np.arange(frequency.size)
+    first = np.flatnonzero(np.append(True, np.diff(bins) > 0))
     high = np.maximum.reduceat(peak, first)
     padded = np.concatenate([[0.0], np.log(high), [0.0]])
     padded[0] = padded[-1] = padded[1:-1].min() - 1.0
-    found, _ = local_maxima(padded, prominence=np.log(LEAST_PROMINENCE))
+    maxima, _ = local_maxima(padded, prominence=np.log(LEAST_PROMINENCE))
     peaks = []
     last = np.append(first[1:], peak.size)
-    for bin_ in found - 1:
+    for bin_ in maxima - 1:
         if bin_ in (0, high.size - 1):
-            continue  # the ends of the sweep are no peaks
+            continue  # the ends of the sweep are not peaks
         at = first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]]))
         peaks.append(_named(curve, probe, index, frequency, at))
     return sorted(peaks, key=lambda p: -p.value_m)[:MOST_PEAKS]
 
 
-def _stretches(frequency: Floats, count: int) -> Ints:
+def _bins(frequency: Floats, count: int) -> Ints:
     edges = np.geomspace(frequency[0], frequency[-1], count + 1)
     return np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, count - 1)
 
@@ -61,7 +61,7 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
     rise = np.empty(curve.orders.size)
     for r in range(curve.orders.size):
         beside = [np.nanmedian(amplitude[r, part]) for part in (below, above) if part.size]
-        # the higher side counts: what merely grows with frequency does not peak
+        # the higher side counts: a harmonic that merely grows with frequency has no peak
         rise[r] = np.nanmedian(amplitude[r, here]) - max(beside, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
     r = int(np.argmax(rise))
@@ -81,7 +81,7 @@ def _around(frequency: Floats, low: float, high: float, fallback: int | None) ->
 
 
 def _linear(curve: SweepCurve, part: Ints) -> bool:
-    """Whether no contact is made or lost, nor a breakpoint of a spring met, in these cycles."""
+    """Whether no contact is made or lost and no breakpoint of a spring is passed in these cycles."""
     shares = curve.contact_share.values()
     if curve.bent is not None and np.any(curve.bent[part]):
         return False
@@ -89,5 +89,5 @@ def _linear(curve: SweepCurve, part: Ints) -> bool:
 
 
 def bent(share: Floats) -> Bools:
-    """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) that its stretch is beyond it."""
+    """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) with the spring beyond it."""
     return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

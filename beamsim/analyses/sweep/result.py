@@ -86,7 +86,7 @@ class SweepCurve:
     name: str = key("direction and number of the level, up_0")
     direction: str = attribute("", "up or down")
     level_index: int = attribute("1", "number of the level, from 0")
-    level: float = attribute("{excitation_unit}", "level of the excitation; with a profile the factor on it")
+    level: float = attribute("{excitation_unit}", "level of the excitation; with a profile the factor applied to it")
     quantity: str = attribute("", "what is prescribed: acceleration, velocity or displacement of the base, or force")
     frequency_hz: Floats = axis("Hz", "excitation frequency")  # (C,) in the middle of each cycle
     time: Floats = dataset("s", "time at the start of the cycle", along=_FREQUENCY)
@@ -104,14 +104,14 @@ class SweepCurve:
     contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact", along=_FREQUENCY)
     contacts: dict[str, Ints] = per_snubber("1", "number of closings", along=_FREQUENCY)
     steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
-    # what only limits ask for
+    # only computed for limits
     peak_gap: dict[str, Floats] = per_snubber(
         "m", "largest opening of the contact in the cycle", along=_FREQUENCY, default_factory=dict
     )
     peak_bending_stress: Floats | None = dataset(
         "Pa", "largest bending stress along the beam in the cycle", along=_FREQUENCY, default=None
     )
-    bent: Bools | None = None  # (C,) whether a piecewise-linear spring met a breakpoint; not stored
+    bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
     @property
     def excitation_unit(self) -> str:
@@ -120,14 +120,14 @@ class SweepCurve:
 
     @property
     def limited(self) -> dict[str, Floats]:
-        """Largest values of each cycle, (C,), of what only limits ask for: "bending_stress", "gap <snubber>"."""
+        """(C,) largest values of each cycle, of the quantities computed only for limits: stress and "gap <snubber>"."""
         gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
         return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
 
 
 @declared
 class ContactLevels:
-    """What keeps or breaks one contact under a steady sine while the motion is linear, at each frequency.
+    """Levels at which the linear steady motion makes or loses one contact, at each frequency.
 
     A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
     """
@@ -159,16 +159,16 @@ class LinearCurve:
 
 @declared
 class ResponsePeak:
-    """A local maximum of a response curve, and what it is."""
+    """A local maximum of a response curve and its classification."""
 
-    curve: str = dataset("1", "curve of the peak")
-    probe: str = dataset("1", "probe of the peak")
-    direction: str = dataset("1", "direction of the peak")
+    curve: str = dataset("1", "name of the curve")
+    probe: str = dataset("1", "name of the probe")
+    direction: str = dataset("1", "direction of the sweep")
     level: float = dataset("", "level of the excitation")
     frequency_hz: float = dataset("Hz", "excitation frequency of the peak")
     value_m: float = dataset("m", "peak displacement")
     kind: str = dataset("1", "kind of the peak")  # linear or nonlinear resonance, superharmonic, subharmonic
-    order: float = dataset("1", "order of the harmonic that resonates")
+    order: float = dataset("1", "order of the resonant harmonic")
     share: float = dataset("1", "share of that harmonic in the peak displacement")
 
 
@@ -186,12 +186,12 @@ class SweepHistory:
 
 @declared
 class SweepWork:
-    """What the solver did."""
+    """Work of the solver."""
 
     cycles: int = attribute("1", "cycles of the excitation computed")
     events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
-    segments: int = attribute("1", "stretches of time between events")
-    evaluations: int = attribute("1", "evaluations of the functions watched for events")
+    segments: int = attribute("1", "time segments between events")
+    evaluations: int = attribute("1", "evaluations of the event functions")
     states: int = attribute("1", "contact states that were diagonalised")
     processor_time_s: float = attribute("s", "processor time of the solver alone")
 
@@ -200,9 +200,11 @@ class SweepWork:
 class LevelWork:
     """One level that was computed."""
 
-    level: float = attribute("", "level of the excitation; with a profile the factor on it")
+    level: float = attribute("", "level of the excitation; with a profile the factor applied to it")
     outcome: Outcome = ending("how the computation of the level ended")
-    truncation: float = attribute("1", "bound on what the expansion of the sine leaves out, of its amplitude")
+    truncation: float = attribute(
+        "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"
+    )
     work: SweepWork = group("")
 
 
@@ -217,7 +219,7 @@ _SUMMARY = (
     Entry("cycles", "1", "cycles of the excitation computed"),
     Entry("events", "1", "contact events, breakpoints of piecewise-linear springs included"),
     Entry("processor_time_s", "s", "processor time of the solver alone"),
-    Entry("truncation", "1", "bound on what the expansion of the sine leaves out, of its amplitude"),
+    Entry("truncation", "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"),
     Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement"),
     Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration"),
     Entry("peak_force_n", "N", "by curve, largest contact force of a snubber"),
@@ -246,5 +248,5 @@ class SweepResult(Result):
     levels: dict[int, LevelWork] = keyed("level_{}", having="truncation", default_factory=dict)  # that were computed
     histories: dict[int, SweepHistory] = keyed("level_{}", having="time", default_factory=dict)  # by level index
     truncation: float = attribute(
-        "1", "bound on what the expansion of the sine leaves out, of its amplitude", default=0.0
+        "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude", default=0.0
     )

@@ -1,4 +1,4 @@
-"""``beamsim sweep``, kind stepped: the steady motion at each frequency, from that at the one before."""
+"""``beamsim sweep``, kind stepped: the steady motion at each frequency, started from the previous one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 EXPONENT_CYCLES = 400
-UNSETTLED_CYCLES = 64  # measured where there is no period
+UNSETTLED_CYCLES = 64  # measured if there is no period
 MOST_MEASURED = 240
 
 
@@ -51,7 +51,7 @@ class _Point:
 
 
 def frequencies_of(settings: SteppedSine) -> Floats:
-    """Frequencies of the steps, upwards."""
+    """Frequencies of the steps, increasing."""
     if settings.spacing == "logarithmic":
         return np.geomspace(settings.from_, settings.to, settings.points)
     return np.linspace(settings.from_, settings.to, settings.points)
@@ -69,20 +69,20 @@ def step_level(
     """Step through the frequencies at one level, in all directions."""
     begin = clock.process_time()
     up = frequencies_of(settings)
-    ways = {"up": [("up", up)], "down": [("down", up[::-1])], "both": [("up", up), ("down", up[::-1])]}
-    ways_taken = ways[settings.direction]
+    sequences = {"up": [("up", up)], "down": [("down", up[::-1])], "both": [("up", up), ("down", up[::-1])]}
+    directions = sequences[settings.direction]
     quantity = excitation.quantity or "acceleration"
     phase = excitation.phase + phase_of_acceleration(quantity, level)
-    total = sum(f.size for _, f in ways_taken)
+    total = sum(f.size for _, f in directions)
 
-    first = constant_windows(float(ways_taken[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
+    first = constant_windows(float(directions[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
     flow = swept_flow(system, first)
     stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel)
     output_of = sweep_outputs(system, flow, settings.accelerations, limited)
     orders = np.array((0.0, *settings.orders))
     motion = Motion(flow.bare.whole_state(system.initial_state), -1)
     curves, outcome, done = [], COMPLETE, 0
-    for direction, frequencies in ways_taken:
+    for direction, frequencies in directions:
         points: list[_Point] = []
         for f in frequencies:
             amplitude = acceleration_amplitude(abs(level), quantity, float(f))
@@ -113,7 +113,7 @@ def _windows_at_a_time(settings: SteppedSine) -> int:
 
 
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
-    """A whole number of the motion's periods and of the orders', as many as asked for."""
+    """At least `measured_cycles`: a whole number of periods of the motion and, if possible, of the orders."""
     repeat = period
     for order in settings.orders:
         longer = math.lcm(repeat, Fraction(order).limit_denominator(12).denominator)
@@ -138,8 +138,8 @@ def _point(
     kind, exponent, section = "periodic", float("nan"), settled.section[:0]
     cycles = _cycles_to_measure(settings, settled.period) if settled.period else UNSETTLED_CYCLES
     if not settled.period:
-        found = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
-        kind, exponent, section = found.kind, found.value, settled.section
+        exponent_found = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
+        kind, exponent, section = exponent_found.kind, exponent_found.value, settled.section
     _, measured = measure(stepper, motion, cycles, output_of, orders)
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 

@@ -1,4 +1,4 @@
-"""``beamsim sweep``, kind swept_sine: a continuous sweep, kept cycle by cycle."""
+"""``beamsim sweep``, kind swept_sine: a continuous sweep, evaluated cycle by cycle."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SweptRun:
 
 
 def legs_of(settings: SweptSine) -> list[Leg]:
-    """The ways of the sweep, in order."""
+    """The legs of the sweep, up or down, in order."""
     up = make_leg(settings.from_, settings.to, settings.rate)
     down = make_leg(settings.to, settings.from_, settings.rate)
     legs = {"up": [up], "down": [down], "both": [up, down]}[settings.direction]
@@ -51,7 +51,7 @@ def legs_of(settings: SweptSine) -> list[Leg]:
         )
     if cycles < 2:
         raise ScenarioError(
-            Problem("sweep.rate", f"= {settings.rate} passes the range in {cycles:.2g} cycles", "sweep more slowly")
+            Problem("sweep.rate", f"= {settings.rate} covers the range in {cycles:.2g} cycles", "sweep more slowly")
         )
     return legs
 
@@ -86,7 +86,7 @@ def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
 def sweep_outputs(
     system: StructuralSystem, flow: SweptFlow, with_accelerations: bool, limited: Collection[str] = ()
 ) -> Callable[[Ints], LinearOutput]:
-    """Displacements of the probes, forces of the snubbers, the probes' absolute accelerations, and what limits ask for.
+    """Displacements of the probes, forces of the snubbers, absolute accelerations of the probes, quantities of limits.
 
     The last are the penetrations of the snubbers where ``limited`` holds "gap", and the stress along the beam where it
     holds "bending_stress"; see :func:`limited_values`.
@@ -113,16 +113,16 @@ def sweep_outputs(
 def limited_values(
     system: StructuralSystem, with_accelerations: bool, limited: Collection[str], high: Floats, low: Floats
 ) -> dict[str, Any]:
-    """Fields of a curve that limits ask for, from the extremes (C, K) of `sweep_outputs`."""
+    """Fields of a curve that are computed only for limits, from the extremes (C, K) of `sweep_outputs`."""
     P, S = len(system.probes), len(system.snubbers)
     first = P + S + (P if with_accelerations else 0)
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     if "gap" in limited:
-        found["peak_gap"] = {s.name: -low[:, first + k] for k, s in enumerate(system.snubbers)}
+        fields["peak_gap"] = {s.name: -low[:, first + k] for k, s in enumerate(system.snubbers)}
         first += S
     if "bending_stress" in limited and system.stress is not None:
-        found["peak_bending_stress"] = np.maximum(np.abs(high[:, first:]), np.abs(low[:, first:])).max(axis=1)
-    return found
+        fields["peak_bending_stress"] = np.maximum(np.abs(high[:, first:]), np.abs(low[:, first:])).max(axis=1)
+    return fields
 
 
 def run_level(
@@ -134,7 +134,7 @@ def run_level(
     progress: Callable[[float], None] | None = None,
     limited: Collection[str] = (),
 ) -> SweptRun:
-    """Sweep at one level, in all directions, contact state and motion carried along."""
+    """Sweep at one level in all directions; each direction starts from the final motion of the previous one."""
     legs = legs_of(settings)
     profile = profile_of(settings, excitation, level)
     lead = 0.0 if settings.profile else phase_of_acceleration(excitation.quantity or "acceleration", level)
