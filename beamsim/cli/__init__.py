@@ -17,7 +17,7 @@ def main() -> None:
     import signal
     import sys
 
-    # the matrices are small: threads of the linear algebra would cost more than they give
+    # the matrices are small: more threads would make the linear algebra slower
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(library, "1")
 
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def use_utf8(*streams: Any) -> None:
-    """Let streams hold every character: the encoding of a Windows console, or of a pipe there, does not."""
+    """Switch streams to UTF-8, which is not the default of consoles and pipes on Windows."""
     for stream in streams:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8")

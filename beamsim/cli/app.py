@@ -45,8 +45,8 @@ class TemplateKind(StrEnum):
     chain = "chain"
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(show: bool) -> None:
+    if show:
         from beamsim.version import __version__
 
         print(f"beamsim {__version__}")
@@ -80,7 +80,7 @@ def run(
 
     scenario, target = prepared(case, set_, output, check=check)
     reporting = Reporting(not no_plots, json, quiet, check)
-    with progress_bar(f"simulating {case.name}", wanted=reporting.progress) as progress:
+    with progress_bar(f"simulating {case.name}", shown=reporting.progress) as progress:
         from beamsim.analyses.run.analysis import run as simulate
 
         result = simulate(scenario, progress)
@@ -90,7 +90,7 @@ def run(
 @app.command()
 @guarded
 def validate(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
-    """Check a case without running it. Reports every problem with its place and a remedy."""
+    """Check a case without running it. Reports every problem with file, line and remedy."""
     from beamsim.cli.report import print_json
     from beamsim.cli.validation import validated
     from beamsim.errors import ScenarioError
@@ -112,7 +112,7 @@ def validate(case: Case, set_: Overrides = None, json: Json = False, debug: Debu
 @app.command()
 @guarded
 def schema(output: Output = None, json: Json = False, debug: Debug = False) -> None:
-    """Print the JSON Schema of scenario files. Editors complete and check with it."""
+    """Print the JSON Schema of scenario files, for completion and checks in editors."""
     from beamsim.cli.output import output_file
     from beamsim.cli.validation import schema_text
 
@@ -148,7 +148,7 @@ def new(
 @app.command()
 @guarded
 def info(result: Stored, json: Json = False, debug: Debug = False) -> None:
-    """Print what a result file holds."""
+    """Print the contents of a result file."""
     from beamsim.cli.stored import print_stored
 
     print_stored(result, as_json=json)
@@ -159,11 +159,11 @@ def info(result: Stored, json: Json = False, debug: Debug = False) -> None:
 def plot(
     result: Stored,
     output: Output = None,
-    form: Annotated[PictureFormat, typer.Option("--format", help="Kind of picture.")] = PictureFormat.png,
+    form: Annotated[PictureFormat, typer.Option("--format", help="Picture format.")] = PictureFormat.png,
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Draw the plots of a result file again. Nothing is recomputed."""
+    """Plot a result file again without recomputing it."""
     from beamsim.cli.output import output_folder
     from beamsim.cli.report import print_files
     from beamsim.cli.stored import plot_stored

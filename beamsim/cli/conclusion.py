@@ -1,4 +1,4 @@
-"""How a command begins and ends: what it loads, and how its result is saved, printed and turned into an exit code."""
+"""Common parts of all commands: load the scenario; save, plot and print the result; exit code."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ EXIT_CODES = {
 
 @dataclass(frozen=True)
 class Reporting:
-    """What a command shows of its result, as its options say."""
+    """Options of a command that control its output."""
 
     plots: bool = True
     json: bool = False
     quiet: bool = False
-    check: bool = False  # whether limits count
+    check: bool = False  # whether exceeding a limit is an error
 
     @property
     def progress(self) -> bool:
@@ -44,14 +44,14 @@ class Reporting:
 def prepared(
     case: Path, overrides: Sequence[str] | None, output: Path | None, *, check: bool = False
 ) -> tuple[Scenario, Path]:
-    """The scenario of a case, and where its result will be written.
+    """The scenario of a case and the path of its result file.
 
     Raises
     ------
     ScenarioError
-        Where the scenario is wrong, or has no limits to check.
+        If the scenario is invalid, or has no limits to check.
     ResultFileError
-        Where the result could not be written.
+        If the result could not be written.
     """
     from beamsim.cli.output import output_file
     from beamsim.scenario import load_scenario
@@ -66,7 +66,7 @@ def prepared(
 
 @contextmanager
 def located(scenario: Scenario) -> Iterator[None]:
-    """Give file and line to the problems that only an analysis of the scenario finds."""
+    """Add file and line to problems that only the analysis detects."""
     try:
         yield
     except ScenarioError as error:
@@ -74,12 +74,12 @@ def located(scenario: Scenario) -> Iterator[None]:
 
 
 def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
-    """Write the result file, and conclude.
+    """Write the result file and conclude.
 
     Raises
     ------
     ResultFileError
-        Where a file cannot be written.
+        If a file cannot be written.
     StoppedEarlyError, LimitExceededError
         See `conclude`.
     """
@@ -90,20 +90,20 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
 
 
 def conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
-    """Draw and print a result that is written, and end the command with the exit code of its outcome.
+    """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
 
     Parameters
     ----------
     kind : of the result, one of `beamsim.kinds.KINDS`.
-    target : the result file; the plots go beside it.
-    signal : number of the signal that asked for the end, after which there are no plots; 0 where none did.
+    target : the result file; the plots are written to the same folder.
+    signal : number of the signal that stopped the computation (no plots are made then), or 0.
 
     Raises
     ------
     StoppedEarlyError
-        Where the result is not complete.
+        If the result is not complete.
     LimitExceededError
-        Where a limit is exceeded and limits count.
+        If a limit is exceeded and limits are checked.
     """
     files = [target]
     if reporting.plots and not signal:
@@ -114,7 +114,7 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
         print_outcome(kind, result, files, as_json=reporting.json)
     code = exit_code(result.outcome, signal)
     if signal:
-        text = f"interrupted; the partial result is in {target}, and `beamsim plot {target}` draws it"
+        text = f"interrupted; the partial result is in {target}; `beamsim plot {target}` plots it"
         raise StoppedEarlyError(text, code)
     if code != ExitCode.SUCCESS:
         raise StoppedEarlyError(f"{result.status}; the partial result is in {target}", code)
@@ -127,7 +127,7 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
 
 
 def exit_code(outcome: Outcome, signal: int = 0) -> int:
-    """With what the command ends that gave this outcome, after a signal if its number is given.
+    """Exit code of a command with this outcome, or after a signal.
 
     >>> from beamsim.outcomes import COMPLETE
     >>> int(exit_code(COMPLETE)), exit_code(COMPLETE, 15)
@@ -137,7 +137,7 @@ def exit_code(outcome: Outcome, signal: int = 0) -> int:
 
 
 def print_outcome(kind: str, result: Result, files: Sequence[Path], *, as_json: bool) -> None:
-    """Print the result of a command: its summary as JSON, or its table, with the files written below."""
+    """Print the result of a command as JSON or as a table, with the list of files written."""
     from beamsim.cli.report import print_json, print_table
     from beamsim.cli.stored import table_rows
 

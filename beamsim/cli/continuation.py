@@ -1,4 +1,4 @@
-"""What ``beamsim sweep`` does with ``kind: continuation``."""
+"""``beamsim sweep`` with ``kind: continuation``."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ MOST_BRANCHES = 12  # in a table
 def continue_response(
     scenario: Scenario, target: Path, reporting: Reporting, overlay: Sequence[Path], *, expansion: bool
 ) -> None:
-    """Follow the response, overlay what was asked for, save, print.
+    """Follow the response, add the requested overlays, save and print.
 
     Raises
     ------
     ScenarioError, ResultFileError
-        Before anything is computed, where the scenario or a file cannot be used.
+        Before the computation, if the scenario or a file cannot be used.
     StoppedEarlyError
-        Where the range was not covered or the result is not to be trusted, or after a signal; what there is was saved.
+        If the range was not covered, the result is not reliable, or after a signal; the partial result is saved.
     LimitExceededError
         With ``--check``.
     """
@@ -40,8 +40,8 @@ def continue_response(
     from beamsim.store.results import open_sweep
 
     stored = [(path, open_sweep(path)) for path in overlay]
-    showing = progress_bar("following the response", wanted=reporting.progress)
-    with interruptible() as interrupted, showing as progress:
+    bar = progress_bar("following the response", shown=reporting.progress)
+    with interruptible() as interrupted, bar as progress:
         from beamsim.analyses.response.analysis import frequency_response
 
         result = frequency_response(scenario, progress, interrupted)
@@ -66,8 +66,8 @@ def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
         if branch.period_multiple > 1:
             continue
         for event in branch.special[:SHOWN]:
-            of = f" of {event.snubber}" if event.snubber else ""
-            yield "", f"{special_name(event.kind)}{of} at {event.parameter:.8g} {result.unit}"
+            snubber = f" of {event.snubber}" if event.snubber else ""
+            yield "", f"{special_name(event.kind)}{snubber} at {event.parameter:.8g} {result.unit}"
         if len(branch.special) > SHOWN:
             yield "", f"and {len(branch.special) - SHOWN} more special points in the file"
     if len(result.branches) > MOST_BRANCHES:
@@ -81,13 +81,13 @@ def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
             yield (
                 f"fold at {curve['start_hz']:.6g} Hz",
                 f"{result.second_parameter} {reach}, {curve['smallest_hz']:.5g} to {curve['largest_hz']:.5g} Hz, "
-                f"{curve['points']} points" + (f", {curve['touching']} just touched" if curve["touching"] else ""),
+                f"{curve['points']} points" + (f", {curve['touching']} grazing" if curve["touching"] else ""),
             )
         else:
             yield f"fold at {curve['start_hz']:.6g} Hz", curve["status"]
-    for laid in result.overlay.values():
-        how = "swept" if laid.steady is None else "stepped"
-        yield "overlay", f"{how} {laid.direction}, level {laid.level:.4g} {laid.source}".rstrip()
+    for overlaid in result.overlay.values():
+        how = "swept" if overlaid.steady is None else "stepped"
+        yield "overlay", f"{how} {overlaid.direction}, level {overlaid.level:.4g} {overlaid.source}".rstrip()
     yield from margin_rows(result.summary.get("margins", {}))
     if result.expansion:
         from beamsim.cli.multiple_scales import forced_expansion_rows
@@ -95,7 +95,7 @@ def response_rows(result: FrequencyResponse) -> Iterator[tuple[str, str]]:
         yield from forced_expansion_rows(result.expansion)
     if "neglected_harmonics" in result.summary:
         share = f"{100 * result.summary['neglected_harmonics']:.2g} %"
-        yield "neglected harmonics", f"worth {share} of the motion where they are worth most"
+        yield "neglected harmonics", f"at most {share} of the motion"
     method = result.method.replace("_", " ")
     yield "solver", f"{method}, processor time {result.summary['processor_time_s']:.3g} s"
 

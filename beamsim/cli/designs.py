@@ -1,4 +1,4 @@
-"""``beamsim sweep`` of a scenario with ``vary``: many cases, kept as they come."""
+"""``beamsim sweep`` of a scenario with ``vary``: many cases, stored as they are completed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.scenario import Scenario
 
-SAVED_EVERY_S = 30.0  # how often the result file is brought up to date
-TOLD_EVERY_S = 30.0  # how often progress is told where there is no terminal
+SAVED_EVERY_S = 30.0  # interval between updates of the result file
+REPORTED_EVERY_S = 30.0  # interval between progress messages if there is no terminal
 MOST_ROWS = 24
 
 
@@ -33,14 +33,14 @@ class StudyOptions:
 
 
 def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, reporting: Reporting) -> None:
-    """Compute all cases (or those that are missing), save, print.
+    """Compute all cases (or the missing ones), save and print.
 
     Raises
     ------
     ScenarioError, ResultFileError
-        Before anything is computed.
+        Before the computation.
     StoppedEarlyError, NotTrustedError
-        When cases failed or workers died; what there is was saved.
+        If cases failed or workers ended unexpectedly; the partial result is saved.
     LimitExceededError
         With ``--check``.
     """
@@ -53,12 +53,12 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, repor
         _compute(plan, target, options, reporting)
         return
     if not reporting.quiet:
-        say(f"beamsim: {target} is complete; nothing is left to compute")
+        say(f"beamsim: {target} is complete; there is nothing to compute")
     conclude("designs", stored, target, replace(reporting, plots=False))
 
 
 def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
-    """The result in the file, if nothing is left to do."""
+    """The result in the file, if it is complete."""
     from beamsim.store.journal import journal_path
     from beamsim.store.results import open_result
     from beamsim.store.stored import holds
@@ -80,13 +80,13 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
     cases = len(plan.tasks)
     with Journal(journal_path(target), plan.fingerprint, resume=options.resume) as journal:
         if journal.dropped:
-            say(f"beamsim: warning: beginning anew; --resume would have kept {journal.dropped} of {cases} cases")
+            say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
         elif journal.known and not reporting.quiet:
-            say(f"beamsim: {len(journal.known)} of {cases} cases are known already")
+            say(f"beamsim: {len(journal.known)} of {cases} cases are already computed")
         outcomes = {outcome.index: outcome for outcome in journal.known}
         begin = saved = clock.monotonic()
 
-        def keep(outcome: Any) -> None:
+        def store(outcome: Any) -> None:
             nonlocal saved
             journal.add(outcome)
             outcomes[outcome.index] = outcome
@@ -97,7 +97,7 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
         try:
             with _progress(len(outcomes), cases, reporting) as progress:
                 result = design_study(
-                    plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=keep,
+                    plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
                     progress=progress,
                 )  # fmt: skip
         except BaseException:
@@ -114,23 +114,23 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
 
 @contextmanager
 def _progress(known: int, cases: int, reporting: Reporting) -> Iterator[Callable[[float], None] | None]:
-    """A bar with the time that remains on a terminal; elsewhere a line from time to time."""
-    with progress_bar(f"{cases} cases", wanted=reporting.progress) as bar:
+    """A progress bar on terminals; elsewhere a message at intervals."""
+    with progress_bar(f"{cases} cases", shown=reporting.progress) as bar:
         if bar is not None:
             yield bar
             return
-        begin = told = clock.monotonic()
+        begin = reported = clock.monotonic()
 
-        def tell(fraction: float) -> None:
-            nonlocal told
+        def report(fraction: float) -> None:
+            nonlocal reported
             now, done = clock.monotonic(), round(fraction * cases)
-            if reporting.quiet or now - told < TOLD_EVERY_S or done <= known:
+            if reporting.quiet or now - reported < REPORTED_EVERY_S or done <= known:
                 return
-            told = now
-            left = (now - begin) * (cases - done) / (done - known)
-            say(f"beamsim: {done} of {cases} cases, about {_duration(left)} remain")
+            reported = now
+            remaining = (now - begin) * (cases - done) / (done - known)
+            say(f"beamsim: {done} of {cases} cases, about {_duration(remaining)} remain")
 
-        yield tell
+        yield report
 
 
 def _duration(seconds: float) -> str:
@@ -145,9 +145,9 @@ def design_rows(result: DesignsResult) -> Iterator[tuple[str, str]]:
 
     s = result.summary
     failed = f", {s['failed']} failed" if s["failed"] else ""
-    of = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of "}[result.kind]
+    design = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of "}[result.kind]
     size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(s["cases"])
-    yield "cases", f"{of}{size}, each a {result.analysis.replace('_', ' ')}{failed}"
+    yield "cases", f"{design}{size}, each a {result.analysis.replace('_', ' ')}{failed}"
     for coordinate in result.coordinates:
         yield "varied", f"{coordinate.path}: {_extent(coordinate)}"
     yield from margin_rows(s.get("margins", {}))

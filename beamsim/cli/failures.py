@@ -1,4 +1,4 @@
-"""The one place where exceptions become messages and exit codes (`beamsim.errors.ExitCode`)."""
+"""Conversion of exceptions to messages and exit codes (`beamsim.errors.ExitCode`)."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from beamsim.errors import BeamsimError, ExitCode, ScenarioError
 
 Parameters = ParamSpec("Parameters")
 
-# what print meets where the disk is full; not every system has all of them
+# errors of print when the disk is full; not every system defines all of them
 OUTPUT_REFUSED = [getattr(errno, name) for name in ("ENOSPC", "EIO", "EFBIG", "EDQUOT") if hasattr(errno, name)]
 
 
 def verdict(error: BaseException) -> tuple[int, str]:
     """Exit code and message for an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return ExitCode.INTERRUPTED, "beamsim: interrupted; no file was left half-written"
+        return ExitCode.INTERRUPTED, "beamsim: interrupted; no incomplete file was left"
     if isinstance(error, ScenarioError):
         return error.exit_code, "\n".join(
             str(problem) if problem.file else f"beamsim: {problem}" for problem in error.problems
@@ -32,28 +32,28 @@ def verdict(error: BaseException) -> tuple[int, str]:
     if isinstance(error, BeamsimError):
         return error.exit_code, f"beamsim: {error}"
     if isinstance(error, MemoryError):
-        return ExitCode.USAGE, "beamsim: not enough memory; shorten run.duration or lower run.sample_rate"
+        return ExitCode.USAGE, "beamsim: not enough memory; reduce run.duration or run.sample_rate"
     if isinstance(error, OSError) and error.filename is not None:
         return ExitCode.USAGE, f"beamsim: {error.filename}: {error.strerror}"
     if isinstance(error, OSError) and error.errno in OUTPUT_REFUSED:
         return ExitCode.USAGE, f"beamsim: cannot write the output: {error.strerror}"
     text = f"{type(error).__name__}: {error}".splitlines()[0]
-    return ExitCode.BUG, f"beamsim: internal error ({text}); use --debug to see where"
+    return ExitCode.BUG, f"beamsim: internal error ({text}); use --debug for the traceback"
 
 
 def say(text: str) -> None:
-    """A line for the person, on standard error."""
+    """Print a message on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 def broken_pipe(error: BaseException) -> bool:
-    """Whether the reader of standard output has closed it (``| head``); Windows calls that an invalid argument."""
+    """Whether standard output was closed by its reader (``| head``); on Windows that is an invalid argument."""
     invalid = sys.platform == "win32" and getattr(error, "errno", None) == errno.EINVAL
     return isinstance(error, BrokenPipeError) or (isinstance(error, OSError) and invalid and error.filename is None)
 
 
 def discard_output() -> None:
-    """Send what is left in standard output nowhere, so that nothing fails when Python flushes it at exit."""
+    """Discard buffered standard output, so that flushing it at exit does not fail."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (AttributeError, OSError, ValueError):  # no such function, or no file behind standard output

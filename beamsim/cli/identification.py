@@ -34,7 +34,7 @@ def identify_stiffness(
 
     scenario, target = prepared(case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
-    with progress_bar("identifying", wanted=reporting.progress) as progress:
+    with progress_bar("identifying", shown=reporting.progress) as progress:
         from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
         result = identify(scenario, read_tests(scenario, case.parent), progress)
@@ -66,5 +66,5 @@ def compare(
     stored = open_run(result)
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
     pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
-    found = compare_with(stored, pairs, harmonics=harmonics, last=last)
-    finish("compare", found, target, Reporting(not no_plots, json))
+    comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
+    finish("compare", comparison, target, Reporting(not no_plots, json))

@@ -56,17 +56,17 @@ def identification_rows(result: IdentificationResult) -> Iterator[Row]:
         yield from _stiffness(result.estimate, result)
         yield from _table("with permanent contact", result.with_snubber)
         for k, s in enumerate(result.sensitivities[:SENSITIVITIES_SHOWN]):
-            part = f", adds {100 * s.contribution:.2g} % to k" if math.isfinite(s.contribution) else ""
-            yield "sensitivity" if k == 0 else "", f"1 % of {s.parameter} is {s.relative:+.3g} % of k{part}"
+            part = f", uncertainty of k {100 * s.contribution:.2g} %" if math.isfinite(s.contribution) else ""
+            yield "sensitivity" if k == 0 else "", f"1 % of {s.parameter} gives {s.relative:+.3g} % of k{part}"
     if result.nonlinear is not None:
-        found = result.nonlinear
-        for k, parameter in enumerate(found.parameters):
+        fit = result.nonlinear
+        for k, parameter in enumerate(fit.parameters):
             yield "" if k else "estimated", _parameter(parameter)
         yield (
             "  misfit",
-            f"{found.misfit_before:.4g} before, {found.misfit:.4g} after, {found.degrees_of_freedom} degrees free",
+            f"{fit.misfit_before:.4g} before, {fit.misfit:.4g} after, {fit.degrees_of_freedom} degrees of freedom",
         )
-        yield "  starts", f"{found.starts_agreeing} of {found.starts} found the same minimum"
+        yield "  starts", f"{fit.starts_agreeing} of {fit.starts} reached the same minimum"
     yield "processor time", f"{1e3 * result.processor_time_s:.3g} ms"
 
 
@@ -86,7 +86,7 @@ def _stiffness(estimate: StiffnessEstimate, result: IdentificationResult) -> Ite
     if estimate.total_standard_deviation > estimate.standard_deviation or (
         math.isnan(estimate.standard_deviation) and math.isfinite(estimate.total_standard_deviation)
     ):
-        yield "  with the structure's", f"{_si(estimate.total_standard_deviation, 'N/m')} standard deviation"
+        yield "  with the structure", f"{_si(estimate.total_standard_deviation, 'N/m')} standard deviation"
     if len(estimate.fit_to) > 1:
         each = (
             f"mode {mode}: {_si(k, 'N/m') if math.isfinite(k) else 'out of reach'}"
@@ -114,7 +114,7 @@ def _parameter(p: ParameterEstimate) -> str:
     text = f"{p.parameter}: {p.before:.5g} -> {p.value:.5g}"
     if math.isfinite(p.standard_deviation):
         text += f" +- {p.standard_deviation:.2g} ({p.interval[0]:.5g} to {p.interval[1]:.5g})"
-    return text + (" on its bound" if p.at_bound else "")
+    return text + (" at its bound" if p.at_bound else "")
 
 
 def _si(value: float, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""Ctrl-C during an analysis that can end early: once to keep what was found, twice to end at once."""
+"""Ctrl-C during an analysis that can stop early: once to keep the partial result, twice to stop immediately."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from beamsim.cli.failures import say
 
 
 class Interruption:
-    """Asked by an analysis whether it is time to end."""
+    """Called by an analysis to check whether it should stop."""
 
     def __init__(self) -> None:
-        self.signal = 0  # that came; 0 where none has
+        self.signal = 0  # number of the signal received, or 0
 
     def __call__(self) -> bool:
-        """Whether a signal came."""
+        """Whether a signal was received."""
         return self.signal != 0
 
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Yield what the first SIGINT or SIGTERM sets; the second does what either did before.
+    """Yield an object that the first SIGINT or SIGTERM sets; the second has its previous effect.
 
-    One that the process was started to ignore (``nohup``, a shell's background job) stays ignored.
+    Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
-        yield interruption  # signals are the main thread's
+        yield interruption  # only the main thread receives signals
         return
     before: dict[signal.Signals, Any] = {}
 
@@ -38,14 +38,14 @@ def interruptible() -> Iterator[Interruption]:
         for number, handler in before.items():
             signal.signal(number, handler)
 
-    def ask(number: int, _frame: object) -> None:
+    def request(number: int, _frame: object) -> None:
         interruption.signal = number
         restore()
-        say("beamsim: stopping after the present point and saving what was found; press again to stop at once")
+        say("beamsim: stopping after the current point and saving the partial result; press again to stop immediately")
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: set by what is not Python
-            before[number] = signal.signal(number, ask)
+        if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: not set from Python
+            before[number] = signal.signal(number, request)
     try:
         yield interruption
     finally:

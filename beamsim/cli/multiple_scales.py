@@ -1,4 +1,4 @@
-"""What ``--compare multiple_scales`` adds to a nonlinear mode and to a response curve: rows, a summary and pictures."""
+"""``--compare multiple_scales`` for nonlinear modes and response curves: rows of the table and summary."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
 
-NOT_YET = 3.0  # times the largest small factor: poles beyond it leave the orders alone
+POLE_MARGIN = 3.0  # a pole further away than this multiple of the largest small factor does not affect the orders
 
 
 def compare_response(result: FrequencyResponse) -> FrequencyResponse:
-    """The response curve with the expansion near its mode beside it."""
+    """The response curve together with the expansion near its mode."""
     from beamsim.analyses.response.forced_expansion import compare_forced_expansion
     from beamsim.cli.conclusion import located
 
@@ -37,7 +37,7 @@ def expansion_rows(s: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         off = s["initial_difference"][0]
         head += f", exact {exact:.6g} Hz; initial vector off by {off[0]:.2g} and {off[1]:.2g}"
     else:
-        head += "; no exact motion is near"
+        head += "; no exact motion found near it"
     yield f"at e = {s['factor'][0]:.4g}", head
     yield "observed orders", f"frequency {frequency[0]:.2f} and {frequency[1]:.2f} (expected 2 and 3)"
     at = f" at these factors, {s['orders_from']:.2g} to {s['orders_to']:.2g}"
@@ -45,19 +45,19 @@ def expansion_rows(s: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         "",
         f"initial vector {initial[0]:.2f} and {initial[1]:.2f} (expected {expected[0]:.2f} and {expected[1]:.2f}{at})",
     )
-    if s["asymptotic_well_below"] < NOT_YET * s["orders_from"]:
+    if s["asymptotic_well_below"] < POLE_MARGIN * s["orders_from"]:
         pole = s["nearest_pole"]
         yield (
             "",
             f"initial vector 2 and 3 for e well below {s['asymptotic_well_below']:.2g}: harmonic {pole['harmonic']} is "
-            f"close to mode {pole['mode']}; with divisors at the motion's own frequency {uniform[0]:.2f} and "
+            f"close to mode {pole['mode']}; with divisors at the frequency of the motion {uniform[0]:.2f} and "
             f"{uniform[1]:.2f}",
         )
 
 
 def forced_expansion_summary(comparison: ForcedExpansionComparison) -> dict[str, Any]:
     """Numbers for ``--json``, of one level."""
-    found = comparison.difference[:, 0] < math.inf  # False where no exact motion is near
+    near = comparison.difference[:, 0] < math.inf  # False where no exact motion was found
     return {
         "level": comparison.level,
         "mode": comparison.mode,
@@ -65,10 +65,10 @@ def forced_expansion_summary(comparison: ForcedExpansionComparison) -> dict[str,
         "points": int(comparison.frequency_hz.size),
         "stable_points": int(comparison.stable.sum()),
         "largest_first_order_m": {name: float(x.max()) for name, x in comparison.first.items()},
-        "factor": comparison.factor[found].tolist(),
-        "difference": comparison.difference[found].tolist(),
+        "factor": comparison.factor[near].tolist(),
+        "difference": comparison.difference[near].tolist(),
         "observed_orders": [_last_order(comparison.orders[:, k]) for k in (0, 1)],
-        "stability_agrees": bool(found.any() and comparison.stability_agrees[found].all()),
+        "stability_agrees": bool(near.any() and comparison.stability_agrees[near].all()),
     }
 
 
@@ -87,10 +87,10 @@ def forced_expansion_rows(comparisons: tuple[ForcedExpansionComparison, ...]) ->
             f"level {c.level:.4g}: mode {c.mode}, {s['points']} points, {s['stable_points']} of them stable",
         )
         if not s["factor"]:
-            yield "", "no exact motion lies near the expansion, however small springs, damping and force are made"
+            yield "", "no exact motion was found near the expansion for any factor on springs, damping and force"
             continue
         whole = c.factor[0] == s["factor"][0]
-        at = "at the case itself" if whole else f"at a factor of {s['factor'][0]:.2g}, the largest that is small enough"
+        at = "at factor 1" if whole else f"at a factor of {s['factor'][0]:.2g}, the largest sufficiently small one"
         yield "", f"differs by {s['difference'][0][0]:.2g} (leading) and {s['difference'][0][1]:.2g} (first order) {at}"
         orders = s["observed_orders"]
         agrees = "agrees" if s["stability_agrees"] else "differs somewhere"

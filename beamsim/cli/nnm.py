@@ -12,7 +12,7 @@ from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Q
 
 
 class ComparedMethod(StrEnum):
-    """Methods that ``beamsim nnm --compare`` compares with the exact mode."""
+    """Methods of ``beamsim nnm --compare``."""
 
     multiple_scales = "multiple_scales"
     thesis = "thesis"
@@ -37,15 +37,15 @@ def nnm(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Follow a nonlinear normal mode in stiffness, energy or frequency. Writes a result file and plots."""
+    """Follow a nonlinear normal mode in stiffness factor, energy or frequency. Writes a result file and plots."""
     from beamsim.cli.conclusion import Reporting, finish, located, prepared
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
 
     scenario, target = prepared(case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
-    showing = progress_bar(f"following the mode of {case.name}", wanted=reporting.progress)
-    with interruptible() as interrupted, showing as progress, located(scenario):
+    bar = progress_bar(f"following the mode of {case.name}", shown=reporting.progress)
+    with interruptible() as interrupted, bar as progress, located(scenario):
         from beamsim.analyses.nnm.analysis import nnm as follow
 
         result = follow(scenario, progress, [c.value for c in compare_with or ()], interrupted)

@@ -11,27 +11,28 @@ if TYPE_CHECKING:
 
 Row = tuple[str, str]
 
-SHOWN = 6  # jumps and the like in one row
+SHOWN = 6  # items in one row
 _PARAMETERS = {
     "stiffness_factor": ("stiffness factor", ""),
     "energy": ("energy", " J"),
     "frequency": ("frequency", " Hz"),
 }
-STILL = 1e-6  # drift over the spectrum's periods that goes without saying
+SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
 
 
 def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
     """Label and text of every row of the table of a nonlinear mode, taken from the summary alone."""
     s = result.summary
-    what, unit = _PARAMETERS[result.parameter]
-    yield "backbone", f"mode {s['mode']}, {s['points']} points in {what}, {s['stable_points']} of them stable"
+    quantity, unit = _PARAMETERS[result.parameter]
+    yield "backbone", f"mode {s['mode']}, {s['points']} points in {quantity}, {s['stable_points']} of them stable"
     for name in ("start", "end"):
         yield name, _end(result.parameter, s[name])
     yield "linear frequency", f"{s['linear_frequency_hz']:.6g} Hz"
-    for k, found in enumerate(s["internal_resonances"]):
+    for k, tongue in enumerate(s["internal_resonances"]):
         yield (
             "" if k else "internal resonances",
-            f"{found['ratio']}:1 with mode {found['mode']} at {found['parameter']:.4g}{unit}, {found['points']} points",
+            f"{tongue['ratio']}:1 with mode {tongue['mode']} at {tongue['parameter']:.4g}{unit}, "
+            f"{tongue['points']} points",
         )
     yield from _jumps(s["jumps"], unit)
     yield "grazings", str(s["grazings"])
@@ -51,11 +52,11 @@ def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
 
         assert result.phase_resonance is not None
         yield from phase_resonance_rows(s["phase_resonance"], result.phase_resonance)
-    if s["motion_drift"] > STILL:
+    if s["motion_drift"] > SMALL_DRIFT:
         yield (
             "spectrum",
-            f"after {s['motion_periods']} periods the motion is {_percent(s['motion_drift'])} from where it began: it "
-            "is unstable, and its lines spread",
+            f"after {s['motion_periods']} periods the state differs by {_percent(s['motion_drift'])}: "
+            "the motion is unstable, and the spectral lines are broadened",
         )
     yield "largest residual", f"{s['largest_residual']:.2g}"
     over = "full-period" if "full_period" in s else "half-period"
@@ -78,11 +79,11 @@ def _few(texts: Iterable[str]) -> str:
 
 
 def _jumps(jumps: list[dict[str, Any]], unit: str) -> Iterator[Row]:
-    """Jumps by what they bridge: a tongue of a known ratio, or one too thin or of too high an order to name."""
+    """Jumps by cause: a tongue of known ratio, or one that is too narrow or of too high order to be traced."""
     causes = dict.fromkeys((j["ratio"], j["mode"]) for j in jumps)
     for k, (ratio, mode) in enumerate(causes):
-        own = [j for j in jumps if (j["ratio"], j["mode"]) == (ratio, mode)]
-        spans = _few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in own)
+        same_cause = [j for j in jumps if (j["ratio"], j["mode"]) == (ratio, mode)]
+        spans = _few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in same_cause)
         why = f"{ratio}:1 with mode {mode}" if ratio and mode else "of high order, not traced"
         yield "" if k else "jumps over tongues", f"{spans} ({why})"
 
@@ -96,18 +97,18 @@ def _full_period(s: Mapping[str, Any], unit: str) -> Iterator[Row]:
         start, end = branch["start"], branch["end"]
         yield (
             "" if k else "non-brake orbits",
-            f"kicked in mode {branch['mode']} (about {branch['ratio']}:1), {branch['points']} points, "
-            f"{branch['stable_points']} stable, from {start['parameter']:.6g} to {end['parameter']:.6g}{unit}; slowest "
-            f"instants keep up to {_percent(branch['largest_least_kinetic'])} of the energy moving",
+            f"started in mode {branch['mode']} (about {branch['ratio']}:1), {branch['points']} points, "
+            f"{branch['stable_points']} stable, from {start['parameter']:.6g} to {end['parameter']:.6g}{unit}; kinetic "
+            f"energy at the slowest instant up to {_percent(branch['largest_least_kinetic'])} of the energy",
         )
         yield "", branch["status"]
 
 
 _FOLLOWED = {
-    "same": "beside the backbone's motion",
-    "other": "beside another motion",
-    "none": "beside no periodic motion",
-    "between": "where a tongue cuts the backbone",
+    "same": "near the motion of the backbone",
+    "other": "near another motion",
+    "none": "near no periodic motion",
+    "between": "where a tongue interrupts the backbone",
 }
 
 
@@ -120,7 +121,7 @@ def _thesis(s: Mapping[str, Any]) -> Iterator[Row]:
     )
     exact = f"{end['exact_frequency_hz']:.6g} Hz by shooting"
     if not math.isfinite(end["exact_frequency_hz"]):
-        exact = "shooting finds no motion of this mode there"
+        exact = "shooting finds no motion of this mode at this factor"
     yield "", f"{end['frequency_hz']:.6g} Hz, period {end['period_s']:.5g} s; {exact}"
     yield (
         "",
@@ -129,10 +130,10 @@ def _thesis(s: Mapping[str, Any]) -> Iterator[Row]:
     )
     yield "", ", ".join(f"{n} {'step' if n == 1 else 'steps'} {_FOLLOWED[k]}" for k, n in s["followed"].items())
     if s["silent_jumps"]:
-        yield "", f"left its motion unnoticed at {_few(f'{f:.4g}' for f in s['silent_jumps'])}"
+        yield "", f"undetected jumps to another motion at {_few(f'{f:.4g}' for f in s['silent_jumps'])}"
     yield (
-        "its cost",
-        f"{s['passages']} motions, processor time {s['processor_time_s']:.3g} s; shooting, tongues included, "
+        "cost",
+        f"{s['passages']} motions, processor time {s['processor_time_s']:.3g} s; shooting, including tongues, "
         f"{s['shooting_passages']} motions, {s['shooting_processor_time_s']:.3g} s "
         f"(ratio {s['cost_ratio']:.2g})",
     )

@@ -17,8 +17,8 @@ Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="PATH", help="File or folder for the results (default: current folder)."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
+Json = Annotated[bool, typer.Option("--json", help="Print only one JSON object on standard output.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
-Check = Annotated[bool, typer.Option("--check", help="End with exit code 4 when one of the limits is exceeded.")]
+Check = Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

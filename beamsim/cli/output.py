@@ -1,4 +1,4 @@
-"""Where results go."""
+"""Paths of the output files."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from beamsim.files import check_writable
 
 
 def output_file(output: Path | None, stem: str, *suffixes: str) -> Path:
-    """File named by ``-o``: the file itself when it ends in one of the suffixes, else ``stem`` in that folder.
+    """File named by ``-o``: the file itself if it has one of the suffixes, else ``stem`` in that folder.
 
     Raises
     ------
     ResultFileError
-        When the file could not be written.
+        If the file could not be written.
     """
     if output is not None and output.suffix.lower() in suffixes and not output.is_dir():
         path = output

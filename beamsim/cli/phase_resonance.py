@@ -1,4 +1,4 @@
-"""Rows about a damped structure held on its nonlinear mode."""
+"""Rows about a damped structure at phase resonance on its nonlinear mode."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 def phase_resonance_rows(summary: dict[str, Any], result: PhaseResonanceResult) -> Iterator[tuple[str, str]]:
-    """Label and text of every row, from the summary's ``phase_resonance`` and the result's."""
+    """Label and text of every row, from ``phase_resonance`` of the summary and of the result."""
     unit = summary["unit"]
     for k, s in enumerate(summary["levels"]):
         head = f"{_level(s['level'], unit)}: "
@@ -29,7 +29,10 @@ def phase_resonance_rows(summary: dict[str, Any], result: PhaseResonanceResult) 
         )
         if math.isfinite(s["level_for_amplitude"]):
             off = s["level_for_amplitude"] / s["level"] - 1.0
-            yield "", f"level predicted for the amplitude found {_level(s['level_for_amplitude'], unit)} ({off:+.2%})"
+            yield (
+                "",
+                f"level predicted for the computed amplitude {_level(s['level_for_amplitude'], unit)} ({off:+.2%})",
+            )
         yield "", f"peak of the response {s['peak_amplitude_m']:.4g} m at {s['peak_frequency_hz']:.6g} Hz"
         curve = result.motions[k].curve
         if curve is not None and not curve.outcome.complete:
@@ -37,12 +40,12 @@ def phase_resonance_rows(summary: dict[str, Any], result: PhaseResonanceResult) 
     for k, s in enumerate(summary["levels"]):
         if s["periods"]:
             yield (
-                "" if k else "held",
+                "" if k else "in time",
                 f"{_level(s['level'], unit)}: distance from the mode {s['departure_first_period']:.2g} in the first "
                 f"period, {s['departure_last_period']:.2g} in the last of {s['periods']}",
             )
         else:
-            yield "" if k else "held", f"{_level(s['level'], unit)}: contacts chatter; not carried"
+            yield "" if k else "in time", f"{_level(s['level'], unit)}: contacts chatter; not integrated in time"
 
 
 def _level(value: float, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""A progress bar on a terminal, nothing elsewhere."""
+"""A progress bar on terminals."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def progress_bar(label: str, *, wanted: bool) -> Iterator[Callable[[float], None] | None]:
-    """Yield a callable for the fraction done, or None when standard output or error is no terminal."""
-    if not (wanted and sys.stderr.isatty() and sys.stdout.isatty()):
+def progress_bar(label: str, *, shown: bool) -> Iterator[Callable[[float], None] | None]:
+    """Yield a function of the fraction done, or None if standard output or error is not a terminal."""
+    if not (shown and sys.stderr.isatty() and sys.stdout.isatty()):
         yield None
         return
     from rich.console import Console

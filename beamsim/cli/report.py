@@ -1,4 +1,4 @@
-"""The summary as people read it, and as programs do."""
+"""Summaries as tables and as JSON."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Rows = Callable[[Summary], Mapping[str, str]]
 
 
 def print_json(values: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; what is not a finite number is null."""
+    """One JSON object on standard output; non-finite numbers are null."""
     print(json.dumps(plain(values), ensure_ascii=False, allow_nan=False))
 
 
 def print_files(files: Sequence[Path], *, as_json: bool) -> None:
-    """The files a command wrote, one a line."""
+    """Print the files written by a command, one per line."""
     if as_json:
         print_json({"files": [str(path) for path in files]})
     else:
@@ -57,12 +57,12 @@ def summary_rows(result: Result) -> Iterator[Row]:
 
 
 def quantity_rows(result: Result, texts: Mapping[str, Text], rows: Mapping[str, Rows]) -> Iterator[Row]:
-    """A row for every quantity of the summary that has a label, or one for each name.
+    """A row for every quantity of the summary with a label, or one for each of its names.
 
     Parameters
     ----------
-    texts : what stands for the value, of quantities that are not printed as number and unit.
-    rows : all rows of quantities that are lists.
+    texts : by quantity, the text of its value if that is not number and unit.
+    rows : by quantity, all rows of quantities that are lists.
     """
     s = result.summary
     for quantity in type(result).SUMMARY:
@@ -88,7 +88,7 @@ def _contact(s: Summary, name: str, share: Any) -> str:
 
 
 def _spring_force(s: Summary, name: str, force: Any) -> str:
-    return f"{_si(force, 'N')} at a stretch of {_si(s['peak_stretch_m'][name], 'm')}"
+    return f"{_si(force, 'N')} at an elongation of {_si(s['peak_stretch_m'][name], 'm')}"
 
 
 def _stress(s: Summary, _: str, stress: Any) -> str:
@@ -119,7 +119,7 @@ def _each(label: str, texts: Mapping[str, str]) -> Iterator[Row]:
 
 
 def margin_rows(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
-    """A row for every limit: margin, value and limit, and where the value was found."""
+    """A row for every limit: margin, value with its place, and limit."""
     yield from _each("limits", _margins(margins))
 
 
@@ -140,7 +140,7 @@ def _margins(margins: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _si(value: float, unit: str) -> str:
-    """A number with its unit, scaled by an SI prefix."""
+    """A number with SI prefix and unit."""
     if value is None or not math.isfinite(value):
         return "unknown"
     scale = scale_for(unit, np.array([value]))
@@ -170,8 +170,8 @@ def _spectral_lines(lines: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     """The strongest lines of the first probe: order (or Hz) and level, in order of frequency."""
     first = next((line["probe"] for line in lines), None)
     for quantity in dict.fromkeys(line["quantity"] for line in lines):
-        own = [line for line in lines if (line["probe"], line["quantity"]) == (first, quantity)]
-        strongest = sorted((k for k in own if k["kind"] != "mean"), key=lambda k: -k["amplitude"])[:LINES_SHOWN]
+        matching = [line for line in lines if (line["probe"], line["quantity"]) == (first, quantity)]
+        strongest = sorted((k for k in matching if k["kind"] != "mean"), key=lambda k: -k["amplitude"])[:LINES_SHOWN]
         shown = sorted(strongest, key=lambda k: float(k["frequency_hz"]))
         texts = [f"{_order(line)} ({line['amplitude_db']:.0f} dB)" for line in shown]
         yield f"{first} {quantity.replace('_', ' ')}", ", ".join(texts) or "none"

@@ -1,4 +1,4 @@
-"""The table of a result of any kind; ``info``, ``plot`` and ``export`` of a file."""
+"""Table of a result of any kind; the commands ``info``, ``plot`` and ``export``."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Row = tuple[str, str]
 
 
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
-    """Label and text of every row of a result's table: the status first where it is not complete."""
+    """Label and text of every row of a result's table: the status first if it is not complete."""
     if not result.complete:
         yield "status", result.status
     yield from named(KINDS[kind].rows)(result)
 
 
 def print_stored(path: Path, *, as_json: bool) -> None:
-    """Print what a result file of any kind holds.
+    """Print the contents of a result file of any kind.
 
     Raises
     ------
     ResultFileError
-        When the file cannot be read.
+        If the file cannot be read.
     """
     from beamsim.cli.report import print_json, print_table
     from beamsim.store.results import open_result
@@ -49,12 +49,12 @@ def print_stored(path: Path, *, as_json: bool) -> None:
 
 
 def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
-    """Draw a result file of any kind; returns the pictures.
+    """Plot a result file of any kind; returns the pictures.
 
     Raises
     ------
     ResultFileError
-        When the file cannot be read or a picture cannot be written.
+        If the file cannot be read or a picture cannot be written.
     """
     from beamsim.store.results import open_result
     from beamsim.store.stored import kind_of
@@ -69,7 +69,7 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     Raises
     ------
     ResultFileError
-        When the file cannot be read, the format cannot hold it, or a file cannot be written.
+        If the file cannot be read, the format does not support it, or a file cannot be written.
     """
     from beamsim.cli.output import output_file, output_folder
     from beamsim.store.export import export_result, export_target, is_folder

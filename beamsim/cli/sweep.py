@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 
 class ComparedExpansion(StrEnum):
-    """Methods that ``beamsim sweep --compare`` compares with periodic motions."""
+    """Methods of ``beamsim sweep --compare``."""
 
     multiple_scales = "multiple_scales"
 
 
-_ABOUT_CASES = "leave the option out, or add vary"
-_ABOUT_CURVES = "leave it out, or use sweep: {kind: continuation}"
-# option -> kinds of sweep that have it, place (the option itself by default), message and remedy for the others
+_NEEDS_VARY = "leave out the option, or add vary"
+_NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"
+# option -> kinds of sweep with that option; for others place (default: the option), message and remedy
 _OPTIONS = {
-    "--workers": (("designs",), "vary", "is missing, and --workers is about its cases", _ABOUT_CASES),
-    "--scheduler": (("designs",), "vary", "is missing, and --scheduler is about its cases", _ABOUT_CASES),
+    "--workers": (("designs",), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
+    "--scheduler": (("designs",), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
     "--resume": (("designs", "sweep"), "", "continues a swept or stepped sine, not a continuation", "leave it out"),
-    "--overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _ABOUT_CURVES),
-    "--compare": (("continuation",), "", "compares with a curve of periodic motions", _ABOUT_CURVES),
+    "--overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _NEEDS_CONTINUATION),
+    "--compare": (("continuation",), "", "compares with a curve of periodic motions", _NEEDS_CONTINUATION),
 }
 
 Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted sweep from its result file.")]
@@ -51,13 +51,14 @@ def sweep(
     resume: Resume = False,
     json: Json = False,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes for vary (default: one a core).")
+        int | None, typer.Option("--workers", min=1, help="Number of processes for vary (default: one per core).")
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")
     ] = None,
     compare_with: Annotated[
-        ComparedExpansion | None, typer.Option("--compare", help="Compare a continuation with the expansion.")
+        ComparedExpansion | None,
+        typer.Option("--compare", help="Compare a continuation with the multiple-scales expansion."),
     ] = None,
     overlay: Annotated[
         list[Path] | None, typer.Option("--overlay", help="Overlay a stored sweep on a continuation; repeatable.")
@@ -67,7 +68,7 @@ def sweep(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Sweep the excitation's frequency, up and down, at several levels. Writes a result file and plots."""
+    """Sweep the frequency of the excitation, up and down, at several levels. Writes a result file and plots."""
     from beamsim.cli.conclusion import Reporting, prepared
 
     scenario, target = prepared(case, set_, output, check=check)
@@ -95,7 +96,7 @@ def _kind(scenario: Scenario) -> str:
 
 
 def _refuse_others(kind: str, options: Mapping[str, object]) -> None:
-    """Refuse options that the kind of sweep does not have, instead of ignoring them.
+    """Refuse options that do not apply to the kind of sweep.
 
     Raises
     ------
@@ -108,11 +109,11 @@ def _refuse_others(kind: str, options: Mapping[str, object]) -> None:
 
 
 def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
-    """A swept or stepped sine, saved as it goes."""
+    """Compute a swept or stepped sine, saving partial results."""
     from beamsim.cli.conclusion import finish
     from beamsim.cli.progress import progress_bar
 
-    with progress_bar("sweeping", wanted=reporting.progress) as progress:
+    with progress_bar("sweeping", shown=reporting.progress) as progress:
         from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep

@@ -16,8 +16,8 @@ def sweep_rows(result: SweepResult) -> Iterator[Row]:
     for curve in result.curves.values():
         first = next(iter(curve.displacement), "")
         yield f"{curve.direction}, level {curve.level:.4g}", f"{curve.frequency_hz.size} points, peaks of {first}:"
-        own = [p for p in result.peaks if p.curve == curve.name and p.probe == first]
-        for peak in own[:PEAKS_SHOWN]:
+        curve_peaks = [p for p in result.peaks if p.curve == curve.name and p.probe == first]
+        for peak in curve_peaks[:PEAKS_SHOWN]:
             yield "", _peak(peak)
         for name, envelope in curve.force.items():
             yield "", f"largest force of {name}: {_si(float(envelope.peak.max(initial=0.0)), 'N')}"

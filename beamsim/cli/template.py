@@ -1,4 +1,4 @@
-"""Writing the scenario to start from."""
+"""The command ``new``."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def write_template(path: Path, kind: Literal["beam", "chain"], *, force: bool) -
     Raises
     ------
     ScenarioError
-        When the file exists.
+        If the file exists.
     ResultFileError
-        When it cannot be written.
+        If it cannot be written.
     """
     from beamsim.scenario import template
 
     if path.exists() and not force:
-        raise ScenarioError(f"{path} exists already; choose another name or --force to replace it")
+        raise ScenarioError(f"{path} already exists; choose another name, or use --force to replace it")
     with replacing(path) as temporary:
         temporary.write_text(template(kind), encoding="utf-8")

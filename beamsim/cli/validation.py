@@ -1,4 +1,4 @@
-"""What ``beamsim validate`` and ``beamsim schema`` ask of the scenario layer."""
+"""The commands ``validate`` and ``schema``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...]]:
-    """Load the case and, when it is one to run, build its model; returns its title and the warnings.
+    """Load the case and, if it has a run, build its model; returns its title and the warnings.
 
     Raises
     ------

@@ -257,7 +257,9 @@ def test_a_bug_ends_with_1_in_one_line(call, here, solved):
     (here / "case.h5").write_bytes(b"old")
     done = call("run", "case.yaml")
     assert done.exit_code == 1
-    assert done.stderr == "beamsim: internal error (ZeroDivisionError: division by zero); use --debug to see where\n"
+    assert (
+        done.stderr == "beamsim: internal error (ZeroDivisionError: division by zero); use --debug for the traceback\n"
+    )
     assert "Traceback" in call("run", "case.yaml", "--debug").stderr
     assert (here / "case.h5").read_bytes() == b"old"
 

@@ -116,7 +116,7 @@ def test_check_without_limits(command, call, here):
 
 def test_progress_and_partial_files_on_the_way(call, here, monkeypatch):
     """Where there is no terminal, a line from time to time says what remains; the file is brought up to date."""
-    monkeypatch.setattr("beamsim.cli.designs.TOLD_EVERY_S", 0.0)
+    monkeypatch.setattr("beamsim.cli.designs.REPORTED_EVERY_S", 0.0)
     monkeypatch.setattr("beamsim.cli.designs.SAVED_EVERY_S", 0.0)
     from beamsim.store import results as store
 
@@ -175,7 +175,7 @@ def test_neither_sweep_nor_vary(call, here):
     for option in (("--workers", 2), ("--scheduler", "tcp://127.0.0.1:1")):
         done = call("sweep", "case.yaml", *option)
         assert done.exit_code == 2
-        assert f"vary is missing, and {option[0]}" in done.stderr
+        assert f"vary is missing, but {option[0]}" in done.stderr
 
 
 def test_failed_cases_are_saved_around_and_end_with_3(call, here):
@@ -200,7 +200,7 @@ def test_resume_of_a_complete_study_computes_nothing(call, here, monkeypatch):
     )
     done = call("sweep", "case.yaml", "--resume")
     assert done.exit_code == 0, done.output
-    assert "nothing is left to compute" in done.stderr
+    assert "there is nothing to compute" in done.stderr
     assert (here / "case.h5").read_bytes() == before
 
 
@@ -230,7 +230,7 @@ def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monk
     assert "belongs to another study" in other.stderr
     done = call("sweep", "case.yaml", "--resume", "--workers", 1, "--no-plots")
     assert done.exit_code == 0, done.output
-    assert "2 of 6 cases are known already" in done.stderr
+    assert "2 of 6 cases are already computed" in done.stderr
     assert_same_datasets("case.h5", "whole.h5")
     assert not (here / "case.h5.partial").exists()
 

@@ -146,8 +146,8 @@ def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_
     output, errors = process.communicate("go on\n", timeout=120)
     assert process.returncode == code, errors
     assert errors.splitlines() == [
-        "beamsim: stopping after the present point and saving what was found; press again to stop at once",
-        "beamsim: interrupted; the partial result is in case.h5, and `beamsim plot case.h5` draws it",
+        "beamsim: stopping after the current point and saving the partial result; press again to stop immediately",
+        "beamsim: interrupted; the partial result is in case.h5; `beamsim plot case.h5` plots it",
     ]
     assert "interrupted" in output
     assert os.listdir(tmp_path) == ["case.h5"]
@@ -193,7 +193,7 @@ def test_a_second_signal_ends_at_once(under_way, tmp_path):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 130
-    assert errors == "beamsim: interrupted; no file was left half-written\n"
+    assert errors == "beamsim: interrupted; no incomplete file was left\n"
     assert os.listdir(tmp_path) == []
 
 

@@ -198,7 +198,7 @@ def test_pictures_and_table(held):
     assert [text.get_text() for text in ax.texts] == ["0.8 g", "1.4 g"]  # at the curves' peaks
     assert figures["phase_resonance_level"].axes[0].get_ylabel() == "Level (g)"
     rows = list(phase_resonance_rows(held.summary["phase_resonance"], held.phase_resonance))
-    assert [label for label, _ in rows if label] == ["phase resonance", "held"]
+    assert [label for label, _ in rows if label] == ["phase resonance", "in time"]
     assert "(stable)" in rows[0][1]
 
 
