@@ -1,4 +1,4 @@
-"""A folder of CSV tables: an observation a row, a quantity with its unit a column, full precision."""
+"""Folders of CSV tables: one row per observation, one column per quantity with its unit, full precision."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def header(name: str, unit: str) -> str:
 
 
 def flat(values: Any, item: str = "") -> Iterator[tuple[str, Any]]:
-    """Nested mappings and lists as pairs: the way there, separated by slashes, and the value; lists count from 1."""
+    """Nested mappings and lists as pairs of path, separated by slashes, and value; list items are numbered from 1."""
     if isinstance(values, Mapping):
         for name, value in values.items():
             yield from flat(value, f"{item}/{name}" if item else str(name))
@@ -44,19 +44,17 @@ def flat(values: Any, item: str = "") -> Iterator[tuple[str, Any]]:
 
 
 class CsvFolder:
-    """Tables that are written into one folder, each whole or not at all.
+    """Tables written to one folder, each completely or not at all.
 
     Raises
     ------
     ResultFileError
-        When the folder is no folder or a file cannot be written.
+        If the path is not a folder or a file cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
         if folder.exists() and not folder.is_dir():
-            raise ResultFileError(
-                f"cannot write {folder}: a folder of tables is to go there; choose another place with -o"
-            )
+            raise ResultFileError(f"cannot write {folder}: it exists and is not a folder; choose another path with -o")
         self.folder = folder
         self.written: list[Path] = []
 
@@ -68,24 +66,24 @@ class CsvFolder:
             yield stream
 
     def rows(self, name: str, columns: Sequence[str], values: Iterable[Sequence[Any]]) -> None:
-        """A table from its rows; numbers are written so that they read back as the same bits."""
+        """Write a table from its rows; numbers are read back without loss."""
         with self._table(name, columns) as stream:
             csv.writer(stream).writerows(values)
 
     def numbers(self, name: str, columns: Mapping[str, NDArray[Any]]) -> None:
-        """A table from columns of numbers."""
+        """Write a table from columns of numbers."""
         with self._table(name, list(columns)) as stream:
             np.savetxt(stream, np.column_stack([*columns.values()]), fmt="%.17g", delimiter=",", newline="\r\n")
 
     def summary(self, summary: Mapping[str, Any]) -> None:
-        """The table ``summary``: a number a row."""
+        """Write the table ``summary``: one number per row."""
         self.rows(
             "summary", ("name", "item", "value"),
             ((name, item, value) for name, values in summary.items() for item, value in flat(values)),
         )  # fmt: skip
 
     def text(self, name: str, text: str) -> None:
-        """A file of text."""
+        """Write a text file."""
         self.written.append(self.folder / name)
         with replacing(self.written[-1]) as temporary:
             temporary.write_text(text, encoding="utf-8")

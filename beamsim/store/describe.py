@@ -1,6 +1,6 @@
-"""The documentation of result files, made from what results declare.
+"""Documentation of the result files, generated from the declarations of the results.
 
-``python -m beamsim.store.describe docs/result_files.md`` renews the part of the file below `MARK`.
+``python -m beamsim.store.describe docs/result_files.md`` updates the part of the file below `MARK`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Section(NamedTuple):
 
 
 def documentation() -> str:
-    """Every kind of result file, group by group, as Markdown."""
+    """All kinds of result files, group by group, as Markdown."""
     parts = [_root()]
     known: dict[Any, str] = {}
     for name, kind in KINDS.items():
@@ -60,19 +60,19 @@ def documentation() -> str:
         parts += [_markdown(section) for section in _merged(sections_of(cls, name, known))]
         summary = [Row(quantity.name, quantity.unit, "attribute", quantity.meaning) for quantity in cls.SUMMARY]
         if summary:
-            parts.append(_markdown(Section("/summary", "What is printed; also by `--json`.", summary)))
+            parts.append(_markdown(Section("/summary", "The printed summary, also with `--json`.", summary)))
     return "\n".join(parts)
 
 
 def _merged(sections: Iterable[Section]) -> list[Section]:
-    """Sections with what several dataclasses put into one group together."""
-    found: dict[str, Section] = {}
+    """Sections, with the rows of several dataclasses in one group combined."""
+    merged: dict[str, Section] = {}
     for section in sections:
-        if section.path in found and section.rows:
-            found[section.path].rows.extend(section.rows)
+        if section.path in merged and section.rows:
+            merged[section.path].rows.extend(section.rows)
         else:
-            found.setdefault(section.path, section)
-    return list(found.values())
+            merged.setdefault(section.path, section)
+    return list(merged.values())
 
 
 def _root() -> str:
@@ -82,16 +82,16 @@ def _root() -> str:
         Row("schema_version", "", "attribute", "version of the layout"),
         Row("beamsim_version", "", "attribute", "version of beamsim that computed the result"),
         Row("command", "", "attribute", "command that wrote the file"),
-        Row("scenario", "", "attribute", "resolved scenario, YAML: the file alone can be run again"),
+        Row("scenario", "", "attribute", "resolved scenario, YAML; sufficient to run the case again"),
     ]
-    own = next(iter(sections_of(Result)))
-    return "## Every file\n\n" + _markdown(Section("/", "What every file says of itself.", rows + own.rows))
+    common = next(iter(sections_of(Result)))
+    return "## Every file\n\n" + _markdown(Section("/", "Attributes of every file.", rows + common.rows))
 
 
 def sections_of(cls: type, kind: str = "", known: dict[Any, str] | None = None) -> Iterator[Section]:
-    """The groups that a result's class declares, the root first.
+    """The groups declared by the class of a result, the root first.
 
-    ``known`` says where a class has been described; what is described here is added.
+    ``known`` says where a class has been described; classes described here are added.
     """
     from beamsim.analyses.result import Result
 
@@ -102,7 +102,7 @@ def sections_of(cls: type, kind: str = "", known: dict[Any, str] | None = None) 
 def _sections(
     cls: Any, path: str, given: Mapping[str, Any], known: dict[Any, str], left_out: set[str], kind: str
 ) -> Iterator[Section]:
-    """A class's own section, then those of the groups in it."""
+    """The section of a class, then those of the groups in it."""
     rows: list[Row] = []
     inner: list[tuple[Any, str, Mapping[str, Any]]] = []
     for member in members_of(cls):
@@ -111,12 +111,12 @@ def _sections(
     text = (cls.__doc__ or "").strip().partition("\n\n")[0].replace("\n    ", " ")
     if rows:
         yield Section(path, _safe(text), rows)
-    for own, below, more in inner:
-        if own in known and not more:
-            yield Section(below, f"As {known[own].removesuffix(f' of {kind}')}.", [])
+    for inner_class, below, more in inner:
+        if inner_class in known and not more:
+            yield Section(below, f"As {known[inner_class].removesuffix(f' of {kind}')}.", [])
         else:
-            known.setdefault(own, f"`{below}` of {kind}")
-            yield from _sections(own, below, more, known, set(), kind)
+            known.setdefault(inner_class, f"`{below}` of {kind}")
+            yield from _sections(inner_class, below, more, known, set(), kind)
 
 
 def _describe(
@@ -127,7 +127,7 @@ def _describe(
     inner: list[tuple[Any, str, Any]],
     on: str = "",
 ) -> None:
-    """Add the rows of a field, and the groups that it stands for."""
+    """Add the rows of a field, and its groups."""
 
     def add(name: str, unit: str, axes: str, meaning: str) -> None:
         rest = (_spoken(text, given) for text in (unit, axes, meaning))
@@ -143,11 +143,11 @@ def _describe(
                 where = "/".join(filter(None, (folder, "<name>", name)))
                 add(where, unit, "attribute" if item in (int, float) else _axes(d.along), meaning)
         case Attribute() as d if member.stored_name not in _OF_DATASETS:
-            of = f"attribute of {d.at or on}" if d.at or on else "attribute"
-            add(member.stored_name, d.unit, of, d.meaning)
+            owner = f"attribute of {d.at or on}" if d.at or on else "attribute"
+            add(member.stored_name, d.unit, owner, d.meaning)
             if d.codec == "outcome":
-                add("outcome", "", of, "the same as a code")
-                add("outcome_numbers", "", of, "the numbers that belong to it, JSON object")
+                add("outcome", "", owner, "the same as a code")
+                add("outcome_numbers", "", owner, "the numbers that belong to it, JSON object")
         case Group() as d if d.path:
             inner.append((member.annotation, _joined(path, d.path), d.given))
         case Group() as d:
@@ -178,7 +178,7 @@ def _describe_table(member: Member, declared: Table, rows: list[Row], add: Any) 
 
 
 def _parts(name: str, declared: Dataset, annotation: Any) -> Iterator[tuple[str, str, str]]:
-    """Name, unit and meaning of the dataset, or of the two of complex numbers."""
+    """Name, unit and meaning of the dataset, or of the two datasets of complex numbers."""
     if declared.phase:
         yield name, declared.unit, declared.meaning
         yield f"{name}_phase_deg", "degree", declared.phase
@@ -193,7 +193,7 @@ def _parts(name: str, declared: Dataset, annotation: Any) -> Iterator[tuple[str,
 
 
 def _place(member: Member, declared: Members, item: Any) -> str:
-    """Path of the group of a member, with what it is called by in angle brackets."""
+    """Path of the group of a member, with its key in angle brackets."""
     key = next((m.name for m in members_of(item) if isinstance(m.declaration, Key)), "")
     numbered = get_origin(member.annotation) is tuple or get_args(member.annotation)[0] is int
     name = "<name>" if declared.labelled else f"<{key or ('n' if numbered else 'name')}>"
@@ -211,11 +211,11 @@ def _joined(path: str, below: str) -> str:
 
 
 def _spoken(text: str, given: Mapping[str, Any], unknown: str = "*{}*") -> str:
-    """A text for readers: known fields filled in, others by their names."""
+    """A text with known fields filled in and other fields replaced by their names."""
 
-    def name(found: re.Match[str]) -> str:
-        value = str(given[found[1]]) if found[1] in given else unknown.format(found[1])
-        return value.replace("_", " ") if found[2] else value
+    def name(field: re.Match[str]) -> str:
+        value = str(given[field[1]]) if field[1] in given else unknown.format(field[1])
+        return value.replace("_", " ") if field[2] else value
 
     return re.sub(r"\{(\w+)(:words)?\}", name, text)
 
@@ -236,7 +236,7 @@ def _safe(text: str) -> str:
 
 
 def renewed(text: str) -> str:
-    """A document with the part below `MARK` made anew."""
+    """A document with the part below `MARK` generated again."""
     return f"{text.partition(MARK)[0]}{MARK}\n\n{documentation()}"
 
 

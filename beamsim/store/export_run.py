@@ -1,4 +1,4 @@
-"""A run as CSV tables: time histories, spectra, harmonics, events, modes, what is known along bodies."""
+"""A run as CSV tables: time histories, spectra, harmonics, events, modes, quantities along bodies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _OF_SPECTRUM = ("probe", "quantity", "unit")
 
 
 def export_csv(result: RunResult, folder: Path) -> list[Path]:
-    """One table a file: an observation a row, a quantity with its unit a column, full precision.
+    """One file per table: one row per observation, one column per quantity with its unit, full precision.
 
     ``time_histories``, ``spectra``, ``harmonics``, ``events``, ``modes``, ``mode_shapes``, ``summary`` and, for
     a beam, ``beam``; ``random_densities``, ``random_statistics`` and ``random_transmissibility`` of a random input.
@@ -111,7 +111,7 @@ def _names(cls: type, kind: type) -> list[str]:
 
 
 def _channels(result: RunResult) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Everything that is declared along the time of a run."""
+    """All quantities along the time of a run."""
     yield "time_s", result.time
     yield from _along_time("", result)
     for kind, owners in (("probe", result.probes), ("snubber", result.snubbers), ("spring", result.springs)):
@@ -129,7 +129,7 @@ def _along_time(prefix: str, owner: Any) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def station_columns(stations: Stations) -> dict[str, Any]:
-    """Columns that say where stations are: the position or the number of the mass, of several bodies with the body."""
+    """Columns with the stations: position or number of the mass, for several bodies also the body."""
     of_body = {}
     if len(stations.parts) > 1:
         sizes = [part.stations.stop - part.stations.start for part in stations]

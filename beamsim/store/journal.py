@@ -1,8 +1,7 @@
-"""Cases solved so far, one line each, so that a killed design study goes on where it was.
+"""Journal of a design study: one line for each case solved, so that a killed study can be resumed.
 
-The first line says which study it is; then comes a line of JSON for every case, in the order in which they were
-solved. Numbers are written so that they read back as the same bits. A line that was being written when the process
-was killed is dropped.
+The first line identifies the study, followed by a line of JSON for every case in the order of completion. Numbers are
+read back without loss. An incomplete last line, from a process that was killed, is ignored.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ from beamsim.outcomes import Outcome
 
 VERSION = 2
 LOCKED_BYTE = 2**30
-SYNCED_EVERY_S = 5.0  # a crash of the whole machine costs at most the cases of this time
+SYNCED_EVERY_S = 5.0  # a crash of the machine loses at most the cases of this time
 
 
 def journal_path(target: Path) -> Path:
-    """Where the journal of a result file is: beside it."""
+    """Path of the journal, in the same folder as the result file."""
     return target.with_name(f"{target.name}.partial")
 
 
@@ -36,13 +35,13 @@ class Journal:
     Parameters
     ----------
     path : of the journal.
-    fingerprint : of all that the cases' outcomes depend on.
-    resume : go on with what is there; else begin anew.
+    fingerprint : hash of everything that the outcomes of the cases depend on.
+    resume : keep the cases already solved; else start again.
 
     Raises
     ------
     ResultFileError
-        When the file cannot be written, belongs to another study that was to be resumed, or is in use.
+        If the file cannot be written, belongs to another study than the one to be resumed, or is in use.
     """
 
     def __init__(self, path: Path, fingerprint: str, *, resume: bool) -> None:
@@ -50,23 +49,23 @@ class Journal:
 
         self.path = path
         self.fingerprint = fingerprint = f"{fingerprint} by beamsim {__version__}"
-        self.dropped = 0  # cases of this very study that are given up by beginning anew
+        self.dropped = 0  # solved cases of this study that are discarded without resume
         check_writable(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        found = _read(path)
+        stored = _read(path)
         self.known: tuple[CaseOutcome, ...] = ()
-        if found is not None and found[0] == fingerprint:
-            self.known, self.dropped = (found[1], 0) if resume else ((), len(found[1]))
-        elif found is not None and resume:
+        if stored is not None and stored[0] == fingerprint:
+            self.known, self.dropped = (stored[1], 0) if resume else ((), len(stored[1]))
+        elif stored is not None and resume:
             raise ResultFileError(
                 f"{path}: belongs to another study (the scenario, its values or the version of beamsim differ); "
-                "leave out --resume to begin anew, or choose another place with -o"
+                "leave out --resume to start again, or choose another path with -o"
             )
         self._file: IO[str] | None = None
         self._synced = 0.0
 
     def __enter__(self) -> Journal:
-        with _exclusive(self.path):  # a process that computes this study keeps its journal
+        with _exclusive(self.path):  # another process may be computing this study
             with replacing(self.path) as temporary, open(temporary, "w", encoding="utf-8") as file:
                 header = {"beamsim_journal": VERSION, "fingerprint": self.fingerprint}
                 file.write(json.dumps(header) + "\n")
@@ -90,8 +89,8 @@ class Journal:
             self._synced = clock.monotonic()
 
     def remove(self) -> None:
-        """Remove the journal: everything is in the result file."""
-        self.__exit__()  # Windows removes no open file
+        """Remove the journal once everything is in the result file."""
+        self.__exit__()  # Windows cannot remove open files
         self.path.unlink(missing_ok=True)
 
 
@@ -100,9 +99,9 @@ def _line(outcome: CaseOutcome) -> str:
 
 
 def _read(path: Path) -> tuple[str, tuple[CaseOutcome, ...]] | None:
-    """Fingerprint and outcomes of a journal; None where there is none that makes sense."""
+    """Fingerprint and outcomes of a journal; None if it is missing or unreadable."""
     try:
-        lines = path.read_bytes().split(b"\n")[:-1]  # what follows the last line break was cut off
+        lines = path.read_bytes().split(b"\n")[:-1]  # text after the last line break is incomplete
     except OSError:
         return None
     try:
@@ -124,7 +123,7 @@ def _read(path: Path) -> tuple[str, tuple[CaseOutcome, ...]] | None:
 
 @contextmanager
 def _exclusive(path: Path) -> Iterator[None]:
-    """Hold the lock of a journal that may exist already while it is replaced."""
+    """Lock a journal, if it exists, while it is replaced."""
     if not path.is_file():
         yield
         return
@@ -132,7 +131,7 @@ def _exclusive(path: Path) -> Iterator[None]:
         held = _lock(file, path)
         if held:
             yield
-    if not held:  # Windows replaces no open file
+    if not held:  # Windows cannot replace open files
         yield
 
 
@@ -142,7 +141,7 @@ def _lock(file: IO[str], path: Path) -> bool:
     Raises
     ------
     ResultFileError
-        When another process has locked it.
+        If another process has locked it.
     """
     try:
         take, replaceable = _locking()
@@ -153,7 +152,7 @@ def _lock(file: IO[str], path: Path) -> bool:
     except (BlockingIOError, PermissionError):
         file.close()
         raise ResultFileError(
-            f"{path}: another process is computing this study; wait for it, or choose another place with -o"
+            f"{path}: another process is computing this study; wait for it, or choose another path with -o"
         ) from None
     except OSError:  # a file system without locks
         pass
@@ -166,12 +165,12 @@ def _locking() -> tuple[Callable[[int], object], bool]:
     Raises
     ------
     ImportError
-        Where the system has no locks.
+        If the system has no locks.
     """
     try:
         import fcntl
     except ImportError:
-        import msvcrt  # Windows: locks a byte, far beyond what is written
+        import msvcrt  # Windows: locks one byte, far beyond the contents
 
         def take(descriptor: int) -> None:
             os.lseek(descriptor, LOCKED_BYTE, os.SEEK_SET)

@@ -13,12 +13,12 @@ from beamsim.files import replacing
 
 
 def write_mat(variables: Mapping[str, Any], path: Path) -> None:
-    """Write nested mappings as structs; lists of numbers become columns, other lists cells, nothing becomes NaN.
+    """Write nested mappings as structs; lists of numbers become columns, other lists cells, None becomes NaN.
 
     Raises
     ------
     ResultFileError
-        When the file cannot be written.
+        If the file cannot be written.
     """
     from scipy.io import savemat
 

@@ -38,7 +38,7 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
     Raises
     ------
     ScenarioError
-        For every file that is missing, empty, not finite or has no such channel.
+        For every file that is missing or empty, has non-finite values or lacks the channel.
     """
     section = scenario.identify_stiffness
     if section is None or section.nonlinear is None:
@@ -50,11 +50,11 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
         at = f"identify_stiffness.nonlinear.tests[{index}]"
         path = Path(test.file) if Path(test.file).is_absolute() else Path(folder) / test.file
         try:
-            wanted = test.channel or test.probe or default
-            found = channel_named(
-                read_signals(path), wanted, test.quantity, path, required=test.channel is not None, at=f"{at}.channel"
+            name = test.channel or test.probe or default
+            signal = channel_named(
+                read_signals(path), name, test.quantity, path, required=test.channel is not None, at=f"{at}.channel"
             )
-            signals.append(in_si(found, test.unit, test.quantity, f"{at}.unit"))
+            signals.append(in_si(signal, test.unit, test.quantity, f"{at}.unit"))
         except ScenarioError as error:
             problems += [
                 p if p.path else Problem(f"{at}.file", f"= {test.file}: {p.message}", p.remedy) for p in error.problems
@@ -65,12 +65,12 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
 
 
 def read_signals(path: Path) -> list[MeasuredSignal]:
-    """Every channel of a file, finite and with increasing abscissa.
+    """All channels of a file.
 
     Raises
     ------
     ScenarioError
-        Where the file is missing, empty, of an unknown kind, or has values that are not numbers.
+        If the file is missing, empty, of an unknown format, or has values that are not numbers.
     """
     if not path.is_file():
         raise _wrong(f"{path} does not exist", "check the path; it is relative to the case's file")
@@ -84,32 +84,32 @@ def read_signals(path: Path) -> list[MeasuredSignal]:
     elif suffix in (".uff", ".unv", ".uf", ".58"):
         signals = _read_uff(path)
     else:
-        raise _wrong(f"{path} is of an unknown kind", "give .csv, .h5 or .uff")
+        raise _wrong(f"{path} has an unknown format", "use .csv, .h5 or .uff")
     if not signals:
-        raise _wrong(f"{path} holds no signal", "it needs a time or frequency axis and at least one channel")
+        raise _wrong(f"{path} contains no signal", "it needs a time or frequency axis and at least one channel")
     return signals
 
 
 def channel_named(
     signals: Sequence[MeasuredSignal],
-    wanted: str,
+    name: str,
     quantity: str,
     path: Path,
     *,
     required: bool = False,
     at: str = "",
 ) -> MeasuredSignal:
-    """The channel of a name; failing that one whose name holds probe and quantity, or the only one.
+    """The channel of that name; else the one whose name contains probe and quantity, or the only one.
 
     Raises
     ------
     ScenarioError
-        Where none or several would do, and for values that are not finite.
+        If no channel or several match, or values are not finite.
     """
     spoken = quantity.replace("_", " ")
-    exact = [s for s in signals if s.name == wanted]
-    loose = [s for s in signals if _holds(s.name, wanted) and _is_of(s.name, spoken)] or (
-        [] if required else [s for s in signals if _holds(s.name, wanted)]
+    exact = [s for s in signals if s.name == name]
+    loose = [s for s in signals if _holds(s.name, name) and _is_of(s.name, spoken)] or (
+        [] if required else [s for s in signals if _holds(s.name, name)]
     )
     histories = [s for s in loose if not s.of_frequency] or loose
     chosen = exact or histories or ([] if required or len(signals) > 1 else list(signals))
@@ -117,16 +117,16 @@ def channel_named(
         chosen = chosen[:1]
     if len(chosen) != 1:
         names = [s.name for s in signals]
-        close = get_close_matches(wanted, names, n=1)
+        close = get_close_matches(name, names, n=1)
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-        what = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
+        verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
         remedy = f"did you mean {close[0]}?" if close and not chosen else f"name one: {listed}"
-        raise ScenarioError(Problem(at, f"{path} {what} {wanted} {spoken}", remedy))
+        raise ScenarioError(Problem(at, f"{path} {verdict} {name} {spoken}", remedy))
     return _checked(chosen[0], path)
 
 
 def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
-    """The signal converted to SI from the unit given, else from the one the file names."""
+    """The signal converted to SI from the given unit, else from that of the file."""
     from dataclasses import replace
 
     from beamsim.scenario import units
@@ -149,17 +149,18 @@ def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> M
 
 
 def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
-    for what, values in (("value", signal.y), ("time" if not signal.of_frequency else "frequency", signal.x)):
+    for quantity, values in (("value", signal.y), ("time" if not signal.of_frequency else "frequency", signal.x)):
         wrong = np.flatnonzero(~np.isfinite(values))
         if wrong.size:
             raise _wrong(
-                f"{path}: {signal.name} has a {what} that is no number at sample {wrong[0] + 1} ({wrong.size} in all)",
-                "cut the gap out, or interpolate it before",
+                f"{path}: {signal.name} has a {quantity} that is not a number at sample {wrong[0] + 1} "
+                f"({wrong.size} in all)",
+                "remove the gap, or interpolate it",
             )
     if signal.x.size < 2:
         raise _wrong(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
     if np.any(np.diff(signal.x) <= 0):
-        raise _wrong(f"{path}: the axis of {signal.name} does not increase", "sort the samples, remove repeated ones")
+        raise _wrong(f"{path}: the axis of {signal.name} does not increase", "sort the samples and remove duplicates")
     return signal
 
 
@@ -167,8 +168,8 @@ def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
     return np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)
 
 
-def _holds(name: str, wanted: str) -> bool:
-    return bool(re.search(rf"(?<![a-z0-9]){re.escape(wanted.lower())}(?![a-z0-9])", name.lower().replace("_", " ")))
+def _holds(name: str, part: str) -> bool:
+    return bool(re.search(rf"(?<![a-z0-9]){re.escape(part.lower())}(?![a-z0-9])", name.lower().replace("_", " ")))
 
 
 def _is_of(name: str, spoken: str) -> bool:
@@ -188,7 +189,7 @@ def _read_csv(path: Path) -> list[MeasuredSignal]:
         raise _wrong(f"{path} is not text in UTF-8", "export it as CSV again") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
-        raise _wrong(f"{path} holds no data", "export the measurement again")
+        raise _wrong(f"{path} contains no data", "export the measurement again")
     delimiter = max((",", ";", "\t"), key=lambda mark: lines[0].count(mark))
     if lines[0].count(delimiter) == 0:
         delimiter = " "
@@ -196,21 +197,21 @@ def _read_csv(path: Path) -> list[MeasuredSignal]:
     header = rows[0] if not _is_number(rows[0][0], delimiter) else [f"column {k + 1}" for k in range(len(rows[0]))]
     body = rows[1:] if header is rows[0] else rows
     if not body:
-        raise _wrong(f"{path} has a header and no samples", "export the measurement again")
+        raise _wrong(f"{path} has a header but no samples", "export the measurement again")
     values = np.empty((len(body), len(header)))
     for i, row in enumerate(body):
         if len(row) != len(header):
-            raise _wrong(f"{path}: sample {i + 1} has {len(row)} values, and there are {len(header)} columns", "")
+            raise _wrong(f"{path}: sample {i + 1} has {len(row)} values, but there are {len(header)} columns", "")
         for j, cell in enumerate(row):
             try:
                 values[i, j] = float(cell.replace(",", ".") if delimiter != "," else cell)
             except ValueError:
                 raise _wrong(
-                    f"{path}: sample {i + 1} of {header[j]} is {cell!r}, no number",
-                    "give numbers only below the header",
+                    f"{path}: sample {i + 1} of {header[j]} is {cell!r}, not a number",
+                    "only numbers are allowed below the header",
                 ) from None
     if values.shape[1] < 2:
-        raise _wrong(f"{path} has one column", "put the time in the first column and the signal in the next")
+        raise _wrong(f"{path} has only one column", "put the time in the first column and the signal in the next")
     of_frequency = _bare(header[0]) in _FREQUENCY_NAMES
     return [
         MeasuredSignal(name, values[:, 0], values[:, j], of_frequency, _unit_of(name), str(path))
@@ -232,7 +233,7 @@ def _bare(name: str) -> str:
 
 
 def _unit_of(name: str) -> str:
-    """The unit that a column's name ends in: ``tip (g)``, ``tip [mm]``, ``tip_m/s^2``."""
+    """The unit at the end of the name of a column: ``tip (g)``, ``tip [mm]``, ``tip_m/s^2``."""
     match = re.search(r"[(\[]([^)\]]+)[)\]]\s*$", name)
     if match:
         return match[1].strip()
@@ -242,11 +243,11 @@ def _unit_of(name: str) -> str:
 def _read_hdf5(path: Path) -> list[MeasuredSignal]:
     import h5py
 
-    found: list[MeasuredSignal] = []
+    signals: list[MeasuredSignal] = []
     try:
         file = h5py.File(path, "r")
     except OSError:
-        raise _wrong(f"{path} is not an HDF5 file, or damaged", "check how it was written") from None
+        raise _wrong(f"{path} is not an HDF5 file, or is damaged", "export the measurement again") from None
     with file:
         datasets: dict[str, Any] = {}
         file.visititems(lambda name, item: datasets.__setitem__(name, item) if isinstance(item, h5py.Dataset) else None)
@@ -261,12 +262,12 @@ def _read_hdf5(path: Path) -> list[MeasuredSignal]:
             y = item[()]
             y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
             label = re.sub(r"^(probes|snubbers|spectra)/", "", name).replace("/", " ")
-            found.append(MeasuredSignal(label, x, y, of_frequency, unit, str(path)))
-    return found
+            signals.append(MeasuredSignal(label, x, y, of_frequency, unit, str(path)))
+    return signals
 
 
 def _axis_of(name: str, item: Any, datasets: dict[str, Any]) -> tuple[str | None, bool]:
-    """The dataset that is the axis of another: its dimension scale, else time or frequency beside or above it."""
+    """The dataset that is the axis of another: its dimension scale, else time or frequency in an enclosing group."""
     if len(item.dims[0]):
         scale = item.dims[0][0].name.lstrip("/")
         label = scale.rsplit("/", 1)[-1].lower()
@@ -296,10 +297,10 @@ def _read_uff(path: Path) -> list[MeasuredSignal]:
             kinds = file.get_set_types()
             sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
     except Exception as error:
-        # pyuff raises bare exceptions of every kind on damaged files.
+        # pyuff raises exceptions of all types on damaged files
         raise _wrong(f"{path} cannot be read as a universal file ({error})", "export dataset 58 again") from None
     if not sets:
-        raise _wrong(f"{path} holds no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
+        raise _wrong(f"{path} contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
     return [_of_uff(item, path) for item in sets]
 
 

@@ -1,4 +1,4 @@
-"""Which channels of a measurement belong to which probes and snubbers of a run."""
+"""Assignment of measured channels to the probes and snubbers of a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def pair_channels(
     channel: str | None = None,
     unit: str | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
-    """The measured channels of a file that belong to a run's probes and snubbers, by their names, in SI units.
+    """The measured channels of a file that belong to the probes and snubbers of a run by name, in SI units.
 
     With `channel`, that one is compared with `quantity` (by default the absolute acceleration) at `place` (by
     default the first probe).
@@ -28,39 +28,39 @@ def pair_channels(
     Raises
     ------
     ScenarioError
-        Where the file cannot be used or nothing in it matches.
+        If the file cannot be used or no channel matches.
     """
     signals = read_signals(path)
     places = list(dict.fromkeys([*result.probes, *result.snubbers]))
     if place is not None and place not in places:
         raise ScenarioError(Problem("", f"--probe {place} is not in the result", f"it has {', '.join(places)}"))
     if channel is not None or len(signals) == 1:
-        wanted = quantity or "absolute_acceleration"
-        at = place or next(iter(result.snubbers if wanted == "force" else result.probes))
-        _known(result, at, wanted)
-        found = (
-            channel_named(signals, channel, wanted, path, required=True)
+        compared = quantity or "absolute_acceleration"
+        at = place or next(iter(result.snubbers if compared == "force" else result.probes))
+        _known(result, at, compared)
+        signal = (
+            channel_named(signals, channel, compared, path, required=True)
             if channel is not None
-            else channel_named(signals, signals[0].name, wanted, path)
+            else channel_named(signals, signals[0].name, compared, path)
         )
-        return [(at, wanted, in_si(found, unit, wanted, "--unit"))]
+        return [(at, compared, in_si(signal, unit, compared, "--unit"))]
     pairs: list[tuple[str, str, MeasuredSignal]] = []
     for name in places if place is None else [place]:
         for q in QUANTITIES if quantity is None else [quantity]:
             if name not in (result.snubbers if q == "force" else result.probes):
                 continue
             try:
-                found = channel_named(signals, name, q, path, required=True)
+                signal = channel_named(signals, name, q, path, required=True)
             except ScenarioError:
                 continue
-            pairs.append((name, q, in_si(found, unit, q, "--unit")))
+            pairs.append((name, q, in_si(signal, unit, q, "--unit")))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
         raise ScenarioError(
             Problem(
                 "",
-                f"{path} has no channel named after a probe ({', '.join(places)}) and what it measured",
-                f"say which: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
+                f"{path} has no channel named after a probe ({', '.join(places)}) and a quantity",
+                f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
             )
         )
     return pairs

@@ -1,6 +1,6 @@
-"""The functions of time and frequency in any result file, as records of a universal file.
+"""Functions of time and frequency in a result file of any kind, as records of a universal file.
 
-Nodes are numbered through the scenario's probes, then its snubbers, then the base of a run (at the origin); x is the
+Nodes are the probes of the scenario, then its snubbers, then the base of a run (at the origin); x is the
 position along the beam (the number of the mass in a chain) and motion is along +z. The force of a snubber above the
 structure is along -z. Amplitude spectra are of function type 0 (general), because pyuff does not write type 12
 (spectrum).
@@ -37,12 +37,12 @@ class _Function(NamedTuple):
 
 
 def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
-    """Records 58 of everything at a probe or snubber that is a function of time or frequency, after the nodes.
+    """The nodes, and records 58 of all functions of time or frequency at probes and snubbers.
 
     Parameters
     ----------
     file : open result file of any kind.
-    result : the same file read; its scenario tells the places.
+    result : the result read from it; its scenario gives the positions.
     """
     import pyuff
 
@@ -71,14 +71,14 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
 
 
 def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], float], set[str]]:
-    """Place of every probe and snubber, and the snubbers that push downwards."""
+    """Position of every probe and snubber, and the snubbers that push downwards."""
     probes = {("probe", p.name): _coordinate(p) for p in scenario.effective_probes}
     snubbers = {("snubber", s.name): _coordinate(s) for s in scenario.all_snubbers}
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
 
 
 def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], float], set[str]]:
-    """The same of a run, whose file has the places; and the base."""
+    """The same for a run, whose file contains the positions, with the base."""
     nodes: dict[tuple[str, str], float] = {}
     upside_down = set()
     for folder, kind in (("probes", "probe"), ("snubbers", "snubber")):
@@ -90,7 +90,7 @@ def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], float], set[st
 
 
 def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
-    """Whether a dataset is of a probe, a snubber, the base or, in a chain, a spring."""
+    """Whether a dataset belongs to a probe, a snubber, the base or, in a chain, a spring."""
     parts = dataset.name.split("/")
     for folder, kind in (("base", "base"), ("springs", "spring"), ("snubbers", "snubber"), ("probes", "probe")):
         if folder in parts[:-1]:
@@ -107,7 +107,7 @@ def _coordinate(place: Any) -> float:
 
 
 def _name(dataset: h5py.Dataset) -> str:
-    """Name of the probe or snubber a dataset is of, from the attributes of the groups it is in."""
+    """Name of the probe or snubber of a dataset, from the attributes of the enclosing groups."""
     group = dataset.parent
     if group.name == "/base":
         return "base"
@@ -120,7 +120,7 @@ def _name(dataset: h5py.Dataset) -> str:
 
 
 def _label(dataset: h5py.Dataset, name: str, quantity: str) -> str:
-    """First line of a record: of a run whose quantity it is, elsewhere also where it is in the file."""
+    """First line of a record: place and quantity for a run, else the path in the file."""
     folder, *below = dataset.name.strip("/").split("/")
     if folder == "spectra":
         return f"{name} {quantity} spectrum".replace("_", " ")
@@ -130,7 +130,7 @@ def _label(dataset: h5py.Dataset, name: str, quantity: str) -> str:
 
 
 def _functions(dataset: h5py.Dataset, place: str) -> Iterator[_Function]:
-    """What a dataset gives: one function, one for each order of harmonics, or nothing."""
+    """Functions in a dataset: one, one for each order of harmonics, or none."""
     last = dataset.name.rpartition("/")[2]
     name, imaginary = last.removesuffix("_real"), dataset.parent.get(last.replace("_real", "_imag"))
     if last.endswith("_imag"):
@@ -179,6 +179,6 @@ def _frequency(axis: h5py.Dataset) -> Floats | None:
 
 
 def _input(dataset: h5py.Dataset) -> str:
-    """What a sweep's linear response is a unit of: ``force``, or ``acceleration`` of the base."""
+    """Input of the linear response of a sweep: ``force``, or ``acceleration`` of the base."""
     curves = (group.attrs["quantity"] for group in dataset.file.values() if "direction" in group.attrs)
     return "force" if next(curves, "") == "force" else "acceleration"

@@ -1,6 +1,6 @@
-"""Results as files: written whole or not at all, read back as the result they were written from.
+"""Writing and reading of result files; a file is written completely or not at all.
 
-What is stored is what the result's fields declare; see `beamsim.fields`.
+The fields of the result declare what is stored; see `beamsim.fields`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def write_result(result: Result, path: Path | str) -> Path:
     Raises
     ------
     ResultFileError
-        When the file cannot be written (no permission, disk full, a folder of that name).
+        If the file cannot be written (no permission, disk full, a folder of that name).
     """
     with creating(path) as file:
         write_root(file, result, KINDS[_kind_of_class(type(result))].command)
@@ -45,14 +45,14 @@ def _kind_of_class(cls: type) -> str:
 
 
 def open_result(path: Path | str, kind: str = "") -> Any:
-    """Read a result file of one of `KINDS` (of any, without `kind`) as the result it was written from.
+    """Read a result file of one of `KINDS` (of any kind without `kind`).
 
-    ``result.scenario`` is parsed when it is asked for.
+    ``result.scenario`` is parsed on first use.
 
     Raises
     ------
     ResultFileError
-        When the file is missing, unreadable, damaged, not one of beamsim's, of another layout or of another kind.
+        If the file is missing, unreadable, damaged, not from beamsim, or of another layout or kind.
     """
     kind = kind or kind_of(path)
     home = named(KINDS[kind].result)
@@ -75,12 +75,12 @@ def open_run(path: Path | str) -> RunResult:
 
 
 def open_sweep(path: Path | str) -> SweepResult:
-    """Read a file written by ``beamsim sweep`` of one design, swept or stepped; see `open_result`."""
+    """Read a file written by ``beamsim sweep`` for a swept or stepped sine; see `open_result`."""
     return open_result(path, "sweep")  # type: ignore[no-any-return]
 
 
 def open_response(path: Path | str) -> FrequencyResponse:
-    """Read a file written by ``beamsim sweep`` of kind continuation; see `open_result`."""
+    """Read a file written by ``beamsim sweep`` with ``kind: continuation``; see `open_result`."""
     return open_result(path, "continuation")  # type: ignore[no-any-return]
 
 

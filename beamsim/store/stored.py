@@ -1,4 +1,4 @@
-"""What all result files share: the attributes of the root, opening and creating, a scenario that is parsed late."""
+"""Common parts of all result files: attributes of the root, opening and creating, lazy parsing of the scenario."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class LazyScenario:
-    """Mixin of results read from a file: the scenario is parsed when it is first asked for."""
+    """Mixin of results read from a file: the scenario is parsed on first use."""
 
     scenario_yaml: str
     beamsim_version: str
@@ -36,22 +36,22 @@ class LazyScenario:
 
     @property
     def title(self) -> str:
-        """The scenario's title, known without parsing it."""
+        """Title of the scenario, available without parsing it."""
         return self._title
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:
-        """The result with these fields, those of `root_fields` among them."""
+        """The result with these fields, including those of `root_fields`."""
         stored = cls.__new__(cls)
-        stored.__dict__.update(fields)  # the scenario is left out, so __init__ cannot be called
+        stored.__dict__.update(fields)  # without the scenario __init__ cannot be called
         return stored
 
 
 class _Sink:
-    """A file for HDF5 to write to that never fails while it does.
+    """A file object for HDF5 whose methods never raise.
 
-    The library does not survive a full disk: what it could not write it tries again when the file is closed and when
-    the process ends, and crashes. So the first exception, an interrupt too, is kept for `creating` to raise.
+    The HDF5 library crashes on a full disk: it repeats failed writes when the file is closed and when the process ends.
+    The first exception, also an interrupt, is therefore stored and raised by `creating`.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -59,12 +59,12 @@ class _Sink:
         self.error: BaseException | None = None
 
     def write(self, data: memoryview) -> int:
-        """Take the data; after a failure they are dropped."""
+        """Write the data; after a failure they are discarded."""
         if self.error is None:
-            left = memoryview(data).cast("B")
+            remaining = memoryview(data).cast("B")
             try:
-                while left:
-                    left = left[self._file.write(left) :]
+                while remaining:
+                    remaining = remaining[self._file.write(remaining) :]
             except BaseException as error:
                 self.error = error
         return len(data)
@@ -87,12 +87,12 @@ class _Sink:
 
 @contextmanager
 def creating(path: Path | str) -> Iterator[h5py.File]:
-    """Yield a new HDF5 file, which takes the place of ``path`` when it is complete.
+    """Yield a new HDF5 file, which replaces ``path`` when it is complete.
 
     Raises
     ------
     ResultFileError
-        When it cannot be written (no permission, disk full, a folder of that name).
+        If it cannot be written (no permission, disk full, a folder of that name).
     """
     with replacing(path) as temporary, open(temporary, "x+b", buffering=0) as raw:
         sink = _Sink(raw)
@@ -105,7 +105,7 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
 
 
 def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> None:
-    """Write what every result file carries, the summary included, and the attributes `more`."""
+    """Write the attributes of every result file, the summary, and the attributes `more`."""
     from beamsim.analyses.result import Result
     from beamsim.version import __version__
 
@@ -123,7 +123,7 @@ def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> No
 
 
 def root_fields(file: h5py.File) -> dict[str, Any]:
-    """What `write_root` wrote, as fields of a result with a `LazyScenario`."""
+    """Attributes written by `write_root`, as fields of a result with a `LazyScenario`."""
     from beamsim.analyses.result import Result
 
     return {
@@ -136,19 +136,19 @@ def root_fields(file: h5py.File) -> dict[str, Any]:
 
 
 def kind_of(path: Path | str) -> str:
-    """Which of `KINDS` a result file is.
+    """Kind of a result file, one of `KINDS`.
 
     Raises
     ------
     ResultFileError
-        When the file is missing, unreadable, damaged, not one of beamsim's, or of another layout.
+        If the file is missing, unreadable, damaged, not from beamsim, or of another layout.
     """
     with _opened(path) as file:
         return _kind(file, path)
 
 
 def holds(path: Path | str, kind: str) -> bool:
-    """Whether a file is a result of this kind; False where it is none at all."""
+    """Whether a file is a result file of this kind."""
     try:
         return kind_of(path) == kind
     except ResultFileError:
@@ -157,17 +157,17 @@ def holds(path: Path | str, kind: str) -> bool:
 
 @contextmanager
 def reading(path: Path | str, kind: str = "") -> Iterator[h5py.File]:
-    """Open a result file of one of `KINDS` (of any, without `kind`); what fails while it is read is told as damage.
+    """Open a result file of one of `KINDS` (of any kind without `kind`); errors in reading are reported as damage.
 
     Raises
     ------
     ResultFileError
-        When the file is missing, unreadable, damaged, not one of beamsim's, of another layout or of another kind.
+        If the file is missing, unreadable, damaged, not from beamsim, or of another layout or kind.
     """
     with _opened(path, KINDS[kind].command if kind else "run") as file:
-        found = _kind(file, path)
-        if kind and found != kind:
-            raise ResultFileError(f"{path}: holds {KINDS[found].called}, not {KINDS[kind].called}")
+        actual = _kind(file, path)
+        if kind and actual != kind:
+            raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
         try:
             yield file
         except (KeyError, ValueError, TypeError, IndexError, AttributeError, OSError, RuntimeError) as error:
@@ -183,7 +183,7 @@ def _opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
         if not place.exists():
             raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one")
         if not place.is_file():
-            raise ResultFileError(f"{path}: no ordinary file; give the .h5 file that `beamsim {command}` wrote")
+            raise ResultFileError(f"{path}: not a regular file; give the .h5 file that `beamsim {command}` wrote")
         file = h5py.File(place, "r")
     except PermissionError as error:
         raise ResultFileError(f"{path}: no permission to read it") from error
@@ -205,7 +205,7 @@ def _kind(file: h5py.File, path: Path | str) -> str:
     except (OSError, RuntimeError, KeyError) as error:
         raise ResultFileError(f"{path}: damaged ({error}); run the case again") from error
     if version is None or command is None:
-        raise ResultFileError(f"{path}: an HDF5 file, but not one of beamsim's; give the .h5 file of `beamsim run`")
+        raise ResultFileError(f"{path}: an HDF5 file, but not from beamsim; give the .h5 file of `beamsim run`")
     if version != schema.SCHEMA_VERSION:
         raise ResultFileError(
             f"{path}: schema_version {version}, written by beamsim {writer}, but this beamsim reads "
@@ -214,5 +214,5 @@ def _kind(file: h5py.File, path: Path | str) -> str:
     if command == "sweep":
         return "designs" if designs else "continuation" if kind == "continuation" else "sweep"
     if command not in KINDS:
-        raise ResultFileError(f"{path}: written by `beamsim {command}`, which this version does not know")
+        raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
     return str(command)

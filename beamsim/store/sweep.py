@@ -1,4 +1,4 @@
-"""What an interrupted sweep left."""
+"""Partial results of interrupted sweeps."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 
 def earlier_sweep(path: Path | str, scenario: Scenario) -> SweepResult | None:
-    """What an interrupted sweep of the same scenario left at ``path``; None where there is nothing.
+    """The partial result of an interrupted sweep of the same scenario; None if there is no file.
 
     Raises
     ------
     ResultFileError
-        When the file is of another scenario, or damaged.
+        If the file is of another scenario, or damaged.
     """
     if not Path(path).exists():
         return None
     stored = open_sweep(path)
     if getattr(stored, "scenario_yaml", "") != scenario.to_yaml():
         raise ResultFileError(
-            f"{path}: holds a sweep of another scenario; leave out --resume, or choose another place with -o"
+            f"{path}: contains a sweep of another scenario; leave out --resume, or choose another path with -o"
         )
     return stored

@@ -1,7 +1,7 @@
-"""Any result file as tables: datasets along the same dimension scales are columns of one table.
+"""A result file of any kind as tables: datasets along the same dimension scales are columns of one table.
 
-The dimension scales of the file say everything that is needed: which numbers go together, what they are counted
-by, and in what units. A dimension without a scale is counted from 1.
+The dimension scales of the file define the tables: which datasets belong together, their axes and the units. A
+dimension without a scale is numbered from 1.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Axis:
-    """What one dimension of a table is counted by."""
+    """Axis of one dimension of a table."""
 
-    path: str  # of the scale in the file; empty where there is none
+    path: str  # of the scale in the file, or empty
     name: str
     units: str
     long_name: str
@@ -31,23 +31,23 @@ class Column:
     """One dataset of a table."""
 
     path: str
-    name: str  # the way from the table's group to the dataset, ``probes/tip/peak_displacement``
+    name: str  # path from the group of the table to the dataset, ``probes/tip/peak_displacement``
     units: str
     long_name: str
-    values: NDArray[Any]  # the shape of the table's axes
+    values: NDArray[Any]  # shape of the axes of the table
 
 
 @dataclass(frozen=True)
 class Table:
     """Datasets along the same axes; scalars have no axis."""
 
-    group: str  # path of the group the table belongs to, without the slash in front
+    group: str  # path of the group of the table, without leading slash
     axes: tuple[Axis, ...]
     columns: list[Column] = field(default_factory=list)
 
     @property
     def name(self) -> str:
-        """Name for a file: the group, and what the rows are counted by."""
+        """Name of the file: the group and the axes."""
         where = self.group.replace("/", "_")
         along = "_and_".join(axis.name for axis in self.axes)
         if not self.axes:
@@ -56,21 +56,21 @@ class Table:
 
 
 def tables_of(file: h5py.File) -> list[Table]:
-    """Every dataset of a file that is no scale, in tables; in the order of the file."""
-    found: dict[tuple[Any, ...], Table] = {}
+    """All datasets of a file except scales, as tables in the order of the file."""
+    tables: dict[tuple[Any, ...], Table] = {}
     for dataset in datasets(file):
         axes = tuple(_axis(dataset, k) for k in range(dataset.ndim))
         group = _owner(dataset, axes)
         key = (group, *((axis.path or (axis.name, axis.values.size)) for axis in axes))
-        table = found.setdefault(key, Table(group, axes))
+        table = tables.setdefault(key, Table(group, axes))
         name = dataset.name.removeprefix(f"/{group}").strip("/")
         units, long_name = (str(dataset.attrs.get(key, "")) for key in ("units", "long_name"))
         table.columns.append(Column(dataset.name, name, units, long_name, values_of(dataset)))
-    return list(found.values())
+    return list(tables.values())
 
 
 def datasets(group: h5py.Group) -> Iterator[h5py.Dataset]:
-    """The datasets below a group that are no scales."""
+    """The datasets below a group except scales."""
     for item in group.values():
         if isinstance(item, h5py.Group):
             yield from datasets(item)
@@ -79,7 +79,7 @@ def datasets(group: h5py.Group) -> Iterator[h5py.Dataset]:
 
 
 def values_of(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Values as NumPy has them: words as objects, truth values as such."""
+    """Values as NumPy arrays: strings as objects, flags as Booleans."""
     if h5py.check_string_dtype(dataset.dtype) is not None:
         return np.asarray(dataset.asstr()[()], dtype=object)
     values = np.asarray(dataset[()])
@@ -97,7 +97,7 @@ def _axis(dataset: h5py.Dataset, k: int) -> Axis:
 
 
 def _owner(dataset: h5py.Dataset, axes: tuple[Axis, ...]) -> str:
-    """The group a dataset's table belongs to: that of the nearest of its scales, else its own."""
+    """Group of the table of a dataset: that of the innermost of its scales, else its own."""
     parent = dataset.name.rpartition("/")[0]
     homes = [axis.path.rpartition("/")[0] for axis in axes if axis.path]
     above = [home for home in homes if f"{parent}/".startswith(f"{home}/")]

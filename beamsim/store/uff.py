@@ -1,4 +1,4 @@
-"""Universal files: records of type 58 (a function at a degree of freedom), written whole."""
+"""Universal files: records of type 58 (function at a degree of freedom)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UP = 3  # +z: deflections are positive upwards
 
 
 class Source(NamedTuple):
-    """What the records of one file say of their origin."""
+    """Origin of the records of one file."""
 
     title: str
     created: str  # ISO 8601
@@ -59,10 +59,10 @@ def record_58(
     name : of the probe or snubber.
     quantity : one of `ORDINATES`.
     x, y : time (s) for a time response, otherwise frequency (Hz); the ordinate may be complex. An equally spaced
-        abscissa is stored as start and increment with 6 digits; where that would not be exact the record is
-        stored in binary (58b) with every abscissa.
+        abscissa is stored as start and increment with 6 digits; if that is not exact, the record is stored in
+        binary (58b) with all abscissae.
     label : first line of the record; by default name and quantity.
-    over : quantity the ordinate is divided by ("acceleration" of the base or "force"), of a frequency response.
+    over : for a frequency response, the input quantity ("acceleration" of the base or "force").
     """
     specific, length_exponent, force_exponent = ORDINATES[quantity]
     of_frequency = kind != TIME_RESPONSE
@@ -104,12 +104,12 @@ def record_58(
 
 
 def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
-    """Write data sets to a universal file, after the one that says that units are SI.
+    """Write data sets to a universal file, after the data set of the units (SI).
 
     Raises
     ------
     ResultFileError
-        When the file cannot be written.
+        If the file cannot be written.
     """
     import pyuff
 

@@ -128,7 +128,7 @@ def test_more_unknowns_than_measurements():
         (["beam.point_masses"], r"add \[\*\]"),
         (["beam.point_masses[7].mass"], "has 2 items"),
         (["snubbers.tap.gap"], "the names are tip"),
-        (["beam.point_masses[*].mass", "beam.point_masses[1].mass"], "listed twice"),
+        (["beam.point_masses[*].mass", "beam.point_masses[1].mass"], "is listed twice"),
         ([{"parameter": "beam.length", "bounds": ["1 g", "2 g"]}], "must be a length, not a mass|must be a length"),
         ([{"parameter": "beam.length", "bounds": [0.3, 0.2]}], "is empty"),
         ([{"parameter": "beam.length", "bounds": [0.3, 0.4]}], "does not hold the scenario's value"),

@@ -62,7 +62,7 @@ def test_slope_is_the_squared_deflection_and_not_its_norm():
 
 
 def test_a_spring_on_a_node_is_refused_and_why():
-    with pytest.raises(ScenarioError, match="sits on a node of mode 2") as caught:
+    with pytest.raises(ScenarioError, match="it is at a node of mode 2") as caught:
         identify_stiffness(beam(0.5, "pinned", "pinned", fit_to=[2], measured_with=[50.0, 260.0]))
     assert caught.value.problems[0].path == "identify_stiffness.measured_with[1]"
     assert "leave mode 2 out" in str(caught.value)

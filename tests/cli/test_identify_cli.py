@@ -189,8 +189,8 @@ def test_nonlinear_parameters_from_a_file(call, tmp_path, history, suffix):
         (None, "does not exist"),
         ("", "is empty"),
         ("time,tip\n", "no samples"),
-        ("time,tip\n0,1\n1,nan\n2,1\n", "no number at sample 2"),
-        ("time,tip\n0,1\n1,what\n", "no number"),
+        ("time,tip\n0,1\n1,nan\n2,1\n", "not a number at sample 2"),
+        ("time,tip\n0,1\n1,what\n", "not a number"),
         ("time,other,more\n0,1,1\n1,2,2\n2,3,3\n", "has no channel tip"),
         ("time,tip\n0,1\n0,2\n0,3\n", "does not increase"),
     ],
@@ -265,7 +265,7 @@ def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, for
         (["lab.csv", "--probe", "nose"], "is not in the result"),
         (["lab.csv", "--quantity", "colour"], "is not one of"),
         (["lab.csv", "--unit", "mm"], "acceleration"),
-        (["lab.xyz"], "unknown kind"),
+        (["lab.xyz"], "unknown format"),
     ],
 )
 def test_compare_explains_mistakes(call, tmp_path, run_file, history, arguments, says):

@@ -277,7 +277,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
         "alien": "not one of beamsim's",
         "cut": "damaged",
         "newer": "schema_version 99",
-        "unknown": "does not know",
+        "unknown": "is unknown to this version",
     }
     for name, message in messages.items():
         done = call(*command, tmp_path / f"{name}.h5", "-o" if command[0] != "info" else "--json", *(

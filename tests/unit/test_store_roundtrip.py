@@ -200,7 +200,7 @@ def test_places_that_cannot_be_written(tmp_path, monkeypatch):
         check_writable(tmp_path)
     with pytest.raises(ResultFileError, match="not a folder"):
         check_writable(tmp_path / "file" / "case.h5")
-    with pytest.raises(ResultFileError, match="no ordinary file"):
+    with pytest.raises(ResultFileError, match="not a regular file"):
         check_writable("/dev/null")
 
     def denied(*_, **__):
