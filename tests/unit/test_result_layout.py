@@ -24,7 +24,7 @@ OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
 # What later versions write in addition: attributes, the kind on every branch.
 ADDED = {"outcome", "outcome_numbers", "kind"}
-# Long names that were reworded: those of earlier files, and what stands there today.
+# Long names that were reworded: those of earlier files, and the current ones.
 _PARTS = (", real part", ", imaginary part")
 _HARMONICS = (
     "measured harmonic",
@@ -37,6 +37,23 @@ REWORDED = {
     **{text: [f"{text}{part}" for part in _PARTS] for text in _RESPONSES},
     **{f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS},
     **{text: ["frequency of the excitation, or of a free motion"] for text in _FREQUENCIES},
+    "curve of the peak": ["name of the curve"],
+    "probe of the peak": ["name of the probe"],
+    "direction of the peak": ["direction of the sweep"],
+    "order of the harmonic that resonates": ["order of the resonant harmonic"],
+    "largest miss of periodicity, against the motion's size": [
+        "largest periodicity error, relative to the size of the motion"
+    ],
+    "phase of the measured harmonic as a sine, on the predicted clock": [
+        "phase of the measured harmonic as a sine, in the time of the prediction"
+    ],
+    "phase of the predicted harmonic as a sine, on the predicted clock": [
+        "phase of the predicted harmonic as a sine, in the time of the prediction"
+    ],
+    "relative standard deviation known beforehand": ["relative standard deviation of the prior"],
+    "share of the energy in the mode asked for, at the slowest instant": [
+        "share of the energy in the requested mode, at the slowest instant"
+    ],
 }
 
 
