@@ -38,7 +38,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
         _replace(temporary, target)
     except OSError as error:
         raise ResultFileError(
-            f"cannot write {path}: {error.strerror or error}; choose another place with -o"
+            f"cannot write {path}: {error.strerror or error}; choose another path with -o"
         ) from error
     finally:
         temporary.unlink(missing_ok=True)
@@ -68,18 +68,18 @@ def check_writable(path: Path | str) -> None:
     target = Path(path).resolve()
     if target.exists() and not target.is_file():
         kind = "a folder" if target.is_dir() else "no ordinary file"
-        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another place with -o")
+        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
     folder = target.parent
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir():
-        raise ResultFileError(f"cannot write {path}: {folder} is not a folder; choose another place with -o")
+        raise ResultFileError(f"cannot write {path}: {folder} is not a folder; choose another path with -o")
     probe = folder / f".beamsim-{secrets.token_hex(6)}.tmp"
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:
         raise ResultFileError(
-            f"cannot write {path}: {error.strerror or error}; choose another place with -o"
+            f"cannot write {path}: {error.strerror or error}; choose another path with -o"
         ) from error
     finally:
         probe.unlink(missing_ok=True)
