@@ -37,9 +37,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
             os.fsync(written.fileno())
         _replace(temporary, target)
     except OSError as error:
-        raise ResultFileError(
-            f"cannot write {path}: {error.strerror or error}; choose another path with -o"
-        ) from error
+        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -78,8 +76,6 @@ def check_writable(path: Path | str) -> None:
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:
-        raise ResultFileError(
-            f"cannot write {path}: {error.strerror or error}; choose another path with -o"
-        ) from error
+        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
     finally:
         probe.unlink(missing_ok=True)
