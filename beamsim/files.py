@@ -65,7 +65,7 @@ def check_writable(path: Path | str) -> None:
     """
     target = Path(path).resolve()
     if target.exists() and not target.is_file():
-        kind = "a folder" if target.is_dir() else "no ordinary file"
+        kind = "a folder" if target.is_dir() else "not a regular file"
         raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
     folder = target.parent
     while not folder.exists():
