@@ -222,5 +222,5 @@ def test_files_that_are_no_sweeps(here):
         open_sweep("y.h5")
     with h5py.File("z.h5", "w") as file:
         file.attrs["command"] = "run"
-    with pytest.raises(ResultFileError, match="not one of beamsim"):
+    with pytest.raises(ResultFileError, match="not from beamsim"):
         open_sweep("z.h5")

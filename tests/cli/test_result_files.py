@@ -274,7 +274,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
         "empty": "not an HDF5 file, or damaged",
         "junk": "not an HDF5 file, or damaged",
         "folder": "is a folder",
-        "alien": "not one of beamsim's",
+        "alien": "not from beamsim",
         "cut": "damaged",
         "newer": "schema_version 99",
         "unknown": "is unknown to this version",

@@ -70,5 +70,5 @@ def test_other_files_are_refused(tmp_path):
         open_identification(tmp_path / "text.h5")
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.attrs["command"] = "run"
-    with pytest.raises(ResultFileError, match="not one of beamsim"):
+    with pytest.raises(ResultFileError, match="not from beamsim"):
         open_identification(tmp_path / "other.h5")

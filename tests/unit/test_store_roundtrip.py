@@ -234,7 +234,7 @@ def test_missing_alien_and_damaged_files(fabricated_run, tmp_path):
     alien = tmp_path / "alien.h5"
     with h5py.File(alien, "w") as file:
         file["x"] = 1.0
-    with pytest.raises(ResultFileError, match="not one of beamsim's"):
+    with pytest.raises(ResultFileError, match="not from beamsim"):
         open_run(alien)
 
     path = write_run(fabricated_run(), tmp_path / "case.h5")
