@@ -97,7 +97,7 @@ import beamsim.cli
 import beamsim.cli.progress
 
 @contextmanager
-def telling(label, *, wanted):
+def telling(label, *, shown):
     reports = 0
     def tell(fraction):
         nonlocal reports
@@ -172,7 +172,7 @@ def test_signals_are_the_commands_only_while_it_can_keep_something(number, heede
         signal.raise_signal(number)
         assert interrupted()
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
-    assert "again to stop at once" in capsys.readouterr().err
+    assert "again to stop immediately" in capsys.readouterr().err
     assert exit_code(COMPLETE, interrupted.signal) == 128 + number
     with interruptible():
         assert signal.getsignal(number) not in handlers
