@@ -208,7 +208,7 @@ def test_an_unstable_motion_drifts_from_its_period(compared):
     motion = orbit_motion(system, points[k].data.flow, modes[k].state, modes[k].period)
     assert motion.drift > 1e-6
     told = dataclasses.replace(compared, summary={**compared.summary, "motion_drift": motion.drift})
-    assert "it is unstable" in dict(nnm_rows(told))["spectrum"]
+    assert "the motion is unstable" in dict(nnm_rows(told))["spectrum"]
     assert "spectrum" not in dict(nnm_rows(compared))
 
 
@@ -283,7 +283,7 @@ def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
     path = "nnm.continue_in={kind: frequency, from: 52.45 Hz, to: 53 Hz}"
     done = invoke("nnm", ENERGY, "--set", path, "--set", "reduction.modes=4", "-o", tmp_path, "--no-plots")
     assert done.exit_code == 3
-    assert "follow the energy instead; the partial result is in" in done.stderr
+    assert "use energy as the continuation parameter instead; the partial result is in" in done.stderr
     stored = open_nnm(tmp_path / "nnm_energy.h5")
     assert stored.backbone.parameter.size > 10
     assert stored.backbone.residual.max() < 1e-10

@@ -156,9 +156,9 @@ def test_a_mode_that_gives_its_energy_away_says_so():
         path = mode_path(scenario, conservative_system(scenario))
         lost = Outcome.of(OutcomeCode.MODE_LOST, parameter=0.1, mode=1, steps=64)
         assert text in path._lost(lost, 0.51).remedy
-        assert "51% of the energy was left" in path._lost(lost, 0.51).message
+        assert "held 51% of the energy" in path._lost(lost, 0.51).message
         assert "a nearer nnm.continue_in.to" in path._lost(lost, 0.9).remedy
-        assert "of the energy was left" not in path._lost(lost, 0.9).message
+        assert "of the energy" not in path._lost(lost, 0.9).message
 
 
 def test_energies_beyond_all_numbers_are_no_motions():

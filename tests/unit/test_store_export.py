@@ -111,7 +111,7 @@ def test_refusals(fabricated_run, tmp_path):
     with pytest.raises(ResultFileError, match="choose one of csv, uff, mat"):
         export_run(fabricated_run(), tmp_path / "x", "xlsx")
     (tmp_path / "case_csv").write_text("a file")
-    with pytest.raises(ResultFileError, match="folder of tables"):
+    with pytest.raises(ResultFileError, match="exists and is not a folder"):
         export_run(fabricated_run(), tmp_path / "case_csv", "csv")
     with pytest.raises(ResultFileError, match="is a folder"):
         export_run(fabricated_run(), tmp_path, "mat")
