@@ -28,7 +28,7 @@ _ROUND_OFF = 1e-10
 # grow because soft contacts, alone against the load, converge as one over weight times their share of the stiffness.
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
 
-RUNS_AWAY = "the loads push the structure away for ever: no support or snubber can balance them"
+UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
 FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
 
 
@@ -109,7 +109,7 @@ def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -
     away, push = normal[:, :rigid], load[:rigid].copy()
     push[np.abs(push) <= _ROUND_OFF * load_size] = 0.0
     if not _balanced(away, push):
-        return Equilibrium(None, nothing, RUNS_AWAY)
+        return Equilibrium(None, nothing, UNBALANCED)
 
     flexible = np.zeros_like(stiffness)
     flexible[rigid:] = 1.0 / stiffness[rigid:]
@@ -128,7 +128,7 @@ def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -
 
 
 def _balanced(away: Floats, push: Floats) -> bool:
-    """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid motion runs away)."""
+    """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid motion grows without bound)."""
     size = float(np.linalg.norm(push))
     if size == 0.0:
         return True
@@ -273,7 +273,7 @@ def _by_newton(
     # far away the forces of a softened spring's parts cancel: what they leave is compared with what does not grow
     given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
     if left > 1e-9 * size or (np.any(springs.stiffness < 0) and left > 1e-6 * given):
-        return Equilibrium(None, nothing, start.reason or RUNS_AWAY)
+        return Equilibrium(None, nothing, start.reason or UNBALANCED)
     if np.any(springs.stiffness < 0) and not _only_one(stiffness, springs, bent, q, largest):
         return Equilibrium(None, nothing, FLOATS)
     return Equilibrium(q, springs.stiffness * np.maximum(-springs.gap - normal @ q, 0.0))

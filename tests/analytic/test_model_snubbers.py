@@ -78,9 +78,9 @@ def test_no_equilibrium_when_gravity_pulls_a_hinged_panel_off():
     hinged = {"supports": {"left": "pinned", "right": "free"}}
     s = system(stop(side="above", gap=1e-3), gravity=9.81, start="rest", **hinged)
     assert s.static_equilibrium is None
-    assert "for ever" in s.static_reason
+    assert "not in balance" in s.static_reason
     assert np.isnan(s.snubbers[0].preload)
-    with pytest.raises(ScenarioError, match=r"run\.start .*for ever.*start from rest"):
+    with pytest.raises(ScenarioError, match=r"run\.start .*not in balance.*start from rest"):
         system(stop(side="above", gap=1e-3), gravity=9.81, **hinged)
 
 
