@@ -60,9 +60,9 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
     above = _around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
     rise = np.empty(curve.orders.size)
     for r in range(curve.orders.size):
-        beside = [np.nanmedian(amplitude[r, part]) for part in (below, above) if part.size]
+        beside = [_median(amplitude[r, part]) for part in (below, above) if part.size]
         # the higher side counts: a harmonic that merely grows with frequency has no peak
-        rise[r] = np.nanmedian(amplitude[r, here]) - max(beside, default=0.0)
+        rise[r] = _median(amplitude[r, here]) - max(beside, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
     r = int(np.argmax(rise))
     order = float(curve.orders[r])
@@ -71,8 +71,14 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
     else:
         kind = "superharmonic" if order > 1 else "subharmonic"
     value = float(envelope.peak[index[at]])
-    share = float(np.nanmedian(amplitude[r, here]) / value)
+    share = float(_median(amplitude[r, here]) / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
+
+
+def _median(values: Floats) -> float:
+    """Median of the numbers among the values; NaN where there is none: order 1/2 has no value in the first cycle."""
+    numbers = values[~np.isnan(values)]
+    return float(np.median(numbers)) if numbers.size else np.nan
 
 
 def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> Ints:
