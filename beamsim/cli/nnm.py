@@ -15,7 +15,8 @@ class ComparedMethod(StrEnum):
     """Methods of ``beamsim nnm --compare``."""
 
     multiple_scales = "multiple_scales"
-    thesis = "thesis"
+    relaxed_minimisation = "relaxed_minimisation"
+    thesis = "thesis"  # old name of relaxed_minimisation
 
 
 def register(app: typer.Typer) -> None:

@@ -43,7 +43,7 @@ def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
 
         yield from expansion_rows(s["multiple_scales"])
     if "thesis" in s:
-        yield from _thesis(s["thesis"])
+        yield from _relaxed(s["thesis"])
         ended = None if result.relaxed is None else result.relaxed.outcome
         if ended is not None and not ended.complete and ended != result.outcome:
             yield "", ended.text
@@ -112,7 +112,7 @@ _FOLLOWED = {
 }
 
 
-def _thesis(s: Mapping[str, Any]) -> Iterator[Row]:
+def _relaxed(s: Mapping[str, Any]) -> Iterator[Row]:
     end = s["end"]
     yield (
         "relaxed minimisation",

@@ -56,10 +56,11 @@ class MovedContact:
         Raises
         ------
         ArithmeticError : at a stiffness that is not positive.
+        ValueError : where stiffness or dashpot changes, and the law is not made of these two.
         """
         c, i = self.contacts, self.index
         shape, gap = c.shape.copy(), c.gap.copy()
-        stiffness, dashpot = c.laws[i].stiffness, c.laws[i].dashpot
+        stiffness, dashpot = c.laws[i].stiffness, c.laws[i].dashpot  # of slow motions
         rates = ContactRates(*(np.zeros_like(a) for a in (gap, gap, gap, shape)))
         if self.quantity == "gap":
             gap[i], rates.gap[i] = value, 1.0
@@ -80,4 +81,6 @@ class MovedContact:
             slope = moved**2 * rates.stiffness[i] + 2 * k * moved * float(rates.shape[i] @ v)
             dashpot = c_i
             rates.dashpot[i] = c_i * (rates.stiffness[i] / k - 0.5 * slope / square)
-        return replace(c.with_numbers(i, stiffness, dashpot), shape=shape, gap=gap), rates
+        if (stiffness, dashpot) != (c.laws[i].stiffness, c.laws[i].dashpot):
+            c = c.with_numbers(i, stiffness, dashpot)
+        return replace(c, shape=shape, gap=gap), rates

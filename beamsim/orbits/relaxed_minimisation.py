@@ -2,7 +2,7 @@
 
 The functional is :math:`J(q_0, T) = |q(T) - q_0|^2_\\Omega + |\\dot q(T)|^2` of a motion started at rest, energies as
 weights, over twice the energy, with the energy's own excess; it is *relaxed*: a step counts as done when J falls
-below a tolerance (1e-5 or 1e-6 in the thesis), from the result of the step before. No stability, no tongues, and a
+below a tolerance (1e-5 or 1e-6 in Hazim 2010), from the result of the step before. No stability, no tongues, and a
 jump to another branch goes unnoticed.
 """
 

@@ -13,7 +13,7 @@ from beamsim.plots.branches import figure_of
 from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
 from beamsim.plots.multiple_scales import comparison_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
-from beamsim.plots.relaxed import thesis_figure
+from beamsim.plots.relaxed import relaxed_figure
 from beamsim.plots.save import save_figures
 from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
@@ -199,7 +199,7 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     if result.expansion is not None:
         figures |= comparison_figures(result.expansion, result.stations)
     if result.relaxed is not None:
-        figures["thesis"] = thesis_figure(result)
+        figures["relaxed_minimisation"] = relaxed_figure(result)
     if result.phase_resonance is not None:
         figures |= phase_resonance_figures(result.phase_resonance, result.title, result.stations)
     return figures

@@ -88,7 +88,7 @@ def plot_relaxed_cost(relaxed: RelaxedComparison, ax: Axes) -> Axes:
     return ax
 
 
-def thesis_figure(result: NormalModeResult) -> Figure:
+def relaxed_figure(result: NormalModeResult) -> Figure:
     """Frequency, differences, functional and cost over the stiffness factor."""
     from matplotlib.figure import Figure
 

@@ -39,7 +39,7 @@ from beamsim.scenario.nnm import (
     NonlinearMode,
     StiffnessFactorContinuation,
 )
-from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, ShootingMethod, ThesisMethod
+from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, RelaxedMinimisationMethod, ShootingMethod
 from beamsim.scenario.place import AtPlace, ConstantForce, PlacedForce, Probe
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
@@ -114,6 +114,7 @@ __all__ = [
     "RayleighDamping",
     "RectangleSection",
     "Reduction",
+    "RelaxedMinimisationMethod",
     "ReleasedForceStart",
     "Run",
     "Scenario",
@@ -129,7 +130,6 @@ __all__ = [
     "Supports",
     "Sweep",
     "SweptSine",
-    "ThesisMethod",
     "Tone",
     "TubeSection",
     "ViscousDamping",

@@ -70,7 +70,7 @@ ContinueIn = Annotated[
 ]
 
 
-_IN_FACTOR = {"multiple_scales": "expands in", "thesis": "takes its steps in"}
+_IN_FACTOR = {"multiple_scales": "expands in", "relaxed_minimisation": "takes its steps in"}
 
 
 class NonlinearMode(Schema):
@@ -84,7 +84,7 @@ class NonlinearMode(Schema):
     """The parameter that changes: stiffness_factor, energy or frequency."""
     method: Method = "shooting"
     """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the
-    expansion for weak springs) or thesis (relaxed minimisation of Hazim 2010, for comparison)."""
+    expansion for weak springs) or relaxed_minimisation (Hazim 2010, for comparison)."""
     phase_resonance: PhaseResonance | None = None
     """Excite the damped structure at phase resonance with the mode."""
 

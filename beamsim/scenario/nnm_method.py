@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Tag
+from pydantic import BeforeValidator, Tag
 
 from beamsim.scenario.base import Schema, by_key, fail
 from beamsim.scenario.quantities import Count, NotNegativeWhole, PositiveNumber
@@ -39,10 +39,10 @@ class ExpansionMethod(Schema):
     """Method of multiple scales."""
 
 
-class ThesisMethod(Schema):
+class RelaxedMinimisationMethod(Schema):
     """Relaxed minimisation of the deviation from periodicity (Hazim 2010), compared with exact motions."""
 
-    kind: Literal["thesis"] = "thesis"
+    kind: Literal["relaxed_minimisation"] = "relaxed_minimisation"
     """Relaxed minimisation."""
     steps: Count = 75
     """Number of equal steps in the stiffness factor."""
@@ -64,14 +64,25 @@ class ThesisMethod(Schema):
             )
 
 
-Solver = ShootingMethod | FullPeriodMethod | ExpansionMethod | ThesisMethod
+Solver = ShootingMethod | FullPeriodMethod | ExpansionMethod | RelaxedMinimisationMethod
 
 _SOLVERS: dict[str, type[Solver]] = {
     "shooting": ShootingMethod,
     "full_period": FullPeriodMethod,
     "multiple_scales": ExpansionMethod,
-    "thesis": ThesisMethod,
+    "relaxed_minimisation": RelaxedMinimisationMethod,
 }
+
+
+OLD_NAMES = {"thesis": "relaxed_minimisation"}
+"""Names that are still accepted."""
+
+
+def _renamed(value: Any) -> Any:
+    """A method under its present name."""
+    if isinstance(value, dict) and isinstance(value.get("kind"), str):
+        return {**value, "kind": OLD_NAMES.get(value["kind"], value["kind"])}
+    return OLD_NAMES.get(value, value) if isinstance(value, str) else value
 
 
 def _choose(value: Any) -> str | None:
@@ -82,17 +93,18 @@ def _choose(value: Any) -> str | None:
 
 
 Method = Annotated[
-    Annotated[Literal["shooting", "full_period", "multiple_scales", "thesis"], Tag("<text>")]
+    Annotated[Literal["shooting", "full_period", "multiple_scales", "relaxed_minimisation"], Tag("<text>")]
     | Annotated[ShootingMethod, Tag("<shooting>")]
     | Annotated[FullPeriodMethod, Tag("<full_period>")]
     | Annotated[ExpansionMethod, Tag("<multiple_scales>")]
-    | Annotated[ThesisMethod, Tag("<thesis>")],
+    | Annotated[RelaxedMinimisationMethod, Tag("<relaxed_minimisation>")],
     by_key(
         _choose,
         "is no method",
-        "write shooting, full_period, multiple_scales or thesis, or a mapping such as "
-        "{kind: thesis, steps: 75, tolerance: 1e-5}",
+        "write shooting, full_period, multiple_scales or relaxed_minimisation, or a mapping such as "
+        "{kind: relaxed_minimisation, steps: 75, tolerance: 1e-5}",
     ),
+    BeforeValidator(_renamed),
 ]
 
 

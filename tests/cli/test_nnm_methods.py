@@ -1,4 +1,4 @@
-"""`beamsim nnm` by other methods: the thesis's minimisation, multiple scales, the whole period; files read back."""
+"""`beamsim nnm` by other methods: relaxed minimisation, multiple scales, the whole period; files read back."""
 
 import dataclasses
 import json
@@ -31,8 +31,8 @@ def invoke(*arguments):
 
 @pytest.fixture(scope="module")
 def compared():
-    """A chain by the thesis's method, the expansion beside it."""
-    changes = {"nnm.method": {"kind": "thesis", "steps": 12, "tolerance": 1e-8}}
+    """A chain by relaxed minimisation, the expansion beside it."""
+    changes = {"nnm.method": {"kind": "relaxed_minimisation", "steps": 12, "tolerance": 1e-8}}
     return nnm(load_scenario(CHAIN, changes), compare=["multiple_scales"])
 
 
@@ -124,7 +124,9 @@ def test_thesis_method_beside_shooting(compared):
     assert relaxed.passages.sum() > 12
     assert relaxed.shooting_passages > compared.backbone.parameter.size
     np.testing.assert_allclose(relaxed.exact_frequency_hz[-1], compared.backbone.frequency_hz[-1], rtol=1e-10)
-    tighter = nnm(load_scenario(CHAIN, {"nnm.method": {"kind": "thesis", "steps": 12, "tolerance": 1e-14}})).relaxed
+    tighter = nnm(
+        load_scenario(CHAIN, {"nnm.method": {"kind": "relaxed_minimisation", "steps": 12, "tolerance": 1e-14}})
+    ).relaxed
     assert tighter.shape_difference.max() < 1e-2 * relaxed.shape_difference.max()
     assert tighter.passages.sum() > relaxed.passages.sum()
 
@@ -134,7 +136,7 @@ def test_thesis_method_beside_shooting(compared):
 )
 def test_thesis_method_on_the_thesis_chains(name, steps, period):
     """Steps and tolerance of the thesis, periods as computed apart (4.011 and 3.97 s printed)."""
-    changes = {"nnm.method": {"kind": "thesis", "steps": steps, "tolerance": 1e-6}}
+    changes = {"nnm.method": {"kind": "relaxed_minimisation", "steps": steps, "tolerance": 1e-6}}
     result = nnm(load_scenario(CONFIGS / f"{name}.yaml", changes))
     assert result.complete
     assert result.relaxed.steps_reached == steps
@@ -143,7 +145,7 @@ def test_thesis_method_on_the_thesis_chains(name, steps, period):
 
 def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     """The bare beam: the minimiser goes into the 5:1 tongue with mode 2 and stays there. Exit code 3, steps kept."""
-    done = invoke("nnm", CONFIGS / "nnm_thesis_mode_1.yaml", "--set", "nnm.method=thesis", "--set",
+    done = invoke("nnm", CONFIGS / "nnm_thesis_mode_1.yaml", "--set", "nnm.method=relaxed_minimisation", "--set",
                   "reduction.modes=5", "-o", tmp_path, "--no-plots")  # fmt: skip
     assert done.exit_code == 3
     assert "relaxed minimisation stopped at stiffness factor 0.1" in done.stderr
@@ -158,14 +160,16 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
 
 
 def test_a_comparison_that_ends_early_leaves_the_mode_complete(tmp_path):
-    done = invoke("nnm", CHAIN, "--compare", "thesis", "--compare", "multiple_scales", "-o", tmp_path, "--json")
+    done = invoke(
+        "nnm", CHAIN, "--compare", "relaxed_minimisation", "--compare", "multiple_scales", "-o", tmp_path, "--json"
+    )
     assert done.exit_code == 0
     summary = json.loads(done.stdout)
     assert summary["thesis"]["steps_reached"] == summary["thesis"]["steps"] == 75
     assert {"passages", "shooting_passages", "processor_time_s", "cost_ratio"} <= summary["thesis"].keys()
     assert summary["multiple_scales"]["observed_order_frequency"] == pytest.approx([2.0, 3.0], abs=0.1)
     assert {Path(f).name for f in summary["files"]} >= {
-        "nnm_chain_mass_5.h5", "nnm_chain_mass_5_thesis.png", "nnm_chain_mass_5_multiple_scales.png",
+        "nnm_chain_mass_5.h5", "nnm_chain_mass_5_relaxed_minimisation.png", "nnm_chain_mass_5_multiple_scales.png",
         "nnm_chain_mass_5_motion.png", "nnm_chain_mass_5_deflected_shapes.png",
     }  # fmt: skip
 
@@ -225,11 +229,17 @@ def test_jumps_that_nothing_explains(beam):
     assert all((j["ratio"] is None) == (j["mode"] is None) for j in beam.summary["jumps"])
 
 
+@pytest.mark.parametrize("method", ["thesis", {"kind": "thesis", "steps": 12}])
+def test_the_old_name_of_relaxed_minimisation(method):
+    expected = "relaxed_minimisation" if isinstance(method, str) else {"kind": "relaxed_minimisation", "steps": 12}
+    assert load_scenario(CHAIN, {"nnm.method": method}) == load_scenario(CHAIN, {"nnm.method": expected})
+
+
 def test_python(compared):
     """The result says in Python what it holds."""
     assert compared.backbone is compared.branches[0]
     assert compared.tongues == compared.non_brake == ()
-    assert compared.method == "thesis"
+    assert compared.method == "relaxed_minimisation"
     assert compared.title == compared.scenario.title
     with pytest.raises(ValueError, match="no comparison"):
         nnm(compared.scenario, compare=["guesswork"])
@@ -238,13 +248,13 @@ def test_python(compared):
 @pytest.mark.parametrize(
     ("case", "changes", "text"),
     [
-        (FIRST, {"nnm.method": "thessis"}, "write shooting, full_period"),
-        (FIRST, {"nnm.method": {"kind": "thesis", "stepps": 3}}, "did you mean steps"),
-        (FIRST, {"nnm.method": {"kind": "thesis", "steps": 0}}, "1 or more"),
-        (FIRST, {"nnm.method": {"kind": "thesis", "steps": 20000}}, "over 10000"),
-        (FIRST, {"nnm.method": {"kind": "thesis", "tolerance": 2}}, "square of a relative deviation"),
+        (FIRST, {"nnm.method": "relaxed"}, "write shooting, full_period"),
+        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "stepps": 3}}, "did you mean steps"),
+        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "steps": 0}}, "1 or more"),
+        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "steps": 20000}}, "over 10000"),
+        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "tolerance": 2}}, "square of a relative deviation"),
         (FIRST, {"nnm.method": {"kind": "full_period", "branches": -1}}, "0 or more"),
-        (ENERGY, {"nnm.method": "thesis"}, "use continue_in: {kind: stiffness_factor}"),
+        (ENERGY, {"nnm.method": "relaxed_minimisation"}, "use continue_in: {kind: stiffness_factor}"),
         (ENERGY, {"nnm.method": "multiple_scales"}, "use continue_in: {kind: stiffness_factor}"),
         (ENERGY, {"nnm.method": "full_period", "nnm.continue_in": {"kind": "frequency", "from": 52.5, "to": 60}},
          "continue_in: {kind: energy"),
@@ -266,10 +276,11 @@ def test_nonsense_in_the_section_is_refused(case, changes, text):
     [
         ([CONFIGS / "one_sided_65hz.yaml"], "one_sided_65hz.yaml: nnm is missing; add for example"),
         ([FIRST, "--set", "nnm.mode=40"], "choose a lower mode, or raise reduction.modes"),
-        ([ENERGY, "--compare", "thesis"], "nnm_energy.yaml:16: nnm.continue_in.kind = energy, but thesis goes in"),
-        ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "thesis"], "use method: shooting"),
+        ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:16: nnm.continue_in.kind = energy, but "
+         "relaxed_minimisation goes in"),
+        ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "relaxed_minimisation"], "use method: shooting"),
         ([ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"], "choose one between 52.39"),
-        ([FIRST, "--compare", "guesswork"], "thesis"),
+        ([FIRST, "--compare", "guesswork"], "relaxed_minimisation"),
     ],
 )  # fmt: skip
 def test_what_only_the_model_can_refuse(arguments, text, tmp_path):

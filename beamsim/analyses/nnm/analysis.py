@@ -41,7 +41,7 @@ from beamsim.orbits.relaxed_minimisation import CountedFamily
 from beamsim.orbits.reversible import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.scenario.nnm_method import FullPeriodMethod, ThesisMethod
+from beamsim.scenario.nnm_method import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 
-COMPARISONS = ("multiple_scales", "thesis")
+COMPARISONS = ("multiple_scales", "relaxed_minimisation")
 
 
 def conservative_system(scenario: Scenario) -> StructuralSystem:
@@ -62,6 +62,12 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     excitation = scenario.excitation if holds else NoExcitation()
     system = build_system(scenario.model_copy(update={"run": None, "excitation": excitation}))
     dynamics = system.dynamics
+    for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
+        if law.family is None and law.internal_states:
+            raise ScenarioError(
+                Problem("nnm", f"needs contacts without losses, and that of {name} keeps internal states",
+                        "give it law: kelvin_voigt")
+            )  # fmt: skip
     undamped = replace(
         dynamics,
         damping=np.zeros_like(dynamics.damping),
@@ -90,6 +96,7 @@ def nnm(
     begin = clock.perf_counter()
     if scenario.nnm is None:
         raise ScenarioError(Problem("nnm", "is missing", "add for example `nnm: {mode: 1}`"))
+    compare = [OLD_NAMES.get(name, name) for name in compare]
     _refuse_comparisons(scenario, compare)
     system = conservative_system(scenario)
     job = mode_path(scenario, system)
@@ -181,7 +188,7 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
                     "use continue_in: {kind: stiffness_factor, from: 0, to: 1}, or leave out the comparison",
                 )
             )
-    if scenario.nnm.solver.kind == "multiple_scales" and "thesis" in compare:
+    if scenario.nnm.solver.kind == "multiple_scales" and "relaxed_minimisation" in compare:
         raise ScenarioError(
             Problem("nnm.method", "= multiple_scales follows no backbone to compare relaxed minimisation with",
                     "use method: shooting; both can be compared with it")
@@ -202,10 +209,14 @@ def _followed(
     begin = clock.process_time()
     if solver.kind == "multiple_scales":
         return _near_expansion(scenario, system, job)
-    relaxing = solver if isinstance(solver, ThesisMethod) else ThesisMethod() if "thesis" in compare else None
+    relaxing: RelaxedMinimisationMethod | None = None
+    if isinstance(solver, RelaxedMinimisationMethod):
+        relaxing = solver
+    elif "relaxed_minimisation" in compare:
+        relaxing = RelaxedMinimisationMethod()
     counted = CountedFamily(job.family)
     work = _MethodResults((job if relaxing is None else replace(job, family=counted)).follow(progress, stop), 0.0)
-    work.relaxing = isinstance(solver, ThesisMethod)
+    work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
         work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
     work.processor_time_s = clock.process_time() - begin

@@ -22,7 +22,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from beamsim.scenario.nnm_method import ThesisMethod
+    from beamsim.scenario.nnm_method import RelaxedMinimisationMethod
 
 SAME = 1e-6  # relative distance of two shapes that are one motion's
 FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation
@@ -33,7 +33,7 @@ def compare_relaxed(
     branches: ModeBranches,
     counted: CountedFamily,
     shooting_time_s: float,
-    settings: ThesisMethod,
+    settings: RelaxedMinimisationMethod,
     field: Floats,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
@@ -74,7 +74,7 @@ def _place(step: RelaxedStep) -> dict[str, Any]:
     return {"parameter": step.factor, "name": "stiffness factor", "unit": "1"}
 
 
-def _why(step: RelaxedStep, settings: ThesisMethod) -> Outcome:
+def _why(step: RelaxedStep, settings: RelaxedMinimisationMethod) -> Outcome:
     ended = {"functional": step.functional, "tolerance": settings.tolerance, **_place(step)}
     if step.stalled:
         return Outcome.of(OutcomeCode.NO_DESCENT, **ended)
@@ -100,7 +100,7 @@ def _compared(
     orbits: BrakeOrbits,
     steps: list[RelaxedStep],
     exact: list[BranchPoint | None],
-    settings: ThesisMethod,
+    settings: RelaxedMinimisationMethod,
     outcome: Outcome,
     field: Floats,
     shooting_passages: int,

@@ -281,7 +281,7 @@ class NormalModeResult(Result):
 
     mode: int = attribute("1", "number of the mode")
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
-    method: str = attribute("", "shooting, full_period, multiple_scales or thesis (relaxed minimisation)")
+    method: str = attribute("", "shooting, full_period, multiple_scales or relaxed_minimisation")
     stations: Stations = group("")  # before what is along them
     branches: tuple[BranchResult, ...] = numbered("branches", required=True)  # the backbone first
     jumps: tuple[BranchJump, ...] = table("jumps", Counter("jump", "number of the jump"))

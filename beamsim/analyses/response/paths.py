@@ -184,8 +184,8 @@ def response_model(scenario: Scenario) -> ResponseModel:
         system,
         loads,
         base_acceleration(forced, system),
-        _followed(scenario, system, parameter, shape_at),
-        None if second is None else _followed(scenario, system, second, shape_at),
+        _followed(scenario, system, "sweep.continue_in", parameter, shape_at),
+        None if second is None else _followed(scenario, system, "sweep.follow_folds_in", second, shape_at),
         excitation.frequency,
         tuple(float(x) for x in levels),
     )
@@ -206,7 +206,7 @@ def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Pla
     return replace(site, point=scenario.all_bodies[site.body].on_the_body(position))
 
 
-def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at: Any) -> FollowedParameter:
+def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:
     first, last = float(path.from_), float(path.to)
     if not isinstance(path, SnubberPath):
         unit = "Hz" if path.kind == "frequency" else level_unit(scenario)
@@ -225,6 +225,15 @@ def _followed(scenario: Scenario, system: StructuralSystem, path: Any, shape_at:
                 Problem(
                     "chain.snubbers", "have a damping ratio, whose dashpot changes with the stiffness that is followed",
                     "with cubic springs give the dashpot itself: damping: {kind: viscous, coefficient: …}",
+                )
+            )
+        )  # fmt: skip
+    if system.dynamics.contacts.laws[index].family is None and (kind == "stiffness" or (kind == "position" and ratio)):
+        raise scenario.located(
+            ScenarioError(
+                Problem(
+                    f"{at}.kind", f"= {kind} changes the stiffness or dashpot of {snubber.name}, whose contact law is "
+                    "not made of these two alone", "continue in the gap, the level or the frequency",
                 )
             )
         )  # fmt: skip
