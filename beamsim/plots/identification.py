@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, Profile, TestFit
+from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ProfileLikelihood, TestFit
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
 from beamsim.typing import Floats
@@ -68,7 +68,7 @@ def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axe
     return ax
 
 
-def plot_profile(profile: Profile, ax: Axes, coverage: float, unit: str = "") -> Axes:
+def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
     """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval."""
     scale = scale_for(unit, profile.value) if unit else None
     x = profile.value if scale is None else profile.value * scale.factor
@@ -172,8 +172,8 @@ def save_identification_plots(
     return save_figures(identification_figures(result), folder, stem, form, dots_per_inch)
 
 
-def _profiles(result: IdentificationResult) -> list[tuple[Profile, float, str]]:
-    profiles: list[tuple[Profile, float, str]] = []
+def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, float, str]]:
+    profiles: list[tuple[ProfileLikelihood, float, str]] = []
     if result.profile is not None and result.estimate is not None:
         profiles.append((result.profile, result.estimate.coverage, "N/m"))
     section = result.scenario.identify_stiffness

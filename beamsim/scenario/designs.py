@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import Field, Tag
-from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem
@@ -18,6 +17,8 @@ from beamsim.scenario.quantities import (
     FieldType,
     LevelType,
     LevelValue,
+    NotNegativeWhole,
+    NumberOrText,
     Quantity,
     Rate,
     SteppedCount,
@@ -36,29 +37,7 @@ _SECTIONS = ("vary", "limits", "title")  # no case depends on them
 _LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
 
 
-@dataclass(frozen=True)
-class _NumberOrText(FieldType):
-    """A number, or text that the field it is meant for will read."""
-
-    @property
-    def example(self) -> str:
-        """How to write one."""
-        return "150 kN/m"
-
-    def read(self, value: Any) -> float | str:
-        """Return it as it is."""
-        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-            raise UnitError("must be a number, with or without unit, or a word", "write for example 150 kN/m")
-        if isinstance(value, float) and not math.isfinite(value):
-            raise UnitError("must be finite", "write for example 150 kN/m")
-        return value
-
-    def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string."""
-        return {"anyOf": [{"type": "number"}, {"type": "string"}]}
-
-
-AnyValue = Annotated[float | str, _NumberOrText()]
+AnyValue = Annotated[float | str, NumberOrText(words=True)]
 Spacing = Literal["linear", "logarithmic"]
 
 
@@ -171,7 +150,7 @@ class LatinHypercube(Schema):
     """A Latin-hypercube sample."""
     samples: SteppedCount
     """Number of cases."""
-    seed: Annotated[int, Whole(0)] = 0
+    seed: NotNegativeWhole = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters."""
@@ -186,7 +165,7 @@ Vary = Annotated[
 
 
 @dataclass(frozen=True)
-class Axis:
+class VariedParameter:
     """A varied parameter in SI units."""
 
     path: str
@@ -219,10 +198,10 @@ class Varied(Protocol):
         """What is varied."""
 
 
-def axes(scenario: Varied) -> tuple[Axis, ...]:
+def varied_parameters(scenario: Varied) -> tuple[VariedParameter, ...]:
     """The varied parameters of a scenario that passed its checks."""
     assert scenario.vary is not None
-    return tuple(_axis(scenario.whole, parameter) for parameter in scenario.vary.parameters)
+    return tuple(_varied_parameter(scenario.whole, parameter) for parameter in scenario.vary.parameters)
 
 
 def case_count(scenario: Varied) -> int:
@@ -243,16 +222,16 @@ def design_problems(scenario: Schema, vary: Grid | Zipped | LatinHypercube) -> I
     for index, parameter in enumerate(vary.parameters):
         at: Path = ("vary", "parameters", index)
         try:
-            axis = _axis(scenario, parameter)
+            varied = _varied_parameter(scenario, parameter)
         except PydanticCustomError as error:
             context = error.context or {}
             yield Problem(path_text((*at, *context["at"])), context["message"], context["remedy"])
             continue
-        for place in axis.places:
+        for place in varied.places:
             if taken.setdefault(place, index) != index:
                 yield Problem(
                     path_text((*at, "path")),
-                    f"= {axis.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
+                    f"= {varied.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
                     "list every parameter once",
                 )
                 break
@@ -280,7 +259,7 @@ def _count(parameter: Schema) -> int:
     return parameter.points
 
 
-def _axis(scenario: Schema, parameter: Any) -> Axis:
+def _varied_parameter(scenario: Schema, parameter: Any) -> VariedParameter:
     """Resolve a parameter; raises what `fail` builds, ``at`` being relative to the parameter."""
     from beamsim.scenario.parameters import choices_at, field_type_at, value_at
 
@@ -310,7 +289,7 @@ def _axis(scenario: Schema, parameter: Any) -> Axis:
                 read(value, ("values", k), place)
         if len(set(values)) < len(values):
             raise fail("lists a value twice", "list every value once", ("values",))
-        return Axis(**common, values=values)
+        return VariedParameter(**common, values=values)
     if choices or isinstance(nominal, str):
         raise fail(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
@@ -343,7 +322,9 @@ def _axis(scenario: Schema, parameter: Any) -> Axis:
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
         )
     distribution = getattr(parameter, "distribution", "uniform")
-    return Axis(**common, values=(), low=low, high=high, points=points, spacing=spacing, distribution=distribution)
+    return VariedParameter(
+        **common, values=(), low=low, high=high, points=points, spacing=spacing, distribution=distribution
+    )
 
 
 def _places(scenario: Schema, path: str, at: Path) -> list[Path]:

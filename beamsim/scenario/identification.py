@@ -2,62 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, GetJsonSchemaHandler, Tag, model_validator
+from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from beamsim.scenario.base import Schema, fail, number_or_list
+from beamsim.scenario.base import Schema, fail
+from beamsim.scenario.damping import Ratios
 from beamsim.scenario.quantities import (
     Area,
     Coefficient,
     Count,
     Duration,
-    FieldType,
     Frequency,
     Length,
     Level,
     Name,
+    NotNegativeWhole,
+    NumberOrText,
     Position,
     Ratio,
     SteppedCount,
     Text,
-    Whole,
 )
-from beamsim.scenario.units import UnitError
 
 _LARGEST_UNCERTAINTY = 0.2
 
-Ratios = Annotated[
-    Annotated[Ratio, Tag("<number>")] | Annotated[tuple[Ratio, ...], Field(min_length=1), Tag("<list>")],
-    number_or_list,
-]
 
-
-@dataclass(frozen=True)
-class _NumberOrText(FieldType):
-    """A number, or text with a unit that the sought parameter will read."""
-
-    @property
-    def example(self) -> str:
-        """How to write one."""
-        return "60 GPa"
-
-    def read(self, value: Any) -> float | str:
-        """Return it as it is."""
-        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-            raise UnitError("must be a number, with or without unit", "write for example 60 GPa")
-        return value
-
-    def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string."""
-        return {"anyOf": [{"type": "number"}, {"type": "string"}]}
-
-
-Bound = Annotated[float | str, _NumberOrText()]
-Seed = Annotated[int, Whole(0)]
+Bound = Annotated[float | str, NumberOrText("60 GPa")]
 
 
 class Pad(Schema):
@@ -74,7 +47,7 @@ class MonteCarlo(Schema):
 
     samples: SteppedCount = 10_000
     """Number of samples."""
-    seed: Seed = 0
+    seed: NotNegativeWhole = 0
     """Seed of the random generator."""
 
 
@@ -183,7 +156,7 @@ class NonlinearFit(Schema):
     """Number of starting points: the values in the scenario and random points around them."""
     spread: Ratio = 0.3
     """Relative spread of the random starting points about the values in the scenario."""
-    seed: Seed = 0
+    seed: NotNegativeWhole = 0
     """Seed of the random starting points."""
     profiles: bool = True
     """Compute the profile likelihood of every parameter, for the plot."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
@@ -114,10 +115,7 @@ LEVEL_DIMENSIONS = {
 class LevelType(FieldType):
     """An excitation level: acceleration, velocity, displacement or force, according to its unit."""
 
-    @property
-    def example(self) -> str:
-        """How to write one."""
-        return "2 g"
+    example = "2 g"
 
     def read(self, value: Any) -> LevelValue:
         """Return the SI number with the quantity it is."""
@@ -148,10 +146,7 @@ class Rate:
 class RateType(FieldType):
     """A sweep rate, which always carries its unit."""
 
-    @property
-    def example(self) -> str:
-        """How to write one."""
-        return "2 oct/min"
+    example = "2 oct/min"
 
     def read(self, value: Any) -> Rate:
         """Return the rate per second."""
@@ -188,6 +183,27 @@ class DensityType(FieldType):
         """Return number-or-string."""
         text = {"type": "string", "pattern": r"^\s*(\d|\.\d)"}
         return {"anyOf": [{"type": "number", "minimum": 0}, text], "examples": ["0.01 g^2/Hz", "0.1 N^2/Hz"]}
+
+
+@dataclass(frozen=True)
+class NumberOrText(FieldType):
+    """A number, or text that the field it is meant for will read; ``words`` are allowed beside numbers with a unit."""
+
+    example: str = "150 kN/m"
+    words: bool = False
+
+    def read(self, value: Any) -> float | str:
+        """Return it as it is."""
+        remedy = f"write for example {self.example}"
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            raise UnitError(f"must be a number, with or without unit{', or a word' * self.words}", remedy)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise UnitError("must be finite", remedy)
+        return value
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string."""
+        return {"anyOf": [{"type": "number"}, {"type": "string"}]}
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from beamsim.store.csv_folder import CsvFolder, flat, header
 from beamsim.store.matlab import write_mat
 from beamsim.store.results import open_result
 from beamsim.store.stored import LazyScenario, kind_of, reading, root_fields
-from beamsim.store.tables import Table, tables_of, values_of
+from beamsim.store.tables import ExportTable, tables_of, values_of
 
 
 def export_target(folder: Path, stem: str, form: str) -> Path:
@@ -72,7 +72,7 @@ def _export_csv(path: Path, folder: Path) -> list[Path]:
     return out.written
 
 
-def _columns(table: Table) -> Iterator[tuple[str, str, str]]:
+def _columns(table: ExportTable) -> Iterator[tuple[str, str, str]]:
     """Header, units and long name of every column."""
     seen: set[str] = set()
     owners = [(axis.name, axis.units, axis.long_name) for axis in table.axes]
@@ -85,7 +85,7 @@ def _columns(table: Table) -> Iterator[tuple[str, str, str]]:
         yield text, units, long_name
 
 
-def _rows(table: Table) -> Iterator[tuple[Any, ...]]:
+def _rows(table: ExportTable) -> Iterator[tuple[Any, ...]]:
     """Long form: a row a combination of the axes' values."""
     shape = tuple(axis.values.size for axis in table.axes)
     grid = np.meshgrid(*(np.arange(size) for size in shape), indexing="ij") if shape else []

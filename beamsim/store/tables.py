@@ -38,7 +38,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class ExportTable:
     """Datasets along the same axes; scalars have no axis."""
 
     group: str  # path of the group of the table, without leading slash
@@ -55,14 +55,14 @@ class Table:
         return f"{where}_by_{along}" if where else f"by_{along}"
 
 
-def tables_of(file: h5py.File) -> list[Table]:
+def tables_of(file: h5py.File) -> list[ExportTable]:
     """All datasets of a file except scales, as tables in the order of the file."""
-    tables: dict[tuple[Any, ...], Table] = {}
+    tables: dict[tuple[Any, ...], ExportTable] = {}
     for dataset in datasets(file):
         axes = tuple(_axis(dataset, k) for k in range(dataset.ndim))
         group = _owner(dataset, axes)
         key = (group, *((axis.path or (axis.name, axis.values.size)) for axis in axes))
-        table = tables.setdefault(key, Table(group, axes))
+        table = tables.setdefault(key, ExportTable(group, axes))
         name = dataset.name.removeprefix(f"/{group}").strip("/")
         units, long_name = (str(dataset.attrs.get(key, "")) for key in ("units", "long_name"))
         table.columns.append(Column(dataset.name, name, units, long_name, values_of(dataset)))

@@ -13,7 +13,7 @@ from beamsim.typing import Floats, Ints
 
 
 @dataclass(frozen=True)
-class Axis:
+class StationAxis:
     """What the coordinate of a body's stations is, for files and plots."""
 
     long_name: str
@@ -22,8 +22,8 @@ class Axis:
     continuous: bool  # drawn as a line through the stations, else as a dot at each
 
 
-ALONG = Axis("position along the beam", "m", "Position", continuous=True)
-MASSES = Axis("mass number", "1", "Mass", continuous=False)
+ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
+MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
 AXES = {axis.long_name: axis for axis in (ALONG, MASSES)}
 
 
@@ -32,7 +32,7 @@ class StationPart:
     """The stations of one body."""
 
     body: str
-    axis: Axis
+    axis: StationAxis
     stations: slice
 
     def station_name(self, coordinate: float) -> str:
@@ -53,7 +53,7 @@ class Stations:
     axes: tuple[str, ...] | None = attribute("", "what the position is on each", at="body", default=None)
 
     @classmethod
-    def of(cls, bodies: Sequence[tuple[str, Axis, Floats]]) -> Stations:
+    def of(cls, bodies: Sequence[tuple[str, StationAxis, Floats]]) -> Stations:
         """From name, axis and positions of each body."""
         names, axes = tuple(name for name, _, _ in bodies), tuple(axis for _, axis, _ in bodies)
         position = np.concatenate([positions for _, _, positions in bodies])
@@ -77,7 +77,7 @@ class Stations:
         )
 
     @property
-    def axis(self) -> Axis:
+    def axis(self) -> StationAxis:
         """That of the first body."""
         return self.parts[0].axis
 
@@ -100,7 +100,7 @@ class Recovery:
     """Deflection along a body, and its bending moment where it bends, for a unit of each coordinate."""
 
     body: str
-    axis: Axis
+    axis: StationAxis
     position: Floats  # (nx,) on the axis
     deflection: Floats  # (nx, n) 1/sqrt(kg)
     bending_moment: Floats | None = None  # (nx, n) N m; E I w'', positive where the beam's top is in compression

@@ -17,12 +17,7 @@ KNOWN_MODULE_CIRCLES: list[set[str]] = []
 KNOWN_PACKAGE_CIRCLES: list[set[str]] = []
 KNOWN_STRUCTURE_TESTS: set[str] = set()
 KNOWN_STATUS_COMPARISONS: set[str] = set()
-KNOWN_SHARED_CLASS_NAMES: set[str] = {
-    "Axis",
-    "Profile",
-    "Table",
-    "_NumberOrText",
-}
+KNOWN_SHARED_CLASS_NAMES: set[str] = set()
 KNOWN_UNDESCRIBED_PACKAGES: set[str] = set()
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.scenario.designs import axes, case_count
+from beamsim.scenario.designs import case_count, varied_parameters
 
 BASE = """\
 title: Small study
@@ -23,7 +23,7 @@ def study(*parameters, kind="grid", extra="", base=BASE):
 
 
 def resolved(*parameters, **options):
-    return axes(load_scenario(study(*parameters, **options)))
+    return varied_parameters(load_scenario(study(*parameters, **options)))
 
 
 def refused(text):
@@ -99,7 +99,7 @@ def test_the_resolved_text_loads_to_the_same_study(kind):
     scenario = load_scenario(text + "limits: {peak_force: 50 N, bending_stress: 80 MPa, gap: 1 mm}\n")
     again = load_scenario(scenario.to_yaml())
     assert again == scenario
-    assert axes(again) == axes(scenario)
+    assert varied_parameters(again) == varied_parameters(scenario)
     assert scenario.limits.given == {"peak_force": 50.0, "bending_stress": 80e6, "gap": 1e-3}
 
 

@@ -21,7 +21,7 @@ from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.scenario.designs import Axis, LatinHypercube, axes
+from beamsim.scenario.designs import LatinHypercube, VariedParameter, varied_parameters
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -70,23 +70,24 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
             Problem("vary", "is missing", "add `vary: {kind: grid, parameters: [{path: ..., values: [...]}]}`")
         )
     analysis = analysis_of(scenario)
-    varied = axes(scenario)
+    varied = varied_parameters(scenario)
     if isinstance(vary, LatinHypercube):
         columns = _latin_hypercube(varied, vary.samples, vary.seed)
     else:
-        columns = [_values(axis) for axis in varied]
+        columns = [_values(parameter) for parameter in varied]
     shape = tuple(len(c) for c in columns) if vary.kind == "grid" else (len(columns[0]),)
     rows: Iterable[tuple[Value, ...]] = (
         itertools.product(*columns) if vary.kind == "grid" else zip(*columns, strict=True)
     )
     base = _base(scenario)
-    places = tuple(axis.places for axis in varied)
+    places = tuple(parameter.places for parameter in varied)
     return DesignPlan(
         scenario=scenario,
         analysis=analysis,
         kind=vary.kind,
         coordinates=tuple(
-            Coordinate(axis.path, _array(column), axis.unit) for axis, column in zip(varied, columns, strict=True)
+            Coordinate(parameter.path, _array(column), parameter.unit)
+            for parameter, column in zip(varied, columns, strict=True)
         ),
         shape=shape,
         tasks=tuple(CaseTask(k, analysis, base, places, row) for k, row in enumerate(rows)),
@@ -244,34 +245,34 @@ def _array(column: list[Value]) -> NDArray[Any]:
     return np.array(column, dtype=float)
 
 
-def _values(axis: Axis) -> list[Value]:
-    if axis.values:
-        return list(axis.values)
-    spaced = np.geomspace if axis.spacing == "logarithmic" else np.linspace
-    values = spaced(axis.low, axis.high, axis.points)
-    values[0], values[-1] = axis.low, axis.high
-    return [*dict.fromkeys(int(v) for v in np.rint(values))] if axis.whole else values.tolist()
+def _values(parameter: VariedParameter) -> list[Value]:
+    if parameter.values:
+        return list(parameter.values)
+    spaced = np.geomspace if parameter.spacing == "logarithmic" else np.linspace
+    values = spaced(parameter.low, parameter.high, parameter.points)
+    values[0], values[-1] = parameter.low, parameter.high
+    return [*dict.fromkeys(int(v) for v in np.rint(values))] if parameter.whole else values.tolist()
 
 
-def _latin_hypercube(varied: tuple[Axis, ...], samples: int, seed: int) -> list[list[Value]]:
+def _latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
     """Sample the unit cube and map each column by the inverse distribution of its parameter."""
     from scipy.stats import truncnorm
     from scipy.stats.qmc import LatinHypercube as Sampler
 
     cube = Sampler(len(varied), rng=np.random.default_rng(seed)).random(samples)
     columns: list[list[Value]] = []
-    for axis, u in zip(varied, cube.T, strict=True):
-        low, high = axis.low, axis.high
-        if axis.spacing == "logarithmic":
+    for parameter, u in zip(varied, cube.T, strict=True):
+        low, high = parameter.low, parameter.high
+        if parameter.spacing == "logarithmic":
             values = low * (high / low) ** u
-        elif axis.distribution == "normal":
+        elif parameter.distribution == "normal":
             deviation = truncnorm.ppf(u, -NORMAL_REACH, NORMAL_REACH) / NORMAL_REACH
             values = 0.5 * (low + high) + 0.5 * (high - low) * deviation
-        elif axis.whole:
+        elif parameter.whole:
             values = np.minimum(np.floor(low + u * (high - low + 1.0)), high)
         else:
             values = low + u * (high - low)
-        columns.append([int(v) for v in values] if axis.whole else values.tolist())
+        columns.append([int(v) for v in values] if parameter.whole else values.tolist())
     return columns
 
 

@@ -17,7 +17,7 @@ from beamsim.analyses.identify.result import (
     ModelUpdate,
     NonlinearEstimate,
     ParameterEstimate,
-    Profile,
+    ProfileLikelihood,
     Sensitivity,
     StiffnessEstimate,
 )
@@ -105,7 +105,7 @@ def _identify(
     table: FrequencyTable | None = None
     sensitive: list[Sensitivity] = []
     curves: tuple[FrequencyCurve, ...] = ()
-    profile: Profile | None = None
+    profile: ProfileLikelihood | None = None
     if section.measured_with:
         measured = _measured(section, unconstrained)
         warnings += check_reach(point, measured, section.measured_without)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, Profile
+from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, ProfileLikelihood
 from beamsim.contacts.contact_point import free_frequencies
 from beamsim.typing import Floats
 
@@ -131,7 +131,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     parameters = tuple(
         _estimate(number, theta, d, z) for number, theta, d in zip(numbers, best.theta, deviation, strict=True)
     )
-    profiles: tuple[Profile, ...] = ()
+    profiles: tuple[ProfileLikelihood, ...] = ()
     if known:
         profiles, spent = _profiles(best, numbers, deviation)
         evaluations += spent
@@ -332,7 +332,7 @@ def _estimate(number: Sought, theta: float, deviation: float, z: float) -> Param
     )
 
 
-def _profiles(fit: _ModelFit, numbers: list[Sought], deviation: Floats) -> tuple[tuple[Profile, ...], int]:
+def _profiles(fit: _ModelFit, numbers: list[Sought], deviation: Floats) -> tuple[tuple[ProfileLikelihood, ...], int]:
     """chi^2 against each parameter, the others fitted again."""
     lower, upper = fit.limits
     evaluations = 0
@@ -365,7 +365,9 @@ def _profiles(fit: _ModelFit, numbers: list[Sought], deviation: Floats) -> tuple
             solution = _solve_quickly(fixed, start, lower[others], upper[others])
             values.append(float(2 * solution.cost))
         profiles.append(
-            Profile(number.parameter, number.start * np.exp(grid), np.maximum(np.array(values) - fit.misfit, 0.0))
+            ProfileLikelihood(
+                number.parameter, number.start * np.exp(grid), np.maximum(np.array(values) - fit.misfit, 0.0)
+            )
         )
     return tuple(profiles), evaluations
 

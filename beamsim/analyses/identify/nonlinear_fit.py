@@ -22,7 +22,7 @@ import numpy as np
 
 from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
 from beamsim.analyses.identify.model_updating import Sought, confounded, sought_numbers
-from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, Profile, TestFit
+from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, ProfileLikelihood, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
@@ -501,7 +501,9 @@ def _estimate(fit: _NonlinearFit, i: int, x: float, deviation: float, z: float) 
     )
 
 
-def _profiles(fit: _NonlinearFit, x: Floats, covariance: Floats, misfit: float, scale: float) -> tuple[Profile, ...]:
+def _profiles(
+    fit: _NonlinearFit, x: Floats, covariance: Floats, misfit: float, scale: float
+) -> tuple[ProfileLikelihood, ...]:
     """chi^2 against each parameter, the others and the phases fitted again: linear prediction and one correction."""
     count = len(fit.numbers)
     lower, upper = fit.limits()
@@ -525,7 +527,9 @@ def _profiles(fit: _NonlinearFit, x: Floats, covariance: Floats, misfit: float, 
                 r = fit.residuals(y)
             values.append(max(float(r @ r) - misfit, 0.0) / scale)
         profiles.append(
-            Profile(fit.numbers[i].parameter, np.array([fit.value(i, float(at)) for at in grid]), np.array(values))
+            ProfileLikelihood(
+                fit.numbers[i].parameter, np.array([fit.value(i, float(at)) for at in grid]), np.array(values)
+            )
         )
     fit.residuals(x)
     return tuple(profiles)

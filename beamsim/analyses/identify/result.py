@@ -105,7 +105,7 @@ class ParameterEstimate:
 
 
 @declared
-class Profile:
+class ProfileLikelihood:
     """Profile likelihood of one parameter: misfit with all other parameters fitted again."""
 
     parameter: str = attribute("", "path of the parameter in the scenario")
@@ -127,7 +127,7 @@ class ModelUpdate:
     after: FrequencyTable = group("frequencies_after")
     misfit_before: float = attribute("1", "chi squared with the scenario's values, priors included")
     misfit_after: float = attribute("1", "chi squared with the identified values, priors included")
-    profiles: tuple[Profile, ...] = numbered("profiles", start=1)
+    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", start=1)
     evaluations: int = attribute("1", "eigenvalue problems solved")
     scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec="scenario")
     warnings: tuple[str, ...] = ()  # stored with those of the result
@@ -174,7 +174,7 @@ class NonlinearEstimate:
     degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
     starts: int = attribute("1", "starting points of the search")
     starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
-    profiles: tuple[Profile, ...] = numbered("profiles", start=1)
+    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", start=1)
     responses: int = attribute("1", "periodic responses computed")
     processor_time_s: float = attribute("s", "processor time")
     coverage: float = attribute("1", "probability of the intervals")
@@ -230,7 +230,7 @@ class IdentificationResult(Result):
     without_snubber: FrequencyTable = group("modes_without")
     sensitivities: tuple[Sensitivity, ...] = table("sensitivity", empty=False)
     curves: tuple[FrequencyCurve, ...] = keyed("mode_{}", folder="curves")
-    profile: Profile | None = group("profile")  # of the stiffness
+    profile: ProfileLikelihood | None = group("profile")  # of the stiffness
     update: ModelUpdate | None = group("update")
     mac: Floats | None = dataset(
         "1",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.identify.result import Profile, Sensitivity
+from beamsim.analyses.identify.result import ProfileLikelihood, Sensitivity
 from beamsim.analyses.identify.stiffness import MeasuredModes, misfit
 from beamsim.scenario.base import path_text
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
@@ -136,7 +136,7 @@ def _least_on_table(
 
 def stiffness_profile(
     point: SpringPoint, measured: MeasuredModes, stiffness: float, deviation: float
-) -> Profile | None:
+) -> ProfileLikelihood | None:
     """chi^2 above its minimum against k; None without uncertainties."""
     if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
         return None
@@ -144,7 +144,7 @@ def stiffness_profile(
     k = stiffness * np.exp(np.linspace(-width, width, _PROFILE_POINTS))
     value = misfit(point, measured, k)
     least = float(misfit(point, measured, np.array([stiffness]))[0])
-    return Profile("stiffness", k, np.maximum(value - least, 0.0))
+    return ProfileLikelihood("stiffness", k, np.maximum(value - least, 0.0))
 
 
 def sensitivities(
