@@ -1,13 +1,12 @@
-"""One passage of a motion over a time: loads, what derivatives are taken by, what comes out, and what a flow offers.
+"""One passage of a motion over a time: periodic loads, what derivatives are taken by, and what comes out.
 
-Shared by the closed-form flow (:mod:`beamsim.flow.variational`), the transient one that stands in for it where it has
-no bound (:mod:`beamsim.flow.resonant_passage`), and the series for cubic springs (:mod:`beamsim.flow.smooth_flow`).
+Shared by all flows of :mod:`beamsim.flow.periodic_flow`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
 
 MOST_EVALUATIONS = 20_000_000
 LARGEST_LOG = 65536  # segments of a passage
@@ -197,8 +193,16 @@ class StructureDirection:
         )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class SpringFactor:
+    """The parameter that multiplies the cubic springs' and the contacts' stiffness: its derivatives."""
+
+    cubic: Floats  # (nc,)
+    stiffness: Floats  # (m,)
+
+
 Direction = ContactDirection | StructureDirection
-Parameter = Frequency | Level | Direction
+Parameter = Frequency | Level | Direction | SpringFactor
 
 
 @dataclass(frozen=True)
@@ -224,48 +228,6 @@ class Passage:
     def signature(self) -> tuple[tuple[int, int], ...]:
         """Order of events: contact and its new phase."""
         return tuple(zip(self.event_contact.tolist(), self.event_phase.tolist(), strict=True))
-
-
-class PeriodicFlow(Protocol):
-    """What a passage through the transient flow needs of a system under periodic loads."""
-
-    @property
-    def system(self) -> PiecewiseLinearSystem:
-        """The structure."""
-
-    @property
-    def loads(self) -> PeriodicForcing:
-        """Its loads."""
-
-    @property
-    def omega(self) -> float:
-        """Frequency of the loads, rad/s."""
-
-    @property
-    def level(self) -> float:
-        """Factor of the loads."""
-
-    @property
-    def size(self) -> int:
-        """N, of the state."""
-
-    def base_motion(self, t: float) -> tuple[float, float]:
-        """Displacement and velocity of the base."""
-
-    def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
-        """Phases of the contacts at a motion."""
-
-    def number_in(self, exact: ExactFlow, phases: Ints) -> int:
-        """Number of a contact state, made the same in a transient flow."""
-
-    def by_series(self) -> ExactFlow:
-        """The transient flow under the present loads."""
-
-    def under(self, omega: float, level: float) -> Self:
-        """A flow of the same structure under other loads."""
-
-    def by_difference(self, start: Floats, duration: float, direction: Direction, t: float) -> Floats:
-        """Central difference by a direction."""
 
 
 def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:

@@ -9,9 +9,10 @@ product as ever, and derivatives by parameters are central differences.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -19,13 +20,14 @@ from beamsim.flow.march import Log, Motion
 from beamsim.flow.passage import (
     LARGEST_LOG,
     MOST_EVALUATIONS,
+    Direction,
     Frequency,
     Level,
     Parameter,
     Passage,
-    PeriodicFlow,
     WorkExceeded,
 )
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -35,6 +37,26 @@ if TYPE_CHECKING:
 NEAR = 1e-4  # |i k w - lambda| over w below which more than four digits would be lost
 DIFFERENCE = 1e-6  # relative step of the differences
 FIRST_LOG = 256
+
+
+class SeriesFlow(PeriodicFlow):
+    """A periodic flow beside a transient one for the same loads, whose contact states are numbered alike."""
+
+    @abstractmethod
+    def number_in(self, exact: ExactFlow, phases: Ints) -> int:
+        """Number of a contact state, made the same in a transient flow."""
+
+    @abstractmethod
+    def by_series(self) -> ExactFlow:
+        """The transient flow under the present loads."""
+
+    @abstractmethod
+    def under(self, omega: float, level: float) -> Self:
+        """A flow of the same structure under other loads."""
+
+    @abstractmethod
+    def by_difference(self, start: Floats, duration: float, direction: Direction, t: float) -> Floats:
+        """Central difference by a direction."""
 
 
 def is_resonant(states: Sequence[ContactState], multiple: Ints, omega: float) -> bool:
@@ -53,9 +75,9 @@ def transition(state: ContactState, inputs: int, length: float) -> Floats:
 
 
 def carry_by_series(
-    flow: PeriodicFlow, exact: ExactFlow, start: Floats, duration: float, parameters: Sequence[Parameter], t: float
+    flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, parameters: Sequence[Parameter], t: float
 ) -> Passage:
-    """As :meth:`beamsim.flow.variational.VariationalFlow.carry`, for the same loads in ``exact``."""
+    """As :meth:`beamsim.flow.periodic_flow.PeriodicFlow.carry`, for the same loads in ``exact``."""
     passage = _motion(flow, exact, start, duration, t)
     matrix = _by_start(flow, exact, passage, t)
     columns = [_by_parameter(flow, p, start, duration, t) for p in parameters]
@@ -63,7 +85,7 @@ def carry_by_series(
     return replace(passage, transition=matrix, parameters=by)
 
 
-def _motion(flow: PeriodicFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
+def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
     """The passage without its derivatives."""
     from beamsim.flow.march_kernels import DONE, FULL, NEED_STATE
 
@@ -89,7 +111,7 @@ def _motion(flow: PeriodicFlow, exact: ExactFlow, start: Floats, duration: float
     )  # fmt: skip
 
 
-def _rate(flow: PeriodicFlow, y: Floats, phases: Ints, t: float) -> Floats:
+def _rate(flow: SeriesFlow, y: Floats, phases: Ints, t: float) -> Floats:
     """Time derivative of the state in given phases."""
     s, c, n = flow.system, flow.system.contacts, flow.system.size
     delta, rate = _penetration(flow, y, t)
@@ -102,14 +124,14 @@ def _rate(flow: PeriodicFlow, y: Floats, phases: Ints, t: float) -> Floats:
     return np.concatenate([y[n : 2 * n], acceleration, inside])
 
 
-def _penetration(flow: PeriodicFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
+def _penetration(flow: SeriesFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
     c, n = flow.system.contacts, flow.system.size
     d, v = flow.base_motion(t)
     delta = -c.gap - c.sign * (c.shape @ y[:n] + np.where(c.on_ground, d, 0.0))
     return delta, -c.sign * (c.shape @ y[n : 2 * n] + np.where(c.on_ground, v, 0.0))
 
 
-def _by_start(flow: PeriodicFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
+def _by_start(flow: SeriesFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
     """The transition matrix: the product over segments and events."""
     N, inputs = flow.size, exact.sources.count
     S = np.eye(N)
@@ -139,7 +161,7 @@ def segment_end(exact: ExactFlow, passage: Passage, g: int) -> Floats:
     return np.asarray((gamma[:, : basis.size] @ basis).real)
 
 
-def _saltation(flow: PeriodicFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
+def _saltation(flow: SeriesFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
     """What an event does to small changes of the state just before it."""
     c, n, N, a = flow.system.contacts, flow.system.size, flow.size, flow.system.contacts.arrays
     guard = next(i for i in range(a.guards[j, before[j]]) if a.next[j, before[j], i] == after)
@@ -175,16 +197,16 @@ def _saltation(flow: PeriodicFlow, before: Ints, j: int, after: int, y: Floats, 
     return out
 
 
-def _by_parameter(flow: PeriodicFlow, p: Parameter, start: Floats, duration: float, t: float) -> Floats:
+def _by_parameter(flow: SeriesFlow, p: Parameter, start: Floats, duration: float, t: float) -> Floats:
     """A central difference of two passages."""
-
-    if not isinstance(p, Frequency | Level):
+    if isinstance(p, Direction):
         return flow.by_difference(start, duration, p, t)
-    frequency = isinstance(p, Frequency)
-    h = DIFFERENCE * (flow.omega if frequency else max(abs(flow.level), 1e-9))
+    if not isinstance(p, Frequency | Level):
+        raise TypeError(f"no derivative by {type(p).__name__}")
+    h = DIFFERENCE * (flow.omega if isinstance(p, Frequency) else max(abs(flow.level), 1e-9))
     ends = []
     for step in (h, -h):
-        omega, level = (flow.omega + step, flow.level) if frequency else (flow.omega, flow.level + step)
-        other = flow.under(omega, level)
+        by_frequency = isinstance(p, Frequency)
+        other = flow.under(flow.omega + step * by_frequency, flow.level + step * (not by_frequency))
         ends.append(_motion(other, other.by_series(), start, duration, t).end)
     return np.asarray((ends[0] - ends[1]) / (2 * h))

@@ -1,4 +1,4 @@
-"""The flow of structures with cubic springs, with its derivatives; for shooting it stands in for the closed-form flow.
+"""The flow of structures with cubic springs, with its derivatives, for shooting and continuation.
 
 No closed form exists: motion and variational equations are integrated by Taylor series of order 26 to round-off
 (:mod:`beamsim.flow.taylor_kernels`). Contacts are located on the series; that none is missed is not certified.
@@ -12,15 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import (
     ContactDirection,
     Frequency,
     Level,
+    Parameter,
     Passage,
     PeriodicForcing,
+    SpringFactor,
     WorkExceeded,
-    penetration_of_states,
 )
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats, Ints
 
@@ -29,16 +32,8 @@ LARGEST_LOG = 131072
 RADIANS = 3.0  # of the fastest mode, the longest step
 
 
-@dataclass(frozen=True)
-class SpringFactor:
-    """The parameter that multiplies the cubic springs' and the contacts' stiffness: its derivatives."""
-
-    cubic: Floats  # (nc,)
-    stiffness: Floats  # (m,)
-
-
 @dataclass
-class SmoothFlow:
+class SmoothFlow(PeriodicFlow):
     """A structure with cubic springs (and contacts) under periodic loads.
 
     Parameters
@@ -49,6 +44,8 @@ class SmoothFlow:
     forcing, omega, level : periodic loads.
     on_ground : (nc,) which springs feel the base's displacement d (the others join masses); all of them by default.
     """
+
+    differentiates = (Frequency, Level, ContactDirection, SpringFactor)
 
     system: PiecewiseLinearSystem
     cubic_shape: Floats
@@ -74,11 +71,6 @@ class SmoothFlow:
         self._longest = RADIANS / fastest if fastest > 0 else np.inf
         self._room(FIRST_LOG)
 
-    @property
-    def reversible(self) -> bool:
-        """Undamped and unforced."""
-        return self.loads.count == 0 and not np.any(self.system.damping) and not self.system.contacts.damped
-
     def set(self, omega: float | None = None, level: float | None = None) -> None:
         """Change frequency and level."""
         self.omega = self.omega if omega is None else float(omega)
@@ -91,7 +83,7 @@ class SmoothFlow:
             np.empty(length), np.empty(length, dtype=np.int64), np.empty(length, dtype=np.bool_),
         )  # fmt: skip
 
-    def _arrays(self, parameters: Sequence[Any]) -> Any:
+    def _arrays(self, parameters: Sequence[Parameter]) -> Any:
         from beamsim.flow.taylor_kernels import SmoothSystem
 
         s, c = self.system, self.system.contacts
@@ -123,14 +115,14 @@ class SmoothFlow:
     def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
         """Phases of the contacts, 1 where one is closed; at zero gap the one that is approached is."""
         n, c = self.system.size, self.system.contacts
-        d, d_rate = (x[0] for x in self.loads.base_motion(self.omega, self.level, np.array([t])))
+        d, d_rate = self.base_motion(t)
         delta = -c.gap - c.sign * (c.shape @ z[:n] + c.on_ground * d)
         rate = -c.sign * (c.shape @ z[n : 2 * n] + c.on_ground * d_rate)
         near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.on_ground * abs(d))
         return np.asarray(np.where(near, rate > 0, delta > 0), dtype=np.int64)
 
-    def carry(self, start: Floats, duration: float, parameters: Sequence[Any] = (), t: float = 0.0) -> Passage:
-        """As :meth:`beamsim.flow.variational.VariationalFlow.carry`."""
+    def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
+        """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`."""
         from beamsim.flow import taylor_kernels
 
         n, m, P = self.system.size, self.system.contacts.count, len(parameters)
@@ -174,14 +166,13 @@ class SmoothFlow:
         )
         return out
 
-    def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
-        """Penetration and penetration rate of every contact, (nt, m) each."""
-        return self.penetration_of(self.states_at(passage, times), times)
+    def with_contacts(self, contacts: Contacts) -> SmoothFlow:
+        """The flow of the same structure with other contacts."""
+        return replace(self, system=replace(self.system, contacts=contacts))
 
-    def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
-        """The same of states (nt, N) that are known."""
-        base = self.loads.base_motion(self.omega, self.level, times)
-        return penetration_of_states(self.system.contacts, y, base)
+    def with_damping(self, damping: Floats) -> SmoothFlow:
+        """The flow of the same structure with another damping matrix (n, n)."""
+        return replace(self, system=replace(self.system, damping=damping))
 
 
 @dataclass

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.contacts.contacts import Watched
+from beamsim.contacts.contacts import Contacts, Watched
 from beamsim.flow.contact_state import ContactState, build_state
 from beamsim.flow.march import FIRST_LOG, Log, Motion
 from beamsim.flow.passage import (
@@ -33,9 +33,8 @@ from beamsim.flow.passage import (
     StructureDirection,
     WorkExceeded,
     moved_system,
-    penetration_of_states,
 )
-from beamsim.flow.resonant_passage import carry_by_series, is_resonant
+from beamsim.flow.resonant_passage import SeriesFlow, carry_by_series, is_resonant
 from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.undamped_state import undamped_state
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -51,7 +50,7 @@ RIGID = 1e-13  # of the largest eigenvalue: a rigid-body mode that stays one
 
 
 @dataclass
-class VariationalFlow:
+class VariationalFlow(SeriesFlow):
     """A system under periodic loads, ready to be carried over a time with all derivatives.
 
     Parameters
@@ -62,6 +61,8 @@ class VariationalFlow:
     twin : a flow of the same structure with other contacts: its open state is shared, and the states it visited are
         expected here.
     """
+
+    differentiates = (Frequency, Level, ContactDirection, StructureDirection)
 
     system: PiecewiseLinearSystem
     forcing: PeriodicForcing | None = None
@@ -75,7 +76,6 @@ class VariationalFlow:
         self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
         H = self.loads.count
         self.size = 2 * n + self.system.contacts.internal_states
-        self._grounded = bool(H) and bool(np.any(self.system.contacts.on_ground))
         self._sources = _constant_source()
         self._constant = Forcing(np.zeros((0, n)), ())
         self._states: list[ContactState] = []
@@ -110,11 +110,6 @@ class VariationalFlow:
 
     # -- contact states ------------------------------------------------------------------------------------------
 
-    @property
-    def reversible(self) -> bool:
-        """Undamped and unforced: motions run backwards as well."""
-        return self.loads.count == 0 and not np.any(self.system.damping) and not self.system.contacts.damped
-
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, diagonalised when it is first asked for."""
         found = self._index.get(phases.tobytes())
@@ -124,11 +119,6 @@ class VariationalFlow:
                 state = build_state(self.system, self._constant, self._sources, -1, phases, self._window)
             found = self._keep(state)
         return found
-
-    def learn(self, other: VariationalFlow) -> None:
-        """Number the contact states that another flow of the same structure visited, in its order."""
-        for state in other._states:
-            self.state_index(state.phases)
 
     def _keep(self, state: ContactState) -> int:
         """Number a new state."""
@@ -265,8 +255,19 @@ class VariationalFlow:
 
     def moved(self, direction: ContactDirection, amount: float) -> VariationalFlow:
         """A flow of the same structure with its contacts moved along a direction."""
-        moved = moved_system(self.system, direction, amount)
-        return VariationalFlow(moved, self.forcing, self.omega, self.level, twin=self)
+        return self.with_contacts(moved_system(self.system, direction, amount).contacts)
+
+    def with_contacts(self, contacts: Contacts) -> VariationalFlow:
+        """The flow of the same structure with other contacts of as many phases, its states numbered alike."""
+        system = replace(self.system, contacts=contacts)
+        return VariationalFlow(system, self.forcing, self.omega, self.level, twin=self)
+
+    def with_damping(self, damping: Floats) -> VariationalFlow:
+        """The flow of the same structure with another damping matrix (n, n), its states numbered alike."""
+        flow = VariationalFlow(replace(self.system, damping=damping), self.forcing, self.omega, self.level)
+        for state in self._states:
+            flow.state_index(state.phases)
+        return flow
 
     # -- motion --------------------------------------------------------------------------------------------------
 
@@ -282,15 +283,6 @@ class VariationalFlow:
         """Time of a motion, s."""
         return motion.time
 
-    def base_motion(self, t: float) -> tuple[float, float]:
-        """Displacement and velocity of the base."""
-        if self.loads.count == 0:
-            return 0.0, 0.0
-        base = self.loads.at(self.omega, self.level)[1]
-        iw = 1j * self.loads.multiple * self.omega
-        moving = base * np.exp(iw * t)
-        return float(moving.sum().real), float((iw * moving).sum().real)
-
     def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
         """Phases of the contacts at a motion; where a guard is zero the sign of its rate decides, then of the next."""
         from beamsim.flow.orbit_kernels import phases_at_start
@@ -299,7 +291,7 @@ class VariationalFlow:
         phases = contacts.start
         if contacts.count == 0:
             return phases
-        d, dv = self.base_motion(t) if self._grounded else (0.0, 0.0)
+        d, dv = self.base_motion(t) if self.base_moves else (0.0, 0.0)
         if not phases_at_start(contacts.arrays, z, d, dv, phases):
             load = self.system.constant_load.astype(float)
             force = self.loads.at(self.omega, self.level)[0]
@@ -320,19 +312,9 @@ class VariationalFlow:
         return phases
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
-        """The state after ``duration``, with its derivatives.
+        """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`.
 
-        Parameters
-        ----------
-        start : (N,) state (q, q') and the contacts' internal states.
-        duration : s, positive.
-        parameters : what to take derivatives by, besides the start; at most one that is not exact costs two more
-            passages.
-        t : time at the start, s (the periodic loads' phase).
-
-        Raises
-        ------
-        WorkExceeded : too many events (chattering).
+        A change of contacts or structure costs two more passages where the motion isn't made of pure exponentials.
         """
         from beamsim.flow.march_kernels import DONE, FULL, NEED_STATE
         from beamsim.flow.orbit_kernels import carry_sensitivity
@@ -510,39 +492,10 @@ class VariationalFlow:
 
         return ExactFlow(self.system, self.loads.signals(self.omega, self.level), duration)
 
-    def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
-        """Penetration and penetration rate of every contact, (nt, m) each, at times of a passage."""
-        return self.penetration_of(self.states_at(passage, times), times)
-
-    def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
-        """The same of states (nt, N) that are known."""
-        base = self.loads.base_motion(self.omega, self.level, times) if self._grounded else None
-        return penetration_of_states(self.system.contacts, y, base)
-
     def phases_in(self, passage: Passage) -> Ints:
         """(G, m) phases of the contacts in each segment of a passage."""
         phases = np.array([self._states[k].phases for k in passage.state], dtype=np.int64)
         return phases.reshape(-1, self.system.contacts.count)
-
-    def penetration_derivative(
-        self, passage: Passage, contact: int, parameters: Sequence[Parameter]
-    ) -> tuple[Floats, Floats]:
-        """Derivatives of a contact's penetration at the end of a passage from t = 0: by the start (N,), and by the
-        parameters that the passage was carried with (P,)."""
-        n, c, j = self.system.size, self.system.contacts, contact
-        row = -c.sign[j] * c.shape[j]
-        by = row @ passage.parameters[:n]
-        t, sign = passage.duration, -float(c.sign[j] * c.on_ground[j])
-        for i, p in enumerate(parameters):
-            if isinstance(p, ContactDirection):
-                by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])
-            elif sign and self._grounded and not isinstance(p, StructureDirection):
-                _, base, _, dbase = self.loads.at(self.omega, self.level)
-                moving = dbase + 1j * self.loads.multiple * t * base
-                if isinstance(p, Level):
-                    moving = self.loads.at(self.omega, 1.0)[1]
-                by[i] += sign * float((moving * np.exp(1j * self.loads.multiple * self.omega * t)).sum().real)
-        return row @ passage.transition[:n], by
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""

@@ -19,14 +19,14 @@ from typing import Literal
 import numpy as np
 
 from beamsim.flow.passage import ContactDirection, Frequency, Level, Passage
-from beamsim.flow.variational import VariationalFlow
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import ContinuationProblem, Settings, solve_at
 from beamsim.orbits.grazing import extremum
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Floats
 
-SecondParameter = Literal["level"] | Callable[[float], tuple[VariationalFlow, ContactDirection]]
+SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]]
 
 DIFFERENCE = 1e-6  # step along v, against the unknowns' scale
 
@@ -38,13 +38,13 @@ class TwoParameterCurve:
 
     orbits: ForcedOrbits  # in frequency
     second: SecondParameter
-    _moved: tuple[float, VariationalFlow, ContactDirection] | None = field(default=None, init=False, repr=False)
+    _moved: tuple[float, PeriodicFlow, ContactDirection] | None = field(default=None, init=False, repr=False)
 
-    def flow_at(self, u: Floats) -> VariationalFlow:
+    def flow_at(self, u: Floats) -> PeriodicFlow:
         """The flow with both parameters set."""
         return self._set(u)[0]
 
-    def _set(self, u: Floats) -> tuple[VariationalFlow, Level | ContactDirection]:
+    def _set(self, u: Floats) -> tuple[PeriodicFlow, Level | ContactDirection]:
         omega, value = float(u[-2]), float(u[-1])
         if omega <= 0:
             raise ArithmeticError("the frequency became negative")

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from beamsim.flow.passage import Passage
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
@@ -119,7 +120,7 @@ class FreeOrbits:
         return Orbit(point.parameter, y, period, mu, stable, point.residual, point.data.energy)
 
 
-def slowest_instant(flow: Any, passage: Passage, n: int) -> tuple[float, float]:
+def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float, float]:
     """When in a passage the kinetic energy is least, s, and its value, J: zero where everything is at rest at once."""
     low, high = 0.0, passage.duration
     best = (0.0, np.inf)

@@ -14,7 +14,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import Passage
-from beamsim.flow.variational import VariationalFlow
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import ContinuationProblem, Settings, between, locate
 from beamsim.typing import Floats
@@ -30,7 +30,7 @@ TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has t
 class ContactProblem(ContinuationProblem, Protocol):
     """A continuation problem whose points are periodic motions with contacts."""
 
-    def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a whole period."""
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
@@ -81,7 +81,7 @@ def _shortest_stay(contacts: Contacts, passage: Passage, few: Passage) -> _Stay 
 
 
 def extremum(
-    flow: VariationalFlow, passage: Passage, j: int, top: bool, near: float, level: float = 0.0
+    flow: PeriodicFlow, passage: Passage, j: int, top: bool, near: float, level: float = 0.0
 ) -> tuple[float, float]:
     """Contact j's penetration beyond a level, at its local maximum (or minimum) nearest to a time of a period.
 

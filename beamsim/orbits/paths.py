@@ -6,14 +6,13 @@ States are numbered alike in all flows of a path, so that a passage found with o
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import ContactDirection, StructureDirection
-from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import VariationalFlow
+from beamsim.flow.periodic_flow import PeriodicFlow
 
 HEAVY = 0.5  # added damping ratio at the beginning of a path of falling damping
 SMALLEST_RATIO = 1e-3  # unit in which the added damping is counted where the structure has less
@@ -25,25 +24,18 @@ class ContactPath:
 
     Parameters
     ----------
-    flow : one of the same structure; its open state is shared by all others.
+    flow : one of the same structure, later the one last asked for; the open state is shared by all.
     at : the contacts at a value of the parameter, and their derivatives by it.
     """
 
-    flow: VariationalFlow | SmoothFlow
+    flow: PeriodicFlow
     at: Callable[[float], tuple[Contacts, ContactDirection]]
-    _last: VariationalFlow | None = field(default=None, repr=False)
 
-    def __call__(self, parameter: float) -> tuple[VariationalFlow, ContactDirection]:
+    def __call__(self, parameter: float) -> tuple[PeriodicFlow, ContactDirection]:
         """The flow at a parameter, and the direction there."""
         contacts, direction = self.at(parameter)
-        flow, system = self.flow, replace(self.flow.system, contacts=contacts)
-        if isinstance(flow, SmoothFlow):
-            smooth = replace(flow, system=system)
-            return smooth, direction  # type: ignore[return-value]  # stands in for the closed-form flow
-        if self._last is not None:
-            flow.learn(self._last)
-        self._last = VariationalFlow(system, flow.forcing, flow.omega, flow.level, twin=flow)
-        return self._last, direction
+        self.flow = self.flow.with_contacts(contacts)
+        return self.flow, direction
 
 
 @dataclass
@@ -58,10 +50,9 @@ class DampingPath:
     every mode.
     """
 
-    flow: VariationalFlow  # the structure itself
+    flow: PeriodicFlow  # the structure itself; later the one last asked for
     unit: float = field(init=False)
     heavy: float = field(init=False)
-    _last: VariationalFlow | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
         s = self.flow.system
@@ -70,18 +61,15 @@ class DampingPath:
         # a rigid-body mode is damped like the lowest elastic one
         self._critical = 2.0 * np.where(elastic, omega, omega[elastic].min() if elastic.any() else self.flow.omega)
         own = np.median(np.diag(s.damping)[elastic] / self._critical[elastic]) if elastic.any() else 0.0
+        self._damping = s.damping
         self.unit = max(float(own), SMALLEST_RATIO)
         self.heavy = 1.0 + float(np.log1p(HEAVY / self.unit))
 
-    def __call__(self, parameter: float) -> tuple[VariationalFlow, StructureDirection]:
+    def __call__(self, parameter: float) -> tuple[PeriodicFlow, StructureDirection]:
         """The flow at a parameter, and the direction there."""
         flow, n = self.flow, self.flow.system.size
         grown = float(np.exp(parameter - 1.0))
         direction = StructureDirection.of(n, damping=self.unit * grown * self._critical, harmonics=flow.loads.count)
         added = np.diag(self.unit * (grown - 1.0) * self._critical)
-        moved = VariationalFlow(
-            replace(flow.system, damping=flow.system.damping + added), flow.forcing, flow.omega, flow.level
-        )
-        moved.learn(flow if self._last is None else self._last)
-        self._last = moved
-        return moved, direction
+        self.flow = flow.with_damping(self._damping + added)
+        return self.flow, direction

@@ -27,7 +27,7 @@ never fails there. A periodic motion is found with the frequency free and its ow
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.passage import Passage
+    from beamsim.flow.periodic_flow import PeriodicFlow
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.equations import PiecewiseLinearSystem
 
@@ -84,7 +85,9 @@ def quadrature_nodes(passage: Passage, fastest: float) -> tuple[Floats, Floats]:
     return (middle + half * x).ravel(), (half * w).ravel()
 
 
-def appropriate_force(damped: PiecewiseLinearSystem, flow: Any, whole: Passage, load: Complexes) -> Appropriation:
+def appropriate_force(
+    damped: PiecewiseLinearSystem, flow: PeriodicFlow, whole: Passage, load: Complexes
+) -> Appropriation:
     """The level of ``Re(load e^{i omega t})`` that excites a damped structure on a nonlinear mode.
 
     Parameters

@@ -20,7 +20,8 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from beamsim.flow.passage import ContactDirection, Passage, moved_system
+from beamsim.flow.passage import ContactDirection, Parameter, Passage, moved_system
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, locate
@@ -32,13 +33,6 @@ LARGEST_LOG = 600.0  # of an energy
 STABLE = 1e-7  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
 
 
-class Carries(Protocol):
-    """A flow that can be carried with its derivatives."""
-
-    def carry(self, start: Floats, duration: float, parameters: Any = (), t: float = 0.0) -> Passage:
-        """As :meth:`beamsim.flow.variational.VariationalFlow.carry`."""
-
-
 class Conservative(Protocol):
     """A family of undamped, unforced systems with mass one, by the factor of their nonlinear springs."""
 
@@ -46,7 +40,7 @@ class Conservative(Protocol):
     def omega(self) -> Floats:
         """(n,) natural frequencies of the linear structure, rad/s, its modes being the coordinates."""
 
-    def flow_at(self, factor: float) -> tuple[Any, Any]:
+    def flow_at(self, factor: float) -> tuple[PeriodicFlow, Parameter]:
         """The flow, and the parameter to differentiate by."""
 
     def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
@@ -290,7 +284,7 @@ class BrakeOrbits:
             on_unit_circle(a, STABLE), point.residual, point.data.energy,
         )  # fmt: skip
 
-    def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a whole period."""
         flow = point.data.flow
         return flow, flow.carry(point.data.passage.start, 2 * point.data.passage.duration)
@@ -349,7 +343,7 @@ def mode_points(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: S
     """Folds, branch points (internal resonances among them) and grazings between two neighbours."""
     found: list[SpecialPoint] = []
     smooth = orbits.same_events(a, b)
-    if not smooth and isinstance(a.data.flow, VariationalFlow):
+    if not smooth:
         found += list(grazings(orbits, a, b, settings))
     if a.tangent[-1] * b.tangent[-1] < 0:
         fold = locate(orbits, a, b, lambda p: float(p.tangent[-1]), settings)

@@ -14,8 +14,9 @@ from typing import Literal
 
 import numpy as np
 
-from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage
-from beamsim.flow.variational import VariationalFlow, floquet_multipliers
+from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
+from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, between, correct, locate, solve_at
 from beamsim.orbits.grazing import cyclic, grazings
@@ -43,10 +44,10 @@ class ForcedOrbits:
     multiple : periods of the excitation in one of the motion.
     """
 
-    flow: VariationalFlow
-    parameter: Literal["frequency", "level"] | Callable[[float], tuple[VariationalFlow, Direction]] = "frequency"
+    flow: PeriodicFlow
+    parameter: Literal["frequency", "level"] | Callable[[float], tuple[PeriodicFlow, Direction]] = "frequency"
     multiple: int = 1
-    _moved: tuple[float, VariationalFlow, Direction] | None = field(default=None, repr=False)
+    _moved: tuple[float, PeriodicFlow, Direction] | None = field(default=None, repr=False)
     _spectra: list[tuple[Passage, Complexes]] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
@@ -67,7 +68,7 @@ class ForcedOrbits:
         """The parameter's value in the flow as it is (frequency and level)."""
         return self.omega if self.parameter == "frequency" else self.level
 
-    def flow_at(self, value: float) -> tuple[VariationalFlow, Direction | None]:
+    def flow_at(self, value: float) -> tuple[PeriodicFlow, Direction | None]:
         """The flow with its parameter set."""
         if self.parameter == "frequency":
             if value <= 0:
@@ -119,7 +120,7 @@ class ForcedOrbits:
         self._spectra = [(point.data, values), *self._spectra[: REMEMBERED - 1]]
         return values
 
-    def cycle(self, point: BranchPoint) -> tuple[VariationalFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a period."""
         return self.flow_at(point.parameter)[0], point.data
 
@@ -139,7 +140,7 @@ class ForcedOrbits:
         return np.asarray(point.data.transition)
 
 
-def linear_guess(flow: VariationalFlow) -> Floats:
+def linear_guess(flow: PeriodicFlow) -> Floats:
     """The response of the open structure at t = 0, as a first guess; lightly damped modes have one per cent there."""
     n = flow.system.size
     force, _, _, _ = flow.loads.at(flow.omega, flow.level)
@@ -197,10 +198,10 @@ def find_orbit(
 
 
 def _from_heavy_damping(
-    problem: ForcedOrbits, flow: VariationalFlow, value: float, settings: Settings, forward: float
+    problem: ForcedOrbits, flow: PeriodicFlow, value: float, settings: Settings, forward: float
 ) -> BranchPoint | None:
     """The motion at the end of a path of falling damping."""
-    if not isinstance(flow, VariationalFlow):
+    if StructureDirection not in flow.differentiates:
         return None
     path = DampingPath(flow)
     damped = ForcedOrbits(flow, path, problem.multiple)

@@ -25,6 +25,7 @@ from beamsim.analyses.nnm.result import (
 )
 from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
@@ -189,7 +190,7 @@ class _Held:
         """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""
         system, factor = self.damped.dynamics, self.factor if factor is None else factor
         weaker = replace(system, contacts=system.contacts.scaled(factor))
-        flow: Any
+        flow: PeriodicFlow
         if self.damped.cubic.count:
             cubic = self.damped.cubic
             flow = SmoothFlow(weaker, cubic.shape, factor * cubic.stiffness, self.loads, omega, level, cubic.on_ground)

@@ -11,6 +11,7 @@ from beamsim.analyses.response.motion import BaseAcceleration
 from beamsim.contacts.contact_rates import MovedContact
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.paths import ContactPath
@@ -78,7 +79,7 @@ class FollowedParameter:
             step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape
         )
 
-    def path(self, flow: VariationalFlow | SmoothFlow) -> ContactPath:
+    def path(self, flow: PeriodicFlow) -> ContactPath:
         """The path of systems through a flow."""
         return ContactPath(flow, self.contacts_at)
 
@@ -96,7 +97,7 @@ class ResponseModel:
     frequency_hz: float  # of the excitation, where it is held
     levels: tuple[float, ...]
 
-    def flow(self, frequency_hz: float, level: float) -> VariationalFlow:
+    def flow(self, frequency_hz: float, level: float) -> PeriodicFlow:
         """A flow with its derivatives; of cubic springs by series.
 
         Raises
@@ -107,7 +108,7 @@ class ResponseModel:
         if self.system.cubic.count == 0:
             return VariationalFlow(self.system.dynamics, self.loads, omega, level)
         try:
-            smooth = SmoothFlow(
+            return SmoothFlow(
                 self.system.dynamics, self.system.cubic.shape, self.system.cubic.stiffness, self.loads, omega, level,
                 self.system.cubic.on_ground,
             )  # fmt: skip
@@ -115,7 +116,6 @@ class ResponseModel:
             raise ScenarioError(
                 Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
             ) from error
-        return smooth  # type: ignore[return-value]  # stands in for the closed-form flow
 
     def orbits_at(self, value: float, level: float) -> ForcedOrbits:
         """Shooting at one value of what is followed, with the frequency as unknown: to find a first motion with."""
