@@ -30,29 +30,28 @@ def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
 
 
 def make_profile(
-    level: float | None,
+    level: float,
     quantity: str,
     points: Sequence[ProfilePoint] = (),
     between: str = "held",
     notches: Sequence[Notch] = (),
 ) -> Profile:
-    """The level over frequency, from one level or a table, with its notches."""
+    """The level over frequency, with its notches: one level, or a table of which ``level`` is a factor."""
     default = "force" if quantity == "force" else "acceleration"
     if points:
         table = [(p.frequency, p.level, p.quantity or default) for p in points]
-        profile = Profile.held(table) if between == "held" else Profile.interpolated(table)
+        profile = (Profile.held(table) if between == "held" else Profile.interpolated(table)).scaled(abs(level))
     else:
-        assert level is not None
         profile = Profile.constant(abs(level), quantity)
     for notch in notches:
         profile = profile.notched(notch.from_, notch.to, notch.level, notch.quantity or default)
     return profile
 
 
-def phase_of_acceleration(quantity: str, level: float | None) -> float:
+def phase_of_acceleration(quantity: str, level: float) -> float:
     """Phase by which the acceleration leads the prescribed quantity (a sine), rad."""
     lead = {"displacement": np.pi, "velocity": 0.5 * np.pi}.get(quantity, 0.0)
-    return float(lead + (np.pi if level is not None and level < 0 else 0.0))
+    return float(lead + (np.pi if level < 0 else 0.0))
 
 
 def broadband_signals(
@@ -111,6 +110,7 @@ def _windows(excitation: SweptSineInput, duration: float | None) -> SweepWindows
             )
         )
     quantity = excitation.quantity or "acceleration"
-    profile = make_profile(excitation.level, quantity, excitation.profile, excitation.between, excitation.notches)
-    lead = phase_of_acceleration(quantity, excitation.level) if excitation.level is not None else 0.0
+    level = 1.0 if excitation.level is None else excitation.level
+    profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
+    lead = phase_of_acceleration(quantity, level) if excitation.level is not None else 0.0
     return cut_into_windows([leg], profile, phase=excitation.phase + lead)

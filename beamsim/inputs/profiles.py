@@ -99,14 +99,14 @@ class Profile:
         inside = [float(e) for e in self.edge if lower_hz < e < upper_hz]
         cuts = [lower_hz, *inside, upper_hz]
         edges: list[float] = []
-        for left, right in itertools.pairwise(cuts):
-            edges.append(left)
-            p = int(self.piece(np.array(left)))
+        for lower, upper in itertools.pairwise(cuts):
+            edges.append(lower)
+            p = int(self.piece(np.array(lower)))
             # the two powers of the frequency cross at most once
             if self.power[p] != power and self.amplitude[p] > 0 and level > 0:
                 ratio = limit(1.0) / (self.amplitude[p] / self.edge[p] ** self.power[p])
                 crossing = float(ratio ** (1.0 / (self.power[p] - power)))
-                if left < crossing < right:
+                if lower < crossing < upper:
                     edges.append(crossing)
         below = [(float(e), float(a), float(s)) for e, a, s in zip(self.edge, self.amplitude, self.power, strict=True)]
         pieces = [piece for piece in below if piece[0] < lower_hz]
@@ -114,15 +114,15 @@ class Profile:
             pieces.append(
                 (min(lower_hz * 0.5, below[0][0]), float(self(min(lower_hz * 0.5, below[0][0]))), below[0][2])
             )
-        for k, left in enumerate(edges):
-            right = edges[k + 1] if k + 1 < len(edges) else upper_hz
-            middle = 0.5 * (left + right)
+        for k, lower in enumerate(edges):
+            upper = edges[k + 1] if k + 1 < len(edges) else upper_hz
+            middle = 0.5 * (lower + upper)
             p = int(self.piece(np.array(middle)))
             if limit(middle) < float(self(middle)):
-                pieces.append((left, limit(left), power))
+                pieces.append((lower, limit(lower), power))
             else:
-                unlimited = float(self.amplitude[p] * (left / self.edge[p]) ** self.power[p])
-                pieces.append((left, unlimited, float(self.power[p])))
+                unlimited = float(self.amplitude[p] * (lower / self.edge[p]) ** self.power[p])
+                pieces.append((lower, unlimited, float(self.power[p])))
         p = int(self.piece(np.array(upper_hz)))
         pieces.append((upper_hz, float(self(upper_hz)), float(self.power[p])))
         pieces += [piece for piece in below if piece[0] > upper_hz]

@@ -98,7 +98,7 @@ def test_constant_windows_are_a_harmonic():
     )
 
 
-def test_profile_holds_what_it_is_told_to_hold():
+def test_held_profile():
     profile = Profile.held([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
     omega = 2 * np.pi * np.array([2.0, 10.0, 40.0, 200.0])
     np.testing.assert_allclose(profile(omega / (2 * np.pi)), [0.01, 0.01, 0.5, 30.0] * omega ** [2, 2, 1, 0])

@@ -75,17 +75,17 @@ def sweep(
     limited = () if scenario.limits is None else tuple(scenario.limits.given)
     curves: dict[str, SweepCurve] = {}
     histories: dict[int, SweepHistory] = {}
-    known: dict[int, LevelWork] = {}
+    computed: dict[int, LevelWork] = {}
 
     def result() -> SweepResult:
         peaks = tuple(peak for curve in curves.values() for peak in _peaks(curve))
         logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
-        work = _sum([known[index].work for index in sorted(known)])
-        truncation = max((level.truncation for level in known.values()), default=0.0)
-        outcome = combined(level.outcome for level in known.values())
-        if len(known) < len(levels):
+        work = _sum([computed[index].work for index in sorted(computed)])
+        truncation = max((level.truncation for level in computed.values()), default=0.0)
+        outcome = combined(level.outcome for level in computed.values())
+        if len(computed) < len(levels):
             outcome = Outcome.of(
-                OutcomeCode.INTERRUPTED, done=len(known), total=len(levels), unit_of_work="levels of the sweep"
+                OutcomeCode.INTERRUPTED, done=len(computed), total=len(levels), unit_of_work="levels of the sweep"
             )
         return SweepResult(
             scenario=scenario,
@@ -97,7 +97,7 @@ def sweep(
             modes=system.modes,
             work=work,
             summary=_summary(scenario, system, outcome.text, curves, peaks, work, truncation),
-            levels=dict(known),
+            levels=dict(computed),
             histories=dict(histories),
             truncation=truncation,
             warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario)),
@@ -106,31 +106,24 @@ def sweep(
 
     for index, level in enumerate(levels):
         if resume is not None and index in resume.levels and resume.levels[index].outcome.complete:
-            known[index] = resume.levels[index]
+            computed[index] = resume.levels[index]
             curves.update({name: curve for name, curve in resume.curves.items() if curve.level_index == index})
             if index in resume.histories:
                 histories[index] = resume.histories[index]
             continue
         report = None if progress is None else _part(progress, index, len(levels))
         if isinstance(settings, SweptSine):
-            from beamsim.analyses.sweep.swept_sine import run_level
+            from beamsim.analyses.sweep.swept_sine import sweep_level
 
-            run = run_level(system, settings, excitation, level, index, report, limited)
-            new, record, truncation = run.curves, run.record, run.truncation
-            if run.history is not None:
-                histories[index] = run.history
-            counted = SweepWork(
-                record.reached, record.events, record.segments, record.evaluations, len(record.flow.bare.states),
-                record.processor_time_s,
-            )  # fmt: skip
-            reached = record.outcome
+            run = sweep_level(system, settings, excitation, level, index, report, limited)
         else:
             from beamsim.analyses.sweep.stepped import step_level
 
-            stepped = step_level(system, settings, excitation, level, index, report, limited)
-            new, counted, reached, truncation = stepped.curves, stepped.work, stepped.outcome, 0.0
-        curves.update({curve.name: curve for curve in new})
-        known[index] = LevelWork(float(level), reached, truncation, counted)
+            run = step_level(system, settings, excitation, level, index, report, limited)
+        if run.history is not None:
+            histories[index] = run.history
+        curves.update({curve.name: curve for curve in run.curves})
+        computed[index] = run.work
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
             save(result())
@@ -248,8 +241,8 @@ def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         for limit, envelopes in sources.items():
             for name, envelope in envelopes.items():
                 k = int(np.nanargmax(envelope.peak))
-                here = (float(envelope.peak[k]), f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}")
-                largest[limit] = max(largest.get(limit, (-1.0, "")), here)
+                value_and_place = (float(envelope.peak[k]), f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}")
+                largest[limit] = max(largest.get(limit, (-1.0, "")), value_and_place)
         for name, values in curve.limited.items():
             limit, _, snubber = name.partition(" ")
             k = int(np.nanargmax(values))

@@ -10,9 +10,9 @@ from fractions import Fraction
 
 import numpy as np
 
-from beamsim.analyses.sweep.peaks import bent
-from beamsim.analyses.sweep.result import Envelope, SteadyStates, SweepCurve, SweepWork
-from beamsim.analyses.sweep.swept_sine import limited_values, sweep_outputs, swept_flow
+from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
+from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
+from beamsim.analyses.sweep.swept_sine import swept_flow
 from beamsim.flow.march import Motion
 from beamsim.inputs.broadband import phase_of_acceleration
 from beamsim.inputs.profiles import acceleration_amplitude
@@ -28,15 +28,6 @@ from beamsim.typing import Floats
 EXPONENT_CYCLES = 400
 UNSETTLED_CYCLES = 64  # measured if there is no period
 MOST_MEASURED = 240
-
-
-@dataclass(frozen=True)
-class SteppedRun:
-    """One level, all its directions."""
-
-    curves: tuple[SweepCurve, ...]
-    work: SweepWork
-    outcome: Outcome
 
 
 @dataclass
@@ -65,7 +56,7 @@ def step_level(
     level_index: int,
     progress: Callable[[float], None] | None = None,
     limited: Collection[str] = (),
-) -> SteppedRun:
+) -> LevelRun:
     """Step through the frequencies at one level, in all directions."""
     begin = clock.process_time()
     up = frequencies_of(settings)
@@ -78,7 +69,8 @@ def step_level(
     first = constant_windows(float(directions[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
     flow = swept_flow(system, first)
     stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel)
-    output_of = sweep_outputs(system, flow, settings.accelerations, limited)
+    outputs = SweepOutputs(system, settings.accelerations, limited)
+    output_of = outputs.rows(flow.template)
     orders = np.array((0.0, *settings.orders))
     motion = Motion(flow.bare.whole_state(system.initial_state), -1)
     curves, outcome, done = [], COMPLETE, 0
@@ -98,14 +90,14 @@ def step_level(
             if progress is not None:
                 progress(done / total)
         if points:
-            curves.append(_curve(system, settings, quantity, level, level_index, direction, points, limited))
+            curves.append(_curve(outputs, settings, quantity, level, level_index, direction, points))
         if not outcome.complete:
             break
     work = SweepWork(
         stepper.cycles, stepper.events, stepper.segments, stepper.evaluations, len(flow.bare.states),
         clock.process_time() - begin,
     )  # fmt: skip
-    return SteppedRun(tuple(curves), work, outcome)
+    return LevelRun(tuple(curves), LevelWork(float(level), outcome, 0.0, work))
 
 
 def _windows_at_a_time(settings: SteppedSine) -> int:
@@ -138,70 +130,49 @@ def _point(
     kind, exponent, section = "periodic", float("nan"), settled.section[:0]
     cycles = _cycles_to_measure(settings, settled.period) if settled.period else UNSETTLED_CYCLES
     if not settled.period:
-        exponent_found = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
-        kind, exponent, section = exponent_found.kind, exponent_found.value, settled.section
+        lyapunov = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
+        kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
     _, measured = measure(stepper, motion, cycles, output_of, orders)
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 
 
 def _curve(
-    system: StructuralSystem,
+    outputs: SweepOutputs,
     settings: SteppedSine,
     quantity: str,
     level: float,
     level_index: int,
     direction: str,
     points: list[_Point],
-    limited: Collection[str],
 ) -> SweepCurve:
-    high = np.array([p.measured.high.max(axis=0) for p in points])
-    low = np.array([p.measured.low.min(axis=0) for p in points])
-    square = np.array([p.measured.mean_square.mean(axis=0) for p in points])
+    probes, n = outputs.system.probes, outputs.system.dynamics.size
     harmonic = np.array([p.measured.harmonic.mean(axis=0) for p in points])  # (C, K, 1 + R)
-    share = np.array([p.measured.contact_share.mean(axis=0) for p in points])
-    closings = np.array([p.measured.closings.sum(axis=0) for p in points])
-    probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
-    P, S = len(probes), len(snubbers)
-
-    def envelope(k: int, name: str, unit: str) -> Envelope:
-        return Envelope(
-            name, unit, high[:, k], low[:, k], np.sqrt(np.maximum(square[:, k], 0)), harmonic[:, k, 0].real,
-            np.ascontiguousarray(harmonic[:, k, 1:].T),
-        )  # fmt: skip
-
-    frequency = np.array([p.frequency_hz for p in points])
-    n = system.dynamics.size
-    shapes = np.array([p.shape for p in system.probes]).reshape(-1, n)
-    section = np.concatenate([p.section for p in points]) if points else np.zeros((0, 2 * n))
-    elapsed = np.cumsum([0.0] + [(p.settled.cycles + p.measured.high.shape[0]) / p.frequency_hz for p in points])
-    return SweepCurve(
-        name=f"{direction}_{level_index}",
-        direction=direction,
-        level_index=level_index,
-        level=level,
-        quantity=quantity,
-        frequency_hz=frequency,
-        time=elapsed[:-1],
-        excitation_amplitude=np.array([p.amplitude for p in points]),
-        orders=np.array(settings.orders),
-        displacement={name: envelope(k, "displacement", "m") for k, name in enumerate(probes)},
-        acceleration={name: envelope(P + S + k, "absolute_acceleration", "m/s^2") for k, name in enumerate(probes)}
-        if settings.accelerations
-        else {},
-        force={name: envelope(P + k, "force", "N") for k, name in enumerate(snubbers)},
-        contact_share={name: share[:, k] for k, name in enumerate(snubbers)},
-        contacts={name: closings[:, k] for k, name in enumerate(snubbers)},
-        **limited_values(system, settings.accelerations, limited, high, low),
-        bent=bent(share[:, S:]),
-        steady=SteadyStates(
-            kind=tuple(p.kind for p in points),
-            period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),
-            cycles=np.array([p.settled.cycles for p in points], dtype=np.int64),
-            change=np.array([p.settled.change for p in points]),
-            lyapunov_exponent=np.array([p.exponent for p in points]),
-            poincare_frequency_hz=np.repeat(frequency, [p.section.shape[0] for p in points]),
-            probes=tuple(probes),
-            poincare_displacement=section[:, :n] @ shapes.T,
-            poincare_velocity=section[:, n : 2 * n] @ shapes.T,
-        ),
+    values = CycleValues(
+        high=np.array([p.measured.high.max(axis=0) for p in points]),
+        low=np.array([p.measured.low.min(axis=0) for p in points]),
+        mean_square=np.array([p.measured.mean_square.mean(axis=0) for p in points]),
+        mean=harmonic[:, :, 0].real,
+        harmonics=np.ascontiguousarray(np.moveaxis(harmonic[:, :, 1:], 2, 0)),
+        contact_share=np.array([p.measured.contact_share.mean(axis=0) for p in points]),
+        closings=np.array([p.measured.closings.sum(axis=0) for p in points]),
     )
+    frequency = np.array([p.frequency_hz for p in points])
+    shapes = np.array([p.shape for p in probes]).reshape(-1, n)
+    section = np.concatenate([p.section for p in points])
+    elapsed = np.cumsum([0.0] + [(p.settled.cycles + p.measured.high.shape[0]) / p.frequency_hz for p in points])
+    steady = SteadyStates(
+        kind=tuple(p.kind for p in points),
+        period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),
+        cycles=np.array([p.settled.cycles for p in points], dtype=np.int64),
+        change=np.array([p.settled.change for p in points]),
+        lyapunov_exponent=np.array([p.exponent for p in points]),
+        poincare_frequency_hz=np.repeat(frequency, [p.section.shape[0] for p in points]),
+        probes=tuple(p.name for p in probes),
+        poincare_displacement=section[:, :n] @ shapes.T,
+        poincare_velocity=section[:, n : 2 * n] @ shapes.T,
+    )
+    return outputs.curve(
+        values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
+        quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
+        excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.orders), steady=steady,
+    )  # fmt: skip

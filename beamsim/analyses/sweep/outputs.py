@@ -1,0 +1,127 @@
+"""The outputs of a sweep, and the curve that is made of their values in every cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.run.outputs import accelerations, bending_stress, displacements, first_rows, stack
+from beamsim.analyses.sweep.peaks import bent
+from beamsim.analyses.sweep.result import Envelope, LevelWork, SweepCurve, SweepHistory
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Complexes, Floats, Ints
+
+
+@dataclass(frozen=True)
+class LevelRun:
+    """One level, all its directions."""
+
+    curves: tuple[SweepCurve, ...]
+    work: LevelWork
+    history: SweepHistory | None = None
+
+
+@dataclass(frozen=True)
+class CycleValues:
+    """Values of K outputs at C frequencies; R orders, m contacts."""
+
+    high: Floats  # (C, K)
+    low: Floats  # (C, K)
+    mean_square: Floats  # (C, K)
+    mean: Floats  # (C, K)
+    harmonics: Complexes  # (R, C, K) zero to peak
+    contact_share: Floats  # (C, m)
+    closings: Ints  # (C, m)
+
+
+@dataclass(frozen=True)
+class SweepOutputs:
+    """Displacements of the probes, forces of the snubbers, absolute accelerations of the probes, quantities of limits.
+
+    Parameters
+    ----------
+    with_accelerations : whether the accelerations are among them.
+    limited : names of the limits. The penetrations of the snubbers come last where it holds "gap", and then the stress
+        along the beam where it holds "bending_stress".
+    """
+
+    system: StructuralSystem
+    with_accelerations: bool
+    limited: Collection[str] = ()
+
+    def rows(self, template: ExactFlow) -> Callable[[Ints], LinearOutput]:
+        """The outputs by the phases of the contacts, written for a flow."""
+        system = self.system
+        shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
+        count = len(system.snubbers)
+        displacement = displacements(template, shapes)
+        of_limits = []
+        if "gap" in self.limited:
+            of_limits.append(first_rows(template.penetrations()[0], count))
+        if "bending_stress" in self.limited and system.stress is not None:
+            of_limits.append(bending_stress(template, system.stress))
+
+        def output_of(phases: Ints) -> LinearOutput:
+            parts = [displacement, first_rows(template.contact_forces(phases), count)]
+            if self.with_accelerations:
+                parts.append(accelerations(template, shapes, phases, absolute=system.base_acceleration is not None))
+            return stack(*parts, *of_limits)
+
+        return output_of
+
+    def _columns(self) -> tuple[dict[str, int], dict[str, int], dict[str, int]]:
+        """Columns of displacements and accelerations by probe, and of forces by snubber."""
+        probes, snubbers = [p.name for p in self.system.probes], [s.name for s in self.system.snubbers]
+        P, S = len(probes), len(snubbers)
+        acceleration = {name: P + S + k for k, name in enumerate(probes)} if self.with_accelerations else {}
+        return (
+            {name: k for k, name in enumerate(probes)},
+            acceleration,
+            {name: P + k for k, name in enumerate(snubbers)},
+        )
+
+    def curve(self, values: CycleValues, **fields: Any) -> SweepCurve:
+        """The curve of these values; ``fields`` are the other fields of `SweepCurve`."""
+        displacement, acceleration, force = self._columns()
+
+        def envelopes(columns: dict[str, int], quantity: str, unit: str) -> dict[str, Envelope]:
+            return {
+                name: Envelope(
+                    quantity, unit, values.high[:, k], values.low[:, k],
+                    np.sqrt(np.maximum(values.mean_square[:, k], 0.0)), values.mean[:, k], values.harmonics[:, :, k],
+                )
+                for name, k in columns.items()
+            }  # fmt: skip
+
+        return SweepCurve(
+            displacement=envelopes(displacement, "displacement", "m"),
+            acceleration=envelopes(acceleration, "absolute_acceleration", "m/s^2"),
+            force=envelopes(force, "force", "N"),
+            contact_share={name: values.contact_share[:, k] for k, name in enumerate(force)},
+            contacts={name: values.closings[:, k] for k, name in enumerate(force)},
+            bent=bent(values.contact_share[:, len(force) :]),
+            **self._of_limits(values),
+            **fields,
+        )
+
+    def _of_limits(self, values: CycleValues) -> dict[str, Any]:
+        """Fields of a curve that are computed for limits only."""
+        displacement, acceleration, force = self._columns()
+        first = len(displacement) + len(force) + len(acceleration)
+        fields: dict[str, Any] = {}
+        if "gap" in self.limited:
+            fields["peak_gap"] = {name: -values.low[:, first + k] for k, name in enumerate(force)}
+            first += len(force)
+        if "bending_stress" in self.limited and self.system.stress is not None:
+            extremes = np.abs(values.high[:, first:]), np.abs(values.low[:, first:])
+            fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
+        return fields
+
+    def history(self, time: Floats, values: Floats) -> SweepHistory:
+        """The time history of outputs (nt, K)."""
+        return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in self._columns()))
