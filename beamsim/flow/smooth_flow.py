@@ -173,37 +173,3 @@ class SmoothFlow(PeriodicFlow):
     def with_damping(self, damping: Floats) -> SmoothFlow:
         """The flow of the same structure with another damping matrix (n, n)."""
         return replace(self, system=replace(self.system, damping=damping))
-
-
-@dataclass
-class CubicStiffness:
-    """A family for :class:`beamsim.orbits.reversible.BrakeOrbits`: the factor multiplies all nonlinear springs."""
-
-    system: PiecewiseLinearSystem
-    cubic_shape: Floats
-    cubic: Floats
-    _last: tuple[float, SmoothFlow] | None = field(default=None, repr=False)
-
-    @property
-    def omega(self) -> Floats:
-        """(n,) natural frequencies of the linear structure, rad/s."""
-        return np.asarray(np.sqrt(self.system.stiffness))
-
-    def flow_at(self, factor: float) -> tuple[SmoothFlow, SpringFactor]:
-        """The flow with its nonlinear springs scaled, and the parameter."""
-        c = self.system.contacts.one_sided_parts()
-        if self._last is None or self._last[0] != factor:
-            system = replace(self.system, contacts=c.scaled(factor))
-            self._last = (factor, SmoothFlow(system, self.cubic_shape, factor * self.cubic))
-        return self._last[1], SpringFactor(self.cubic, c.stiffness)
-
-    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        """Potential energy, its gradient, and its derivative by the factor (rest at q = 0)."""
-        c = self.system.contacts.one_sided_parts()
-        x = self.cubic_shape @ q
-        delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
-        own = 0.25 * float(self.cubic @ x**4) + 0.5 * float(c.stiffness @ delta**2)
-        gradient = self.system.stiffness * q + factor * (
-            self.cubic_shape.T @ (self.cubic * x**3) - c.shape.T @ (c.sign * c.stiffness * delta)
-        )
-        return 0.5 * float(q @ (self.system.stiffness * q)) + factor * own, gradient, own

@@ -90,7 +90,7 @@ class Backbone:
         begin = self.start.parameter
         forward = 1.0 if self.end > begin else -1.0
         full = abs(self.end - begin) / self.points
-        a, clean = self._pointing(self.start, forward), self.start
+        a, clean = self.start.towards(forward), self.start
         step = full
         self._clear = [a]
         yield a
@@ -135,12 +135,6 @@ class Backbone:
                 return b, part * step
         return None, step
 
-    @staticmethod
-    def _pointing(point: BranchPoint, forward: float) -> BranchPoint:
-        if point.tangent[-1] * forward < 0:
-            return replace(point, tangent=-point.tangent, orientation=-point.orientation)
-        return point
-
     def _at(self, a: BranchPoint, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
         for guess in self._predictions(a, clean, value):
@@ -169,13 +163,12 @@ class Backbone:
         point = correct(self.orbits, guess, row, value / float(scale[-1]), scale, settings, furthest=furthest)
         if point is None or self.share(point) <= LEAST_SHARE or not self._once(point):
             return None
-        return self._pointing(point, forward)
+        return point.towards(forward)
 
     def _once(self, point: BranchPoint) -> bool:
         """Whether the mode has swung to its other side half a period on: a motion run through twice has not."""
         q, _, factor, _ = self.orbits.split(point.u)
-        rest = getattr(self.orbits.family, "rest", None)
-        still = 0.0 if rest is None else rest(factor)
+        still = self.orbits.family.rest(factor)
         shape = self.orbits.vectors[:, self.mode]
         other = point.data.passage.end[: self.orbits.n]
         return float(shape @ (q - still)) * float(shape @ (other - still)) < 0
@@ -188,17 +181,13 @@ class Backbone:
             x, y = np.array(history).T
             slope = np.polyfit(x - x[-1], y, 1)
             periods.insert(0, float(np.exp(np.polyval(slope, value - x[-1]))))
-        estimate = getattr(self.orbits.family, "period_estimate", None)
-        if estimate is not None:
-            _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
-            known = estimate(self.mode, factor, energy)
-            if known is not None:
-                periods.insert(0, known)
+        family = self.orbits.family
         q, _, before, _ = self.orbits.split(clean.u)
         _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
-        rest = getattr(self.orbits.family, "rest", None)
-        away = q if rest is None else q - rest(before)
-        still = np.zeros_like(q) if rest is None else rest(factor)
+        known = family.period_estimate(self.mode, factor, energy)
+        if known is not None:
+            periods.insert(0, known)
+        away, still = q - family.rest(before), family.rest(factor)
         shape = self.orbits.vectors[:, self.mode]
         size = np.sqrt(2.0 * energy) / float(self.orbits.omega[self.mode])
         pure = still + shape * np.copysign(size, shape @ away)
@@ -238,8 +227,7 @@ class Backbone:
         periods = np.array([self.orbits.split(guess)[1] for guess in known])
         pure = known[0][: self.orbits.n]
         _, _, factor, _ = self.orbits.split(known[0])
-        rest = getattr(self.orbits.family, "rest", None)
-        still = np.zeros_like(pure) if rest is None else rest(factor)
+        still = self.orbits.family.rest(factor)
         omega = float(self.orbits.omega[self.mode])
         size = float(self.orbits.vectors[:, self.mode] @ (pure - still))
         best: BranchPoint | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
@@ -35,6 +35,14 @@ class BranchPoint:
     def parameter(self) -> float:
         """The last unknown."""
         return float(self.u[-1])
+
+    def reversed(self) -> BranchPoint:
+        """The same point with the opposite tangent."""
+        return replace(self, tangent=-self.tangent, orientation=-self.orientation)
+
+    def towards(self, forward: float) -> BranchPoint:
+        """The same point, its tangent pointing to larger (``forward`` > 0) or smaller parameters."""
+        return self.reversed() if self.tangent[-1] * forward < 0 else self
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ point with unit tangent
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Protocol
 
@@ -44,6 +44,13 @@ class ContinuationProblem(Protocol):
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Typical sizes of the unknowns (size of u,) and of the residuals (k,)."""
+
+
+class OrbitContinuation(ContinuationProblem, Protocol):
+    """A continuation problem whose points are periodic orbits."""
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether two motions have the same order of contacts."""
 
 
 @dataclass(frozen=True)
@@ -180,12 +187,7 @@ def solve_at(
     if parameter is not None:
         u[-1] = parameter
     point = correct(problem, u, row, float(u[-1] / scale[-1]), scale, settings)
-    if point is None:
-        return None
-    t = point.tangent
-    if t[-1] * forward < 0:
-        return BranchPoint(point.u, -t, scale, point.residual, -point.orientation, point.iterations, point.data)
-    return point
+    return None if point is None else point.towards(forward)
 
 
 def _hermite(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
@@ -408,7 +410,7 @@ class Branch:
             return None
         same = self.same_kind(point, new)
         if not same and new.orientation * point.orientation < 0:
-            new = replace(new, tangent=-new.tangent, orientation=-new.orientation)
+            new = new.reversed()
         if ds <= 30 * s.smallest_step:
             return new
         if same and float(new.tangent @ t) < s.smallest_cosine:
@@ -420,3 +422,10 @@ class Branch:
         guess = _hermite(a, b, float(np.clip(share, 0.0, 1.0)))
         guess[-1] = edge
         return solve_at(self.problem, guess, self.settings, edge, b.parameter - a.parameter)
+
+
+def follow_orbits(
+    problem: OrbitContinuation, start: BranchPoint, low: float, high: float, settings: Settings | None = None
+) -> Branch:
+    """A branch of periodic orbits, to iterate over."""
+    return Branch(problem, start, low, high, Settings() if settings is None else settings, problem.same_events)

@@ -20,7 +20,8 @@ from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.grazing import cyclic
-from beamsim.orbits.reversible import BrakeOrbits, Conservative, HalfPeriod, on_unit_circle
+from beamsim.orbits.reversible import BrakeOrbits, HalfPeriod, on_unit_circle
+from beamsim.orbits.spring_families import SpringFamily
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats
 
@@ -37,7 +38,7 @@ class FreeOrbits:
     ``reference`` is the state of the motion that fixes the phase (a motion nearby, in its own phase).
     """
 
-    family: Conservative
+    family: SpringFamily
     reference: Floats  # (2n,)
     parameter: Literal["stiffness_factor", "energy"] = "stiffness_factor"
     energy: float = 1.0  # J

@@ -16,7 +16,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
-from beamsim.orbits.continuation import ContinuationProblem, Settings, between, locate
+from beamsim.orbits.continuation import OrbitContinuation, Settings, between, locate
 from beamsim.typing import Floats
 
 MOST_HALVINGS = 40
@@ -27,14 +27,11 @@ BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of
 TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has truly vanished
 
 
-class ContactProblem(ContinuationProblem, Protocol):
+class ContactProblem(OrbitContinuation, Protocol):
     """A continuation problem whose points are periodic motions with contacts."""
 
     def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a whole period."""
-
-    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether two motions have the same order of contacts."""
 
 
 def cyclic(passage: Passage) -> tuple[tuple[int, int], ...]:

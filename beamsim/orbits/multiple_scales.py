@@ -46,6 +46,7 @@ from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
+    from beamsim.orbits.spring_families import SpringFamily
     from beamsim.system.equations import PiecewiseLinearSystem
 
 HARMONICS = 400
@@ -133,18 +134,6 @@ def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
     rest = np.where(flexible, system.constant_load / np.where(flexible, system.stiffness, 1.0), 0.0)
     c = system.contacts.one_sided_parts()
     return rest, c.gap + c.sign * (c.shape @ rest)
-
-
-def potential_energy(
-    system: PiecewiseLinearSystem, q: Floats, factor: float = 1.0, cubic: CubicSprings | None = None
-) -> float:
-    """J, springs times the factor included; dead loads too."""
-    c = system.contacts.one_sided_parts()
-    delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
-    springs = 0.5 * float(c.stiffness @ delta**2)
-    if cubic is not None:
-        springs += 0.25 * float(cubic.stiffness @ (cubic.shape @ q) ** 4)
-    return float(0.5 * q @ (system.stiffness * q) - system.constant_load @ q) + factor * springs
 
 
 def product_harmonics(two_sided: Complexes, x: Complexes, highest: int) -> Complexes:
@@ -262,32 +251,31 @@ def _solve(w2: Floats, mode: int, force: Floats, squared: float | None = None) -
 
 
 def expand_mode_at_energy(
-    system: PiecewiseLinearSystem,
+    family: SpringFamily,
     mode: int,
     energy: float,
     factor: float,
     order: int = 1,
     sign: float = 1.0,
     harmonics: int = HARMONICS,
-    cubic: CubicSprings | None = None,
-    rest_energy: float = 0.0,
     uniform: bool = False,
 ) -> ModeExpansion:
     """The expansion whose initial vector (to ``order``) has the potential energy asked for, J, at this factor.
 
-    ``sign`` chooses the extreme from which the motion starts; ``rest_energy`` is subtracted (that of static
-    equilibrium); ``uniform`` takes the divisors at the frequency that belongs to the factor.
+    ``sign`` chooses the extreme from which the motion starts; ``uniform`` takes the divisors at the frequency that
+    belongs to the factor.
     """
     if energy <= 0:
         raise MethodError("energy", f"= {energy:g} J is no motion", "give a positive energy")
-    omega = float(np.sqrt(system.stiffness[mode])) if system.stiffness[mode] > 0 else 1.0
+    omega = float(family.omega[mode]) or 1.0
     amplitude = sign * np.sqrt(2.0 * energy) / omega
     for _ in range(50):
-        expansion = expand_mode(system, mode, amplitude, harmonics, cubic, factor if uniform else None)
-        have = potential_energy(system, expansion.initial(factor, order), factor, cubic) - rest_energy
-        if have <= 0:
+        at = factor if uniform else None
+        expansion = expand_mode(family.system, mode, amplitude, harmonics, family.cubic, at)
+        potential = family.potential(expansion.initial(factor, order), factor)[0]
+        if potential <= 0:
             raise MethodError("energy", f"= {energy:g} J is beyond the expansion", "give more or a smaller factor")
-        new = amplitude * float(np.sqrt(energy / have))  # exact in one step where there is no gap
+        new = amplitude * float(np.sqrt(energy / potential))  # exact in one step where there is no gap
         if abs(new - amplitude) <= 1e-14 * abs(amplitude):
             break
         amplitude = new

@@ -40,8 +40,6 @@ from beamsim.typing import Complexes, Floats
 if TYPE_CHECKING:
     from beamsim.system.equations import PiecewiseLinearSystem
 
-AMPLITUDES = 2000  # points between which steady amplitudes are bracketed
-
 
 def _states(coefficients: Complexes, omega: float, times: Floats) -> Floats:
     """(nt, 2n) displacements and velocities of a sum of harmonics."""
@@ -138,79 +136,6 @@ class ResonantForcing:
             np.linalg.eigvals(J).astype(complex),
             abs(psi.real - sigma) / psi.imag if psi.imag else np.inf,
         )
-
-    def steady(self, sigma: float) -> tuple[SteadyMotion, ...]:
-        """All steady motions at a detuning, the smallest first.
-
-        Raises
-        ------
-        MethodError : without damping exactly on the backbone of a structure without gap, where no steady motion
-        exists.
-        """
-        from scipy.optimize import brentq
-
-        F = abs(self.load[self.mode]) / (2.0 * self.omega)
-        if F == 0.0:
-            return ()
-
-        def excess(a: float) -> float:
-            return float(a * abs(self.backbone(a) - sigma) - F)
-
-        # far below and far above every gap the backbone is flat, so beyond these amplitudes excess has one sign
-        c = self.system.contacts.one_sided_parts()
-        with np.errstate(divide="ignore"):
-            reach = np.where(c.shape[:, self.mode] != 0, np.abs(self.gap / c.shape[:, self.mode]), 0.0)
-        near = float(np.max(reach[np.isfinite(reach)], initial=0.0))
-        floor = abs(self.backbone(1e6 * (near + 1.0)) - sigma)
-        if floor <= 1e-12 * abs(self.backbone(1.0)) or not np.isfinite(floor):
-            floor = 1e-12 * max(abs(sigma), 1e-12)
-        top = 2.0 * max(F / floor, 2.0 * near)
-        grid = np.unique(
-            np.concatenate(
-                [
-                    np.geomspace(1e-9 * top, top, AMPLITUDES),
-                    np.linspace(1e-9 * top, 20.0 * near + F, AMPLITUDES),
-                ]
-            )
-        )
-        grid = grid[grid > 0]
-        values = grid * np.abs(self.backbones(grid) - sigma) - F
-        found = [
-            float(brentq(excess, grid[i], grid[i + 1], xtol=1e-15 * grid[i + 1], rtol=1e-14))
-            for i in np.flatnonzero(values[:-1] * values[1:] < 0)
-        ]
-        if not found:
-            raise MethodError(
-                "frequency", "is on the backbone of an undamped structure: its response grows", "give damping"
-            )
-        return tuple(self.motion(a, sigma) for a in found)
-
-    def slow_flow(self, start: complex, sigma: float, times: Floats) -> Complexes:
-        """Q at increasing slow times, from Q at the first of them.
-
-        The amplitude and phase of a motion that begins near the mode, with or without force (``load`` zero) and
-        damping.
-        """
-        from scipy.integrate import solve_ivp
-
-        F = self.load[self.mode] / (2.0 * self.omega)
-
-        def rate(_: float, y: Floats) -> Floats:
-            Q = complex(y[0], y[1])
-            psi = self.backbone(abs(Q)) if Q != 0 else 0.5j * self.system.damping[self.mode, self.mode]
-            out = 1j * (psi - sigma) * Q - 1j * F
-            return np.array([out.real, out.imag])
-
-        found = solve_ivp(
-            rate,
-            (float(times[0]), float(times[-1])),
-            [start.real, start.imag],
-            "DOP853",
-            times,
-            rtol=1e-11,
-            atol=1e-13 * max(abs(start), abs(F), 1e-12),
-        )
-        return np.asarray(found.y[0] + 1j * found.y[1])
 
     def correction(self, Q: complex, omega: float) -> Complexes:
         """(H + 1, n) harmonics of q_1 under ``Re(Q e^{i omega t}) e_j``, without the fundamental of mode j."""

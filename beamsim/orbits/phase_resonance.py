@@ -26,7 +26,7 @@ never fails there. A periodic motion is found with the frequency free and its ow
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -195,8 +195,3 @@ def find_phase_resonance(
         x0, f0 = x1, f1
         best, x1, f1 = point, x1 + move, quadrature(problem, point)[0]
     return None
-
-
-def turned_back(point: BranchPoint) -> BranchPoint:
-    """The same point, to be left in the other direction."""
-    return replace(point, tangent=-point.tangent, orientation=-point.orientation)

@@ -11,51 +11,15 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from beamsim.orbits.reversible import BrakeOrbits, Conservative
+from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.typing import Floats
 
 STALLS = 3  # restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
 GAINED = 0.99  # of the functional or less counts as gained
 SHORTEST, LONGEST = 0.5, 1.5  # of the last step's period: J vanishes as the period does, which is no motion
-
-
-class CountedFamily:
-    """A family of systems that counts the motions carried with it: the cost of a method, not in seconds."""
-
-    def __init__(self, family: Conservative) -> None:
-        self._family = family
-        self._flow: Any = None
-        self._first = 0  # the present flow's count when it came
-        self._before = 0  # passages of the flows before
-
-    @property
-    def passages(self) -> int:
-        """Motions carried so far."""
-        return self._before + (0 if self._flow is None else self._flow.passages - self._first)
-
-    @property
-    def omega(self) -> Floats:
-        """As the family's."""
-        return self._family.omega
-
-    def flow_at(self, factor: float) -> tuple[Any, Any]:
-        """As the family's."""
-        flow, direction = self._family.flow_at(factor)
-        if flow is not self._flow:
-            self._before = self.passages
-            self._flow, self._first = flow, flow.passages
-        return flow, direction
-
-    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        """As the family's."""
-        return self._family.potential(q, factor)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._family, name)
 
 
 @dataclass(frozen=True)

@@ -14,142 +14,22 @@ multipliers come in pairs with
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.flow.passage import ContactDirection, Parameter, Passage, moved_system
+from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
-from beamsim.orbits.continuation import Branch, Settings, locate
+from beamsim.orbits.continuation import Settings, locate
 from beamsim.orbits.grazing import grazings
-from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Complexes, Floats
 
 LARGEST_LOG = 600.0  # of an energy
 STABLE = 1e-7  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
-
-
-class Conservative(Protocol):
-    """A family of undamped, unforced systems with mass one, by the factor of their nonlinear springs."""
-
-    @property
-    def omega(self) -> Floats:
-        """(n,) natural frequencies of the linear structure, rad/s, its modes being the coordinates."""
-
-    def flow_at(self, factor: float) -> tuple[PeriodicFlow, Parameter]:
-        """The flow, and the parameter to differentiate by."""
-
-    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        """Potential energy from static equilibrium, J, its gradient, and its derivative by the factor."""
-
-
-@dataclass
-class ContactStiffness:
-    """One-sided springs whose stiffness is multiplied by the factor.
-
-    ``equilibrium`` finds the static shape of a system; without it the structure must rest at q = 0 (no prestress, no
-    load).
-    """
-
-    system: PiecewiseLinearSystem
-    equilibrium: Callable[[PiecewiseLinearSystem], Floats] | None = None
-    _last: tuple[float, VariationalFlow, Floats] | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        self.direction = ContactDirection.of(self.system.contacts, along=self.system.contacts)
-        self.springs = self.system.contacts.one_sided_parts()
-
-    @property
-    def omega(self) -> Floats:
-        """(n,) natural frequencies of the open structure, rad/s."""
-        return np.asarray(np.sqrt(self.system.stiffness))
-
-    def _at(self, factor: float) -> tuple[VariationalFlow, Floats]:
-        if self._last is None or self._last[0] != factor:
-            if factor < 0:
-                raise ArithmeticError("the stiffness factor became negative")
-            system = moved_system(self.system, self.direction, factor - 1.0)
-            rest = np.zeros(system.size) if self.equilibrium is None else self.equilibrium(system)
-            twin = None if self._last is None else self._last[1]
-            self._last = (factor, VariationalFlow(system, twin=twin), rest)
-        return self._last[1], self._last[2]
-
-    def flow_at(self, factor: float) -> tuple[VariationalFlow, ContactDirection]:
-        """The flow with its contacts' stiffness scaled, and the direction of the scaling."""
-        return self._at(factor)[0], self.direction
-
-    def rest(self, factor: float) -> Floats:
-        """The static equilibrium."""
-        if self.equilibrium is None:
-            return np.zeros(self.system.size)
-        return self._at(factor)[1]
-
-    def period_estimate(self, mode: int, factor: float, energy: float) -> float | None:
-        """Period of one mode on a bilinear spring, where there is a single contact without prestress.
-
-        The open structure's frequency until the gap is reached, the closed structure's from there to rest: with no
-        gap the bilinear rule :math:`\\pi/\\omega_1 + \\pi/\\omega_2`.
-        """
-        c = self.springs
-        if c.count != 1 or np.any(self.system.constant_load):
-            return None
-        if c.gap[0] < 0:
-            return self._prestressed_estimate(mode, factor, energy)
-        stiff = np.diag(self.system.stiffness) + factor * c.stiffness[0] * np.outer(c.shape[0], c.shape[0])
-        squared = float(np.linalg.eigvalsh(stiff)[mode])
-        if squared <= 0:  # a spring that gives no more force
-            return None
-        w1, w2, gap = float(self.omega[mode]), float(np.sqrt(squared)), float(c.gap[0])
-        reach = abs(float(c.shape[0, mode])) * float(np.sqrt(2 * energy)) / w1
-        if reach <= gap:
-            return 2 * np.pi / w1
-        speed = w1 * float(np.sqrt(reach**2 - gap**2))
-        open_for = float(np.arccos(-gap / reach)) / w1
-        return 2 * (open_for + float(np.arctan2(speed / w2, gap * (w1 / w2) ** 2)) / w2)
-
-    def _prestressed_estimate(self, mode: int, factor: float, energy: float) -> float | None:
-        """The same with prestress: closed about static equilibrium, open from where the penetration vanishes."""
-        c = self.springs
-        if factor == 0:
-            return None
-        omega, vectors = self.modes_at_rest(factor)
-        w1, w2 = float(self.omega[mode]), float(omega[mode])
-        pressed = float(-c.gap[0] - c.sign[0] * (c.shape[0] @ self.rest(factor)))
-        reach = abs(float(c.shape[0] @ vectors[:, mode])) * float(np.sqrt(2 * energy)) / w2
-        if reach <= pressed:
-            return 2 * np.pi / w2
-        speed = w2 * float(np.sqrt(reach**2 - pressed**2))
-        closed_for = float(np.arccos(-pressed / reach)) / w2
-        return 2 * (closed_for + float(np.arctan2(speed / w1, pressed * (w2 / w1) ** 2)) / w1)
-
-    def modes_at_rest(self, factor: float = 1.0) -> tuple[Floats, Floats]:
-        """Frequencies (rad/s) and shapes of small motions about static equilibrium, its closed contacts closed."""
-        q, c = self.rest(factor), self.springs
-        closed = -c.gap - c.sign * (c.shape @ q) > 0
-        phi = c.shape[closed]
-        K = np.diag(self.system.stiffness) + factor * (phi.T * c.stiffness[closed]) @ phi
-        values, vectors = np.linalg.eigh(K)
-        return np.sqrt(np.maximum(values, 0.0)), vectors
-
-    def _energy(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        s, c = self.system, self.springs
-        delta = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
-        push = c.stiffness * delta
-        gradient = s.stiffness * q - s.constant_load - factor * (c.shape.T @ (c.sign * push))
-        in_contacts = 0.5 * float(push @ delta)
-        return float(0.5 * q @ (s.stiffness * q) - s.constant_load @ q) + factor * in_contacts, gradient, in_contacts
-
-    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        """Potential energy from static equilibrium, its gradient, and its derivative by the factor."""
-        value, gradient, by_factor = self._energy(q, factor)
-        if self.equilibrium is not None:  # at equilibrium the gradient vanishes: only the explicit derivative counts
-            value0, _, by0 = self._energy(self.rest(factor), factor)
-            value, by_factor = value - value0, by_factor - by0
-        return value, gradient, by_factor
 
 
 @dataclass(frozen=True)
@@ -169,10 +49,10 @@ class BrakeOrbits:
     ``"energy"`` its natural logarithm at fixed ``factor``. For ``"frequency"`` (rad/s) they are q0 and the frequency
     only. ``basis`` holds the frequencies (rad/s) and orthonormal shapes (a column each) of the linear modes that
     energy is shared among: by default the coordinates; with prestress those about static equilibrium
-    (:meth:`ContactStiffness.modes_at_rest`).
+    (`SpringFamily.modes_at_rest`).
     """
 
-    family: Conservative
+    family: SpringFamily
     parameter: Literal["stiffness_factor", "energy", "frequency"] = "stiffness_factor"
     energy: float = 1.0  # J
     factor: float = 1.0
@@ -243,11 +123,12 @@ class BrakeOrbits:
             return np.append(speed / omega, 2 * np.pi / period), np.full(self.n, speed)
         return np.concatenate([speed / omega, [period, 1.0]]), np.append(np.full(self.n, speed), energy)
 
-    def share(self, q: Floats, factor: float) -> Floats:
-        """(n,) share of each linear mode in the strain energy at rest, without the contacts' own."""
-        rest = getattr(self.family, "rest", None)
-        x = q if rest is None else q - rest(factor)
-        parts = (self.omega * (self.vectors.T @ x)) ** 2
+    def share(self, q: Floats, factor: float, v: Floats | None = None) -> Floats:
+        """(n,) share of each linear mode in the energy of displacements q and velocities v (at rest by default),
+        without that of the nonlinear springs."""
+        parts = (self.omega * (self.vectors.T @ (q - self.family.rest(factor)))) ** 2
+        if v is not None:
+            parts = parts + (self.vectors.T @ v) ** 2
         return np.asarray(parts / max(float(parts.sum()), 1e-300))
 
     def mode_slope(self, point: BranchPoint, mode: int) -> float:
@@ -300,7 +181,7 @@ def on_unit_circle(half_traces: Complexes, tolerance: float) -> bool:
     return bool(np.all(np.abs(half_traces.imag) < tolerance) and np.all(np.abs(half_traces.real) < 1.0 + tolerance))
 
 
-def _idle(family: Conservative) -> Floats:
+def _idle(family: SpringFamily) -> Floats:
     """(n, n) 1/s, a multiple of the projector on rigid-body motions that no spring feels.
 
     Along them the velocity stays zero whatever the start; added to the residual it asks for no displacement instead.
@@ -310,10 +191,7 @@ def _idle(family: Conservative) -> Floats:
     out = np.zeros((omega.size, omega.size))
     if rigid.size == 0 or rigid.size == omega.size:
         return out
-    system: Any = getattr(family, "system", None)
-    if system is None:
-        return out
-    rows = np.vstack([system.contacts.shape, getattr(family, "cubic_shape", np.zeros((0, omega.size)))])[:, rigid]
+    rows = family.rows[:, rigid]
     if rows.shape[0] == 0:
         loose = np.eye(rigid.size)
     else:
@@ -333,9 +211,7 @@ def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats 
     q = orbits.vectors[:, mode] * (np.sqrt(2.0 * energy) / omega[mode])
     if away_from is not None and float(away_from @ q) < 0:
         q = -q
-    rest = getattr(orbits.family, "rest", None)
-    if rest is not None:
-        q = q + rest(0.0 if orbits.parameter == "stiffness_factor" else orbits.factor)
+    q = q + orbits.family.rest(0.0 if orbits.parameter == "stiffness_factor" else orbits.factor)
     return orbits.unknowns(q, 2 * np.pi / float(omega[mode]), value)
 
 
@@ -354,10 +230,3 @@ def mode_points(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: S
         if branching is not None:
             found.append(SpecialPoint("branch_point", branching.parameter, branching))
     return found
-
-
-def follow_modes(
-    orbits: BrakeOrbits, start: BranchPoint, low: float, high: float, settings: Settings | None = None
-) -> Branch:
-    """A branch of nonlinear normal modes, to iterate over."""
-    return Branch(orbits, start, low, high, Settings() if settings is None else settings, orbits.same_events)

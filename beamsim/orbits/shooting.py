@@ -18,7 +18,7 @@ from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
-from beamsim.orbits.continuation import Branch, Settings, between, correct, locate, solve_at
+from beamsim.orbits.continuation import Settings, between, correct, follow_orbits, locate, solve_at
 from beamsim.orbits.grazing import cyclic, grazings
 from beamsim.orbits.paths import DampingPath
 from beamsim.typing import Complexes, Floats
@@ -340,13 +340,6 @@ def _hidden_turn(a: BranchPoint, b: BranchPoint) -> float | None:
     if not 0.0 < x < 1.0 or (left - bend * x**2) * left > 0:
         return None
     return x
-
-
-def follow_orbits(
-    problem: ForcedOrbits, start: BranchPoint, low: float, high: float, settings: Settings | None = None
-) -> Branch:
-    """A branch of periodic motions, to iterate over; see :class:`beamsim.orbits.continuation.Branch`."""
-    return Branch(problem, start, low, high, Settings() if settings is None else settings, problem.same_events)
 
 
 def switch_at_period_doubling(

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
-from beamsim.orbits.continuation import Branch, Settings, correct, locate
+from beamsim.orbits.continuation import Settings, correct, follow_orbits, locate
 from beamsim.orbits.free_orbits import FreeOrbits, slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -126,7 +126,7 @@ class NonBrakeBranch:
         if start is None:
             self.outcome = Outcome.of(OutcomeCode.NO_ORBIT_BESIDE)
             return
-        branch = Branch(self.orbits, start, self.low, self.high, self.settings, self.orbits.same_events)
+        branch = follow_orbits(self.orbits, start, self.low, self.high, self.settings)
         self.outcome = INTERRUPTED
         before, fastest = None, 0.0
         for count, point in enumerate(branch):

@@ -87,10 +87,9 @@ class Tongues:
         o = self.orbits
         scale = o.scale(u)[0]
         _, _, factor, energy = o.split(u)
-        rest = getattr(o.family, "rest", None)
         row = np.zeros(u.size)
         row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * energy))
-        still = 0.0 if rest is None else float(row[: o.n] @ rest(factor))
+        still = float(row[: o.n] @ o.family.rest(factor))
         return row * scale, still
 
     def share(self, point: BranchPoint) -> Floats:

@@ -10,7 +10,8 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import FullPeriodPath
-from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
+from beamsim.orbits.reversible import BrakeOrbits, linear_mode
+from beamsim.orbits.spring_families import ContactStiffness
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 

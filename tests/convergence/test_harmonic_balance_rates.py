@@ -11,11 +11,12 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real
-from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation
 from beamsim.orbits.hill import hill_multipliers
-from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
-from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, special_points
+from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit, special_points
+from beamsim.orbits.spring_families import ContactStiffness
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)

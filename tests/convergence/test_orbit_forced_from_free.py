@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from beamsim.contacts.equilibrium import find_equilibrium
+from beamsim.contacts.equilibrium import CubicSprings, find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import PeriodicForcing
-from beamsim.flow.smooth_flow import CubicStiffness, SmoothFlow
+from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
@@ -15,8 +15,9 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import observed_orders
 from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature, quadrature_nodes
 from beamsim.orbits.relaxed_minimisation import relaxed_path
-from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, linear_mode
+from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.spring_families import ContactStiffness, CubicStiffness
 from beamsim.system.equations import Forcing
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
@@ -162,7 +163,7 @@ def test_energy_balance_on_the_exact_motion(held):
 
 def test_cubic_spring(make_system):
     system = make_system(OMEGA, np.zeros(6), shape=np.zeros((0, 6)), stiffness=[])
-    orbits = BrakeOrbits(CubicStiffness(system, V[5:6], np.array([0.5])), "energy")
+    orbits = BrakeOrbits(CubicStiffness(system, cubic=CubicSprings(V[5:6], np.array([0.5]))), "energy")
     point = solve_at(orbits, linear_mode(orbits, 3, np.log(0.5)), Settings(iterations=30), np.log(0.5))
     flow, whole = orbits.cycle(point)
     size, off = conjugate(flow, whole, V[0]), []

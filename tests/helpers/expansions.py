@@ -6,17 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamsim.errors import MethodError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.aft import one_sided
 from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, expand_mode, product_harmonics, weakened
-from beamsim.orbits.multiple_scales_forced import ResonantForcing, _states
+from beamsim.orbits.multiple_scales_forced import ResonantForcing, SteadyMotion, _states
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
 SAMPLES_A_PERIOD = 32
+AMPLITUDES = 2000  # points between which steady amplitudes are bracketed
 
 
 def _times(duration: float, omega: float) -> Floats:
@@ -53,6 +55,81 @@ def free_remainder(
     return float(np.abs(exact[:, :n] - found[:, :n]).max() / abs(amplitude))
 
 
+def steady(resonant: ResonantForcing, sigma: float) -> tuple[SteadyMotion, ...]:
+    """All steady motions at a detuning, the smallest first.
+
+    Raises
+    ------
+    MethodError : without damping exactly on the backbone of a structure without gap, where no steady motion
+    exists.
+    """
+    from scipy.optimize import brentq
+
+    F = abs(resonant.load[resonant.mode]) / (2.0 * resonant.omega)
+    if F == 0.0:
+        return ()
+
+    def excess(a: float) -> float:
+        return float(a * abs(resonant.backbone(a) - sigma) - F)
+
+    # far below and far above every gap the backbone is flat, so beyond these amplitudes excess has one sign
+    c = resonant.system.contacts.one_sided_parts()
+    with np.errstate(divide="ignore"):
+        reach = np.where(c.shape[:, resonant.mode] != 0, np.abs(resonant.gap / c.shape[:, resonant.mode]), 0.0)
+    near = float(np.max(reach[np.isfinite(reach)], initial=0.0))
+    floor = abs(resonant.backbone(1e6 * (near + 1.0)) - sigma)
+    if floor <= 1e-12 * abs(resonant.backbone(1.0)) or not np.isfinite(floor):
+        floor = 1e-12 * max(abs(sigma), 1e-12)
+    top = 2.0 * max(F / floor, 2.0 * near)
+    grid = np.unique(
+        np.concatenate(
+            [
+                np.geomspace(1e-9 * top, top, AMPLITUDES),
+                np.linspace(1e-9 * top, 20.0 * near + F, AMPLITUDES),
+            ]
+        )
+    )
+    grid = grid[grid > 0]
+    values = grid * np.abs(resonant.backbones(grid) - sigma) - F
+    found = [
+        float(brentq(excess, grid[i], grid[i + 1], xtol=1e-15 * grid[i + 1], rtol=1e-14))
+        for i in np.flatnonzero(values[:-1] * values[1:] < 0)
+    ]
+    if not found:
+        raise MethodError(
+            "frequency", "is on the backbone of an undamped structure: its response grows", "give damping"
+        )
+    return tuple(resonant.motion(a, sigma) for a in found)
+
+
+def slow_flow(resonant: ResonantForcing, start: complex, sigma: float, times: Floats) -> Complexes:
+    """Q at increasing slow times, from Q at the first of them.
+
+    The amplitude and phase of a motion that begins near the mode, with or without force (``load`` zero) and
+    damping.
+    """
+    from scipy.integrate import solve_ivp
+
+    F = resonant.load[resonant.mode] / (2.0 * resonant.omega)
+
+    def rate(_: float, y: Floats) -> Floats:
+        Q = complex(y[0], y[1])
+        psi = resonant.backbone(abs(Q)) if Q != 0 else 0.5j * resonant.system.damping[resonant.mode, resonant.mode]
+        out = 1j * (psi - sigma) * Q - 1j * F
+        return np.array([out.real, out.imag])
+
+    found = solve_ivp(
+        rate,
+        (float(times[0]), float(times[-1])),
+        [start.real, start.imag],
+        "DOP853",
+        times,
+        rtol=1e-11,
+        atol=1e-13 * max(abs(start), abs(F), 1e-12),
+    )
+    return np.asarray(found.y[0] + 1j * found.y[1])
+
+
 def forced_remainder(resonant: ResonantForcing, sigma: float, start: complex, factor: float, duration: float) -> float:
     """Largest difference between a motion shaken near a mode and its leading term with slow amplitude, against the
     amplitude.
@@ -72,7 +149,7 @@ def forced_remainder(resonant: ResonantForcing, sigma: float, start: complex, fa
     exact = simulate(ExactFlow(weakened(system, factor, factor), forcing, duration), y0, duration=duration).states_at(
         times
     )
-    Q = resonant.slow_flow(start, sigma, factor * times)
+    Q = slow_flow(resonant, start, sigma, factor * times)
     found = np.zeros((times.size, n))
     found[:, j] = (Q * np.exp(1j * omega * times)).real
     return float(np.abs(exact[:, :n] - found).max() / np.abs(Q).max())

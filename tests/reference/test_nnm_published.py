@@ -7,13 +7,14 @@ import pytest
 from scipy.linalg import eigh
 from scipy.special import ellipk
 
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.smooth_flow import CubicStiffness
 from beamsim.flow.transient import simulate
 from beamsim.orbits.backbone import Backbone
-from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.free_orbits import FreeOrbits
-from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness, follow_modes, linear_mode, mode_points
+from beamsim.orbits.reversible import BrakeOrbits, linear_mode, mode_points
+from beamsim.orbits.spring_families import ContactStiffness, CubicStiffness
 from beamsim.outcomes import OutcomeCode
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
@@ -75,7 +76,7 @@ def test_six_masses_with_a_cubic_spring(make_system):
     """Fourth mode; the printed 3.93 s lies on the path in energy."""
     w2, V = np.linalg.eigh(CHAIN)
     system = make_system(np.sqrt(w2), np.zeros(6), shape=np.zeros((0, 6)), stiffness=[])
-    family = CubicStiffness(system, V[5:6], np.array([0.5]))
+    family = CubicStiffness(system, cubic=CubicSprings(V[5:6], np.array([0.5])))
     orbits = BrakeOrbits(family, energy=0.5)
     start = solve_at(orbits, linear_mode(orbits, 3, 0.0), Settings(), 0.0)
     backbone = Backbone(orbits, start, 1.0, 3, points=75)
@@ -98,7 +99,7 @@ def test_duffing_oscillator(make_system, energy):
     """q'' + q + g q^3 = 0: T = 4 K(m) / sqrt(1 + g a^2), m = g a^2 / (2 (1 + g a^2))."""
     g = 0.7
     system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
-    orbits = BrakeOrbits(CubicStiffness(system, np.eye(1), np.array([g])), energy=energy)
+    orbits = BrakeOrbits(CubicStiffness(system, cubic=CubicSprings(np.eye(1), np.array([g]))), energy=energy)
     start = solve_at(orbits, linear_mode(orbits, 0, 0.0), Settings(), 0.0)
     last = orbits.orbit(list(Backbone(orbits, start, 1.0, 0, points=50))[-1])
     a2 = (-1 + np.sqrt(1 + 4 * g * energy)) / g
@@ -281,7 +282,7 @@ def test_continuation_in_frequency(make_system):
     contacting, later = points[first], points[first + 3]
     w = 2 * np.pi / contacting.u[-2]
     begin = solve_at(orbits, orbits.unknowns(contacting.u[:6], contacting.u[-2], w), Settings(), w)
-    branch = follow_modes(orbits, begin, 0.0, 2 * np.pi / later.u[-2])
+    branch = follow_orbits(orbits, begin, 0.0, 2 * np.pi / later.u[-2])
     last = list(branch)[-1]
     assert branch.outcome.code is OutcomeCode.REACHED_END
     assert last.data.energy == pytest.approx(np.exp(later.parameter), rel=1e-6)
@@ -292,7 +293,7 @@ def test_a_non_brake_orbit(make_system):
     form."""
     system = make_system([1.0, 1.0], np.zeros(2), shape=np.zeros((0, 2)), stiffness=[])
     angle = np.arange(3) * np.pi / 3
-    family = CubicStiffness(system, np.column_stack([np.cos(angle), np.sin(angle)]), np.ones(3))
+    family = CubicStiffness(system, cubic=CubicSprings(np.column_stack([np.cos(angle), np.sin(angle)]), np.ones(3)))
     energy = 1.0
 
     def circle(g):

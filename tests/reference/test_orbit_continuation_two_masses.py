@@ -10,13 +10,12 @@ from scipy.optimize import brentq
 from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.folds import GrazingCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import (
     ForcedOrbits,
     find_orbit,
-    follow_orbits,
     special_points,
     switch_at_period_doubling,
 )

@@ -15,8 +15,8 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits import continuation
-from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.shooting import ForcedOrbits, find_orbit, follow_orbits, linear_guess, special_points
+from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess, special_points
 from beamsim.outcomes import OutcomeCode
 from beamsim.system.build import build_system
 

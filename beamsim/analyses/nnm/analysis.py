@@ -37,7 +37,6 @@ from beamsim.analyses.nnm.summary import expansion_summary, full_period_summary,
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import OrbitBranch
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.relaxed_minimisation import CountedFamily
 from beamsim.orbits.reversible import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import NoExcitation
@@ -214,15 +213,14 @@ def _followed(
         relaxing = solver
     elif "relaxed_minimisation" in compare:
         relaxing = RelaxedMinimisationMethod()
-    counted = CountedFamily(job.family)
-    work = _MethodResults((job if relaxing is None else replace(job, family=counted)).follow(progress, stop), 0.0)
+    work = _MethodResults(job.follow(progress, stop), 0.0)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
         work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
     work.processor_time_s = clock.process_time() - begin
     if relaxing is not None and work.goes_on("relaxed minimisation", stop):
         work.relaxed = compare_relaxed(
-            job, work.followed, counted, work.processor_time_s, relaxing, system.deflection, progress, stop
+            job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
         )  # fmt: skip
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
         path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)

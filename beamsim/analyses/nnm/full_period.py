@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,9 @@ import numpy as np
 from beamsim.analyses.interruption import Stop, never, until
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Settings
+from beamsim.orbits.continuation import Settings, follow_orbits
 from beamsim.orbits.free_orbits import FullPeriodPath
-from beamsim.orbits.reversible import BrakeOrbits, follow_modes
+from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.symmetry_breaking import NonBrakeBranch, SymmetryBreaking, breaking_between
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
@@ -114,10 +114,8 @@ def _paths(branches: ModeBranches, gaps: set[float]) -> Iterator[list[BranchPoin
         yield list(tongue.points)
     for a, b in pairwise(branches.backbone.points):
         if a.parameter in gaps:
-            towards = float(np.sign(a.parameter - b.parameter))
-            turned = b.tangent[-1] * towards < 0
-            start = replace(b, tangent=-b.tangent, orientation=-b.orientation) if turned else b
-            yield list(follow_modes(branches.problem, start, low, high, Settings(most_points=BACK)))
+            start = b.towards(a.parameter - b.parameter)
+            yield list(follow_orbits(branches.problem, start, low, high, Settings(most_points=BACK)))
 
 
 def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:

@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.nnm.paths import flexible_mode, held_energy, spring_family
 from beamsim.analyses.nnm.result import SAFELY, ExactModes, ExpansionComparison, ExpansionPath
-from beamsim.contacts.equilibrium import find_equilibrium
-from beamsim.contacts.snubbers import springs_of
-from beamsim.errors import Problem, ScenarioError, locating
-from beamsim.flow.smooth_flow import CubicStiffness
+from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.multiple_scales import (
@@ -19,13 +17,12 @@ from beamsim.orbits.multiple_scales import (
     ModeExpansion,
     expand_mode_at_energy,
     observed_orders,
-    potential_energy,
 )
-from beamsim.orbits.reversible import BrakeOrbits, ContactStiffness
+from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.system.equations import PiecewiseLinearSystem
     from beamsim.system.structural import StructuralSystem
 
 ORDERS = (0, 1, 2)
@@ -40,90 +37,32 @@ FURTHEST = 0.3  # relative distance of an exact initial vector from the expansio
 class _Case:
     """What an expansion needs of a structure."""
 
-    structure: StructuralSystem
+    family: SpringFamily
     mode: int  # from 0
     energy: float
     sign: float
 
     @property
-    def dynamics(self) -> PiecewiseLinearSystem:
-        return self.structure.dynamics
-
-    @property
     def harmonics(self) -> int:
         """Where series are cut: beyond the harmonics that are close to the highest modes."""
-        omega = np.sqrt(self.dynamics.stiffness)
+        omega = self.family.omega
         highest = int(BEYOND_THE_MODES * float(omega.max() / max(float(omega[self.mode]), 1e-300)))
         return min(max(HARMONICS, highest), MOST_HARMONICS)
 
-    def equilibrium(self, system: PiecewiseLinearSystem) -> Floats:
-        """The static shape."""
-        found = find_equilibrium(
-            system.stiffness,
-            int(np.count_nonzero(system.stiffness == 0)),
-            springs_of(system.contacts),
-            system.constant_load[None, :],
-        )
-        if found.q is None:
-            raise ScenarioError(Problem("nnm", f"has no static equilibrium: {found.reason}", "support the structure"))
-        return found.q
-
-    def rests_at_zero(self) -> bool:
-        return not np.any(self.dynamics.constant_load) and not np.any(self.dynamics.contacts.clearances < 0)
-
-    def rest_energy(self, factor: float) -> float:
-        if self.rests_at_zero():
-            return 0.0
-        from dataclasses import replace
-
-        c = self.dynamics.contacts
-        weak = replace(self.dynamics, contacts=c.scaled(max(factor, 1e-300)))
-        return potential_energy(self.dynamics, self.equilibrium(weak), factor)
-
     def expansion(self, factor: float, order: int, uniform: bool = False) -> ModeExpansion:
-        cubic = self.structure.cubic if self.structure.cubic.count else None
         with locating({"mode": "nnm.mode", "energy": "nnm.energy", "expansion": "nnm.method"}):
             return expand_mode_at_energy(
-                self.dynamics, self.mode, self.energy, factor, order, self.sign, harmonics=self.harmonics, cubic=cubic,
-                rest_energy=self.rest_energy(factor), uniform=uniform,
-            )  # fmt: skip
-
-    def family(self) -> ContactStiffness | CubicStiffness:
-        if self.structure.cubic.count:
-            if not self.rests_at_zero():
-                raise ScenarioError(
-                    Problem("nnm", "follows cubic springs only from rest at zero", "leave out prestress and dead loads")
-                )
-            return CubicStiffness(self.dynamics, self.structure.cubic.shape, self.structure.cubic.stiffness)
-        return ContactStiffness(self.dynamics, None if self.rests_at_zero() else self.equilibrium)
+                self.family, self.mode, self.energy, factor, order, self.sign, self.harmonics, uniform
+            )
 
 
 def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case:
-    dynamics, cubic = structure.dynamics, structure.cubic
-    c = dynamics.contacts.split()
-    if np.any(dynamics.damping) or c.damped:
+    c = structure.dynamics.contacts.split()
+    if np.any(structure.dynamics.damping) or c.damped:
         raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
-    if c.count == 0 and cubic.count == 0:
-        raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))
-    if not 1 <= mode <= structure.modes.kept_modes:
-        raise ScenarioError(
-            Problem(
-                "nnm.mode",
-                f"= {mode} is not among the {structure.modes.kept_modes} modes of the model",
-                "choose a lower mode, or raise reduction.modes or beam.elements",
-            )
-        )
-    depends = bool(np.any(c.gap)) or bool(np.any(dynamics.constant_load)) or cubic.count > 0
-    if energy is None and depends:
-        raise ScenarioError(
-            Problem(
-                "nnm.energy",
-                "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
-                "add for example `energy: 0.1 J`",
-            )
-        )
-    away = float((c.sign @ c.shape)[mode - 1]) if c.count else 1.0
-    return _Case(structure, mode - 1, 1.0 if energy is None else energy, -1.0 if away < 0 else 1.0)
+    index = flexible_mode(structure, mode)
+    away = float((c.sign @ c.shape)[index]) if c.count else 1.0
+    return _Case(spring_family(structure), index, held_energy(structure, energy), -1.0 if away < 0 else 1.0)
 
 
 def default_factors(reach: float, most: float = 1.0, count: int = 7) -> Floats:
@@ -167,7 +106,7 @@ def expansion_path(
         chosen = default_factors(linear.reach) if largest is None else factors_from(largest, linear.reach)
     else:
         chosen = np.atleast_1d(np.asarray(factors, dtype=float))
-    n = case.dynamics.size
+    n = structure.dynamics.size
     frequency = np.empty((chosen.size, 3))
     shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
     for i, factor in enumerate(chosen):
@@ -202,9 +141,9 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[Brak
     None where Newton's method ends on another motion (in the tongue of an internal resonance).
     """
     case = _case(structure, path.mode, path.energy)
-    orbits = BrakeOrbits(case.family(), energy=path.energy)
+    orbits = BrakeOrbits(case.family, energy=path.energy)
     found: list[BranchPoint | None] = [None] * path.factor.size
-    weight = np.sqrt(case.dynamics.stiffness)
+    weight = case.family.omega
     for i in np.argsort(path.factor):
         factor = float(path.factor[i])
         guess = path.coordinates[i, 2]

@@ -58,7 +58,7 @@ def branch_result(
             states[k] = point.data.flow.states_at(point.data.passage, begun)[0, : 2 * n]
             least[k] = kinetic / point.data.energy
         factors = [branch.problem.split(point.u)[2] for point in branch.points]
-        shares = [_share(brake, state, factor) for state, factor in zip(states, factors, strict=True)]
+        shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
     return BranchResult(
         outcome=branch.outcome,
         kind=branch.kind,
@@ -80,14 +80,6 @@ def branch_result(
         special=special,
         **more,
     )
-
-
-def _share(brake: BrakeOrbits, state: Floats, factor: float) -> Floats:
-    """(n,) share of each linear mode in the energy of the structure without its contacts."""
-    rest = getattr(brake.family, "rest", None)
-    x = state[: brake.n] if rest is None else state[: brake.n] - rest(factor)
-    parts = (brake.omega * (brake.vectors.T @ x)) ** 2 + (brake.vectors.T @ state[brake.n :]) ** 2
-    return np.asarray(parts / max(float(parts.sum()), 1e-300))
 
 
 def special_points(system: StructuralSystem, job: ModePath, branches: ModeBranches) -> tuple[SpecialPointResult, ...]:

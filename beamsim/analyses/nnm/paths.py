@@ -13,11 +13,11 @@ from beamsim.analyses.nnm.result import UNITS, BranchJump
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.smooth_flow import CubicStiffness
 from beamsim.orbits.backbone import LEAST_SHARE, Backbone
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.reversible import BrakeOrbits, Conservative, ContactStiffness, follow_modes, linear_mode
+from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
+from beamsim.orbits.reversible import BrakeOrbits, linear_mode
+from beamsim.orbits.spring_families import ContactStiffness, CubicStiffness, SpringFamily
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
@@ -31,6 +31,7 @@ MOST_POINTS = 3000  # in frequency
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
 START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
+FIRST_ENERGY = 1e-6  # J, of a motion to begin with where the frequency changes
 START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion is linear
 LEFT_OVER = 0.6  # share of the energy at a backbone's end below which the mode has lost it bit by bit, not to a tongue
 
@@ -54,7 +55,7 @@ class ModeBranches:
 class ModePath:
     """What to follow, from where to where."""
 
-    family: Conservative
+    family: SpringFamily
     mode: int  # from 0
     parameter: str
     first: float
@@ -185,7 +186,7 @@ class ModePath:
                     "gaps at internal resonances)",
                 )
             )
-        branch = follow_modes(by_frequency, found, low, high, Settings(most_points=MOST_POINTS))
+        branch = follow_orbits(by_frequency, found, low, high, Settings(most_points=MOST_POINTS))
         points: list[BranchPoint] = []
         unbounded = False
         for point in until(_reporting(branch, found.parameter, last, progress), stop):
@@ -219,7 +220,7 @@ class ModePath:
         remedy = "the rest is in others: ask for a mode that keeps its energy"
         if self.parameter == "energy":
             remedy += ", or follow the frequency, which asks for no share"
-        elif getattr(self.family, "equilibrium", None) is not None:
+        elif self.family.equilibrium is not None:
             remedy += ", or follow the energy at full stiffness, where modes are those about rest, its contacts closed"
         return outcome.but(share=share, remedy=remedy)
 
@@ -277,6 +278,73 @@ def refuse_phase_resonance(parameter: str, *, alike: bool) -> None:
         )
 
 
+def flexible_mode(system: StructuralSystem, mode: int) -> int:
+    """Index of mode ``mode`` (from 1), if it exists, vibrates, and nonlinear springs act on the structure.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    if not 1 <= mode <= system.modes.kept_modes:
+        raise ScenarioError(
+            Problem(
+                "nnm.mode",
+                f"= {mode} is not among the {system.modes.kept_modes} modes of the model",
+                "choose a lower mode, or raise reduction.modes or beam.elements",
+            )
+        )
+    if system.dynamics.stiffness[mode - 1] <= 0:
+        raise ScenarioError(
+            Problem("nnm.mode", f"= {mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode")
+        )
+    if system.dynamics.contacts.count == 0 and system.cubic.count == 0:
+        raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))
+    return mode - 1
+
+
+def held_energy(system: StructuralSystem, energy: float | None) -> float:
+    """The energy at which the stiffness factor changes; 1 J where the motion does not depend on it.
+
+    Raises
+    ------
+    ScenarioError
+        Where it depends on the energy and none is given.
+    """
+    if energy is not None:
+        return float(energy)
+    if not alike(system):
+        raise ScenarioError(
+            Problem(
+                "nnm.energy",
+                "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
+                "add for example `energy: 0.1 J`",
+            )
+        )
+    return 1.0
+
+
+def spring_family(system: StructuralSystem) -> SpringFamily:
+    """A structure by the factor of its nonlinear springs.
+
+    Raises
+    ------
+    ScenarioError
+        Where it has cubic springs and does not rest at zero deflection.
+    """
+    dynamics = system.dynamics
+    loaded = bool(np.any(dynamics.contacts.clearances < 0) or np.any(dynamics.constant_load))
+    if system.cubic.count == 0:
+        return ContactStiffness(dynamics, _equilibrium(system) if loaded else None)
+    if loaded:
+        raise ScenarioError(
+            Problem(
+                "nnm", "follows structures with cubic springs that rest at zero deflection only",
+                "leave out prestress, gravity and constant forces",
+            )
+        )  # fmt: skip
+    return CubicStiffness(dynamics, cubic=system.cubic)
+
+
 def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     """What a scenario asks to follow in its structure without damping and excitation.
 
@@ -287,32 +355,12 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     """
     settings = scenario.nnm
     assert settings is not None
-    mode = settings.mode - 1
-    dynamics = system.dynamics
-    contacts = dynamics.contacts.split()
-    if mode >= system.modes.kept_modes:
-        raise ScenarioError(
-            Problem(
-                "nnm.mode",
-                f"= {settings.mode} is not among the {system.modes.kept_modes} modes of the model",
-                "choose a lower mode, or raise reduction.modes or beam.elements",
-            )
-        )
-    if dynamics.stiffness[mode] <= 0:
-        raise ScenarioError(
-            Problem(
-                "nnm.mode", f"= {settings.mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode"
-            )
-        )
-    if contacts.count == 0 and system.cubic.count == 0:
-        raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))
-    loaded = bool(np.any(dynamics.constant_load))
-    touching = alike(system)
+    mode = flexible_mode(system, settings.mode)
+    contacts = system.dynamics.contacts.split()
     going = settings.continue_in
     if settings.phase_resonance is not None:
-        refuse_phase_resonance(going.kind, alike=touching)
-    energy = settings.energy
-    if going.kind != "stiffness_factor" and touching:
+        refuse_phase_resonance(going.kind, alike=alike(system))
+    if going.kind != "stiffness_factor" and alike(system):
         raise ScenarioError(
             Problem(
                 "nnm.continue_in.kind",
@@ -320,40 +368,16 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
                 "use stiffness_factor, or give a gap",
             )
         )
-    if going.kind == "stiffness_factor" and energy is None:
-        if not touching:
-            raise ScenarioError(
-                Problem(
-                    "nnm.energy",
-                    "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
-                    "add for example `energy: 0.1 J`",
-                )
-            )
-        energy = 1.0
-    family: ContactStiffness | CubicStiffness
+    energy = held_energy(system, settings.energy) if going.kind == "stiffness_factor" else FIRST_ENERGY
+    family = spring_family(system)
     basis = None
-    if system.cubic.count:
-        if np.any(contacts.gap < 0) or loaded:
-            raise ScenarioError(
-                Problem(
-                    "nnm", "follows structures with cubic springs that rest at zero deflection only",
-                    "leave out prestress, gravity and constant forces",
-                )
-            )  # fmt: skip
-        family = CubicStiffness(dynamics, system.cubic.shape, system.cubic.stiffness)
-    elif np.any(contacts.gap < 0) or loaded:
-        family = ContactStiffness(dynamics, _equilibrium(system))
-        if going.kind != "stiffness_factor":
-            basis = family.modes_at_rest()
-    else:
-        family = ContactStiffness(dynamics)
+    if family.equilibrium is not None and going.kind != "stiffness_factor":
+        basis = family.modes_at_rest()
     away = (contacts.sign @ contacts.shape) if contacts.count else None
     if away is not None and basis is not None:
         away = -away  # at rest with the contacts closed, where the closed structure's modes share out all the energy
     first = getattr(going, "from_", 0.0)
-    return ModePath(
-        family, mode, going.kind, float(first), float(going.to), 1e-6 if energy is None else float(energy), basis, away
-    )
+    return ModePath(family, mode, going.kind, float(first), float(going.to), energy, basis, away)
 
 
 def _equilibrium(system: StructuralSystem) -> Callable[[PiecewiseLinearSystem], Floats]:

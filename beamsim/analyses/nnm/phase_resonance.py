@@ -29,15 +29,14 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.continuation import Settings, locate, solve_at
+from beamsim.orbits.continuation import Settings, follow_orbits, locate, solve_at
 from beamsim.orbits.phase_resonance import (
     Appropriation,
     appropriate_force,
     find_phase_resonance,
     quadrature,
-    turned_back,
 )
-from beamsim.orbits.shooting import ForcedOrbits, follow_orbits
+from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, both_directions
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
@@ -396,8 +395,8 @@ def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) 
     down: list[BranchPoint] = []
     up: list[BranchPoint] = []
     outcomes = []
-    first = point if point.tangent[-1] < 0 else turned_back(point)
-    for side, start in ((down, first), (up, turned_back(first))):
+    first = point.towards(-1.0)
+    for side, start in ((down, first), (up, first.reversed())):
         branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
         side += list(branch)
         outcomes.append(branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"))

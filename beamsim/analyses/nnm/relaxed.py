@@ -14,7 +14,7 @@ from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import RelaxedComparison
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.relaxed_minimisation import CountedFamily, RelaxedStep, relaxed_path
+from beamsim.orbits.relaxed_minimisation import RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats
@@ -31,7 +31,6 @@ FAR = 0.25  # relative distance between neighbouring steps' exact motions that i
 def compare_relaxed(
     job: ModePath,
     branches: ModeBranches,
-    counted: CountedFamily,
     shooting_time_s: float,
     settings: RelaxedMinimisationMethod,
     field: Floats,
@@ -42,8 +41,7 @@ def compare_relaxed(
 
     Parameters
     ----------
-    job, branches : the backbone in the stiffness factor; ``branches`` with the family ``counted``.
-    counted : counts the motions computed so far (by shooting).
+    job, branches : the backbone in the stiffness factor.
     shooting_time_s : processor time of shooting so far.
     settings : steps, tolerance and iterations.
     field : (nx, n) deflection at the stations for a unit of each coordinate.
@@ -53,7 +51,7 @@ def compare_relaxed(
     begin = clock.process_time()
     gaps = {jump.start for jump in branches.jumps}
     exact = [_exact_at(orbits, points, gaps, float(factor)) for factor in factors]
-    shooting_passages = counted.passages
+    shooting_passages = orbits.family.passages
     shooting_time_s += clock.process_time() - begin
     steps: list[RelaxedStep] = []
     outcome = COMPLETE

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -17,11 +17,10 @@ import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
-from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.shooting import (
     ForcedOrbits,
     find_orbit,
-    follow_orbits,
     special_points,
     switch_at_period_doubling,
 )
@@ -232,7 +231,7 @@ def _follow(
 ) -> Half:
     """Points, outcome and special points one way from a start."""
     if way < 0:
-        start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
+        start = start.reversed()
     branch = tracer.branch(start, Settings(most_points=budget.left))
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
