@@ -21,7 +21,6 @@ import numpy as np
 
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
 from beamsim.orbits.continuation import Settings, locate
 from beamsim.orbits.grazing import grazings

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.passage import ContactDirection, Parameter, moved_system
+from beamsim.flow.passage import ContactDirection, Parameter, SpringFactor, moved_system
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.smooth_flow import SmoothFlow, SpringFactor
+from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats
@@ -33,7 +33,9 @@ class SpringFamily(ABC):
     system: PiecewiseLinearSystem
     equilibrium: Callable[[PiecewiseLinearSystem], Floats] | None = None
     cubic: CubicSprings | None = field(default=None, kw_only=True)
-    _current: tuple[float, PeriodicFlow, Floats] | None = field(default=None, init=False, repr=False)  # factor, flow, rest
+    _current: tuple[float, PeriodicFlow, Floats] | None = field(
+        default=None, init=False, repr=False
+    )  # factor, flow, rest
     _passages: tuple[int, int] = field(default=(0, 0), init=False, repr=False)  # of earlier flows; of the current, then
 
     def __post_init__(self) -> None:
