@@ -151,16 +151,31 @@ def integrate(
         d, v = base(t)
         return -gap - side * (rows @ y[:n] + grounded * d), -side * (rows @ y[n : 2 * n] + grounded * v)
 
-    def slope(t, y, closed):
-        delta, rate = penetration(t, y)
-        push = side * np.where(closed, k * delta + c * rate, 0.0)
-        force = load(t) - structure.stiffness @ y[:n] - structure.damping @ y[n : 2 * n] + push @ rows
-        if cubic is not None:
-            force = force - (cubic[1] * (cubic[0] @ y[:n]) ** 3) @ cubic[0]
-        return np.concatenate([y[n : 2 * n], inverse @ force, np.where(closed, 0.0, -relaxing * y[2 * n :])])
+    def slope_while(closed):
+        """The right-hand side while these stops are closed: constant matrices, the loads and the base's motion."""
+        spring, dashpot = np.where(closed, k, 0.0), np.where(closed, c, 0.0)
+        matrix = np.zeros((2 * n + m, 2 * n + m))
+        matrix[:n, n : 2 * n] = np.eye(n)
+        matrix[n : 2 * n, :n] = -inverse @ (structure.stiffness + (rows.T * spring) @ rows)
+        matrix[n : 2 * n, n : 2 * n] = -inverse @ (structure.damping + (rows.T * dashpot) @ rows)
+        matrix[2 * n :, 2 * n :] = -np.diag(np.where(closed, 0.0, relaxing))
+        pushed = inverse @ rows.T
+        constant, by_base = -pushed @ (side * spring * gap), -pushed @ np.transpose([spring, dashpot] * grounded)
+        follows_base = bool(np.any(grounded[closed]))
 
-    def watch(j):
-        def left(t, y, closed):
+        def slope(t, y):
+            rate = matrix @ y
+            rate[n : 2 * n] += constant + inverse @ np.broadcast_to(load(t), n)
+            if follows_base:
+                rate[n : 2 * n] += by_base @ base(t)
+            if cubic is not None:
+                rate[n : 2 * n] -= inverse @ ((cubic[1] * (cubic[0] @ y[:n]) ** 3) @ cubic[0])
+            return rate
+
+        return slope
+
+    def watch(j, closed):
+        def left(t, y):
             delta, rate = penetration(t, y)
             if not closed[j]:
                 return y[2 * n + j] - delta[j]
@@ -169,32 +184,36 @@ def integrate(
         left.terminal, left.direction = True, -1.0
         return left
 
-    events = [watch(j) for j in range(m)]
     y = np.concatenate([start, np.zeros(m)])
     # just touching counts as closed if the motion goes on into the stop, seen a short way ahead
     ahead = 1e-4 * most_step
-    onward = solve_ivp(slope, (0, ahead), y, "DOP853", rtol=rtol, atol=1e-30, args=(np.zeros(m, dtype=bool),)).y[:, -1]
+    onward = solve_ivp(slope_while(np.zeros(m, dtype=bool)), (0, ahead), y, "DOP853", rtol=rtol, atol=1e-30).y[:, -1]
     delta = penetration(0.0, y)[0]
     closed = np.where(np.abs(delta) > 1e-15 * (1 + np.abs(gap)), delta, penetration(ahead, onward)[0]) > 0
     state, found = np.empty((len(times), 2 * n)), []
     stops_at = [*sorted(b for b in breaks if 0 < b < times[-1]), times[-1]]
-    t = 0.0
+    t, first = 0.0, 0  # where the motion has come to, and the first time that lies beyond
     while t < times[-1]:
+        stop = next(b for b in stops_at if b > t)
         done = solve_ivp(
-            slope, (t, next(b for b in stops_at if b > t)), y, "DOP853", rtol=rtol, atol=atol, max_step=most_step,
-            events=events, args=(closed,), dense_output=True,
+            slope_while(closed), (t, stop), y, "DOP853", rtol=rtol, atol=atol, max_step=most_step,
+            events=[watch(j, closed) for j in range(m)], t_eval=np.append(times[first:][times[first:] < stop], stop),
         )  # fmt: skip
-        here = (times >= t) & (times <= done.t[-1])
-        if here.any():
-            state[here] = done.sol(times[here])[: 2 * n].T
-        t, y = done.t[-1], done.y[:, -1].copy()
+        reached = np.count_nonzero(np.array(done.t) < stop)
+        if reached:
+            state[first : first + reached] = done.y[: 2 * n, :reached].T
+        first += reached
         if done.status == 1:
             j = next(j for j in range(m) if done.t_events[j].size)
+            t, y = done.t_events[j][-1], done.y_events[j][-1].copy()
             if own_face[j]:
                 y[2 * n + j] = penetration(t, y)[0][j]
             closed = closed.copy()
             closed[j] = ~closed[j]
             found.append((t, j, closed[j]))
+        else:
+            t, y = stop, done.y[:, -1]
+    state[first:] = y[: 2 * n]
     when, which, closing = zip(*found, strict=True) if found else ((), (), ())
     return Motion(state, np.array(when), np.array(which, dtype=int), np.array(closing, dtype=bool))
 
