@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 class StateTables:
@@ -58,7 +60,11 @@ class StateTables:
             "watch": watch,
             "roughness": roughness,
             "horizon": np.array(state.horizon),
-            **guard_rows(self.contacts, state.phases, watched),
+            "phase": state.phases,
+            "touching": self.contacts.touching(state.phases),
+            "n_guards": np.array(guards),
+            "guard_contact": watched.contact[:guards],
+            "reset": watched.reset,
             "follower": np.array([-1 if f is None else f for f in map(self.index, watched.following)], dtype=np.int64),
         }
         self.watched.append(watched)
@@ -87,20 +93,9 @@ class StateTables:
         return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
 
 
-def guard_rows(contacts: Contacts, phases: Ints, watched: Watched) -> dict[str, NDArray[np.generic]]:
-    """What the kernels know of one state's phases and guards."""
-    return {
-        "phase": phases,
-        "touching": contacts.touching(phases),
-        "n_guards": np.array(watched.guards),
-        "guard_contact": watched.contact[: watched.guards],
-        "reset": watched.reset,
-    }
-
-
-def pad(arrays: list[Complexes]) -> Complexes:
+def pad(arrays: list[NDArray[Number]]) -> NDArray[Number]:
     """Stack arrays of different sizes, filled up with zeros."""
-    out = np.zeros((len(arrays), *np.max([a.shape for a in arrays], axis=0)), dtype=complex)
+    out = np.zeros((len(arrays), *np.max([a.shape for a in arrays], axis=0)), dtype=arrays[0].dtype)
     for row, a in zip(out, arrays, strict=True):
         row[tuple(slice(0, d) for d in a.shape)] = a
     return out

@@ -36,6 +36,7 @@ from beamsim.flow.passage import (
 )
 from beamsim.flow.resonant_passage import SeriesFlow, carry_by_series, is_resonant
 from beamsim.flow.sources import Sources, compile_sources
+from beamsim.flow.state_tables import StateTables, pad
 from beamsim.flow.undamped_state import undamped_state
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -79,9 +80,8 @@ class VariationalFlow(SeriesFlow):
         self._sources = _constant_source()
         self._constant = Forcing(np.zeros((0, n)), ())
         self._states: list[ContactState] = []
-        self._watched: list[Watched] = []
         self._lightly_damped = False
-        self._index: dict[bytes, int] = {}
+        self._state_tables = StateTables(self.system.contacts)
         self._tables: Any = None
         self._known_parameters: dict[tuple[type[Parameter], ...], Any] = {}
         self._log = Log.room(FIRST_LOG, self.size)
@@ -112,101 +112,70 @@ class VariationalFlow(SeriesFlow):
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, diagonalised when it is first asked for."""
-        found = self._index.get(phases.tobytes())
-        if found is None:
-            state = undamped_state(self.system, phases, self._window)
-            if state is None:
-                state = build_state(self.system, self._constant, self._sources, -1, phases, self._window)
-            found = self._keep(state)
-        return found
+        known = self._state_tables.index(phases)
+        if known is not None:
+            return known
+        state = undamped_state(self.system, phases, self._window)
+        if state is None:
+            state = build_state(self.system, self._constant, self._sources, -1, phases, self._window)
+        return self._keep(state)
 
     def _keep(self, state: ContactState) -> int:
         """Number a new state."""
-        found = len(self._states)
-        self._index[state.phases.tobytes()] = found
-        self._watched.append(self.system.contacts.watched(state.phases))
         self._states.append(state)
         self._tables = None
+        forced, watched = self._with_forced(state), self.system.contacts.watched(state.phases)
+        watch = self._watch(forced, watched)
         self._coupled = self._coupled or self.system.contacts.coupled(state.phases)
         if self.loads.count:
             light = np.abs(state.exponent.real) < LIGHT * np.abs(state.exponent.imag)
             self._lightly_damped = self._lightly_damped or bool(light.any())
-        return found
+        return self._state_tables.append(forced, watched, watch, np.abs(watch[:, : watched.guards]))
 
     def _prepare(self) -> None:
-        """Pad the states' tables to one size, with room for the periodic loads."""
-        from beamsim.flow.kernels import Tables
+        """Tables of all states so far, and what the sensitivities need beside them."""
         from beamsim.flow.orbit_kernels import Variation
 
-        contacts, m, H = self.system.contacts, self.system.contacts.count, self.loads.count
-        S, N = len(self._states), self.size
-        B = max(s.exponent.size for s in self._states) + H
-        T = max(s.term_basis.size for s in self._states) + H
-        Z = max(s.projector.shape[0] for s in self._states)
-        exponent = np.zeros((S, B), dtype=complex)
-        power = np.zeros((S, B), dtype=np.int64)
-        projector = np.zeros((S, Z, N), dtype=complex)
-        term_basis = np.zeros((S, T), dtype=np.int64)
-        term_source = np.zeros((S, T), dtype=np.int64)
-        term_vector = np.zeros((S, T, N), dtype=complex)
-        watch = np.zeros((S, T, max(w.contact.size for w in self._watched)), dtype=complex)
-        G = max(w.guards for w in self._watched)
-        guards = {"guard_contact": np.zeros((S, G), dtype=np.int64), "reset": np.full((S, G), -1)}
-        follower = np.full((S, G), -1)
-        free: list[tuple[Ints, Ints, Complexes]] = []
-        first_forced, first_basis = np.zeros(S, dtype=np.int64), np.zeros(S, dtype=np.int64)
-        simple = True
-        for i, s in enumerate(self._states):
-            nb, nt, nz = s.exponent.size, s.term_basis.size, s.projector.shape[0]
-            exponent[i, :nb], power[i, :nb] = s.exponent, s.power
-            projector[i, :nz] = s.projector
-            term_basis[i, :nt] = s.term_basis
-            term_source[i, :nt] = s.term_source + np.where(s.term_source > 0, H, 0)
-            term_vector[i, :nt] = s.term_vector
-            term_basis[i, nt : nt + H] = nb + np.arange(H)
-            term_source[i, nt : nt + H] = 1 + np.arange(H)
-            w = self._watched[i]
-            watch[i, :nt, : w.contact.size] = self._watch(s, w)
-            guards["guard_contact"][i, : w.guards], guards["reset"][i, : w.guards] = w.contact[: w.guards], w.reset
-            follower[i, : w.guards] = [self._index.get(phases.tobytes(), -1) for phases in w.following]
-            first_forced[i], first_basis[i] = nt, nb
-            own = np.flatnonzero(s.term_source >= 1)
-            free.append((s.term_basis[own], s.term_source[own] - 1, s.term_vector[own]))
-            simple = simple and own.size == nz and not np.any(s.power)
-        self._simple = simple
-        Tf = max(f[0].size for f in free)
-        left = np.zeros((S, 2 * Z, N))
-        right = np.zeros((S, N, 2 * Tf))
-        free_basis, free_source = np.zeros((S, Tf), dtype=np.int64), np.zeros((S, Tf), dtype=np.int64)
-        for i, (basis, source, vector) in enumerate(free):
-            left[i, 0::2], left[i, 1::2] = projector[i].real, projector[i].imag
-            k = basis.size
-            free_basis[i, :k], free_source[i, :k] = basis, source
-            right[i, :, 0 : 2 * k : 2] = vector.real.T
-            right[i, :, 1 : 2 * k : 2] = -vector.imag.T
-        count = [(s.exponent.size + H, s.projector.shape[0], s.term_basis.size + H) for s in self._states]
-        phase = np.array([s.phases for s in self._states], dtype=np.int64).reshape(S, m)
-        self._tables = Tables(
-            np.array([c[0] for c in count]), exponent, power, np.array([c[1] for c in count]), projector,
-            np.array([c[2] for c in count]), term_basis, term_source, term_vector, watch, np.abs(watch[:, :, :G]),
-            np.array([s.horizon for s in self._states]), phase, contacts.touching(phase),
-            np.array([w.guards for w in self._watched]), guards["guard_contact"], guards["reset"], follower,
-            contacts.arrays.first, contacts.arrays.states,
-        )  # fmt: skip
+        S, H = len(self._states), self.loads.count
+        free = [np.flatnonzero(s.term_source >= 1) for s in self._states]
+        columns = [s.term_vector[own].T for s, own in zip(self._states, free, strict=True)]
+        self._simple = all(
+            own.size == s.projector.shape[0] and not np.any(s.power) for s, own in zip(self._states, free, strict=True)
+        )
+        self._tables = self._state_tables.arrays()
         self._variation = Variation(
-            left, right, np.array([f[0].size for f in free]), free_basis, free_source, first_forced,
-            self.loads.multiple.astype(float), np.zeros(H, dtype=complex),
-        )  # fmt: skip
-        self._first_basis = first_basis
+            pad([np.stack([s.projector.real, s.projector.imag], 1).reshape(-1, self.size) for s in self._states]),
+            pad([np.stack([u.real, -u.imag], 2).reshape(self.size, -1) for u in columns]),
+            np.array([own.size for own in free]),
+            pad([s.term_basis[own] for s, own in zip(self._states, free, strict=True)]),
+            pad([s.term_source[own] - 1 for s, own in zip(self._states, free, strict=True)]),
+            np.array([s.term_basis.size for s in self._states]),
+            self.loads.multiple.astype(float),
+            np.zeros(H, dtype=complex),
+        )
+        self._first_basis = np.array([s.exponent.size for s in self._states])
         self._K = np.array([s.stiffness for s in self._states])
         self._C = np.array([s.damping for s in self._states])
-        self._derivative = np.zeros((2, S, H, N), dtype=complex)
+        self._derivative = np.zeros((2, S, H, self.size), dtype=complex)
         self._base_derivative = np.zeros((2, H), dtype=complex)
         self._known_parameters.clear()
         self._force()
 
+    def _with_forced(self, s: ContactState) -> ContactState:
+        """The state with room for the periodic loads' responses, which are rewritten with the frequency."""
+        H = self.loads.count
+        new, none = np.arange(H), np.zeros(H, dtype=np.int64)
+        return replace(
+            s,
+            exponent=np.append(s.exponent, none),
+            power=np.append(s.power, none),
+            term_basis=np.append(s.term_basis, s.exponent.size + new),
+            term_source=np.append(np.where(s.term_source > 0, s.term_source + H, 0), 1 + new),
+            term_vector=np.vstack([s.term_vector, np.zeros((H, self.size))]),
+        )
+
     def _watch(self, s: ContactState, watched: Watched) -> Complexes:
-        """(T, w) watched functions of the state's terms, without the periodic loads'."""
+        """(T, w) watched functions of a state's terms, zero for the periodic loads'."""
         n, contacts = self.system.size, self.system.contacts
         shape = -contacts.sign[:, None] * contacts.shape
         delta = s.term_vector[:, :n] @ shape.T
@@ -277,7 +246,7 @@ class VariationalFlow(SeriesFlow):
 
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
-        return self.state_index(self._watched[state].following[guard].copy())
+        return self.state_index(self._state_tables.following(state, guard))
 
     def time_of(self, motion: Motion) -> float:
         """Time of a motion, s."""
