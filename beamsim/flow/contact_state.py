@@ -64,8 +64,8 @@ class ContactState:
         table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
         lookup = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
         for f in np.flatnonzero(np.any(output.direct != 0, axis=0) | np.any(output.direct_slope != 0, axis=0)):
-            own = lookup[int(self.basis_of_source[f]), int(f)]
-            table[own] += output.direct[:, f] + sources.exponent[f] * output.direct_slope[:, f]
+            term = lookup[int(self.basis_of_source[f]), int(f)]
+            table[term] += output.direct[:, f] + sources.exponent[f] * output.direct_slope[:, f]
             if sources.power[f] > 0:
                 below = lookup[int(self.basis_below_source[f]), int(f)]
                 table[below] += sources.power[f] * output.direct_slope[:, f]
@@ -233,19 +233,19 @@ def _diagonalise(
         if together:
             unit = float(np.median(scale)) / max(float(np.abs(contacts.shape).max()), 1e-300)  # metres to velocities
             _, h = contacts.force_rows(phases)
-            own, drive = contacts.internal_rates(phases)
+            internal, drive = contacts.internal_rates(phases)
             penetration = -contacts.sign[:, None] * contacts.shape
             A[r : 2 * r, 2 * r :] = -(penetration @ psi).T @ h / unit
             A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration @ psi) / scale
             A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration @ psi)
-            A[2 * r :, 2 * r :] = own
+            A[2 * r :, 2 * r :] = internal
             out[2 * n :, 2 * r :] = np.eye(inside) / unit
             back[2 * r :, 2 * n :] = np.eye(inside) * unit
         add(A, out, back)
     if 2 * n < N and not together:
-        own, _ = contacts.internal_rates(phases)
+        internal, _ = contacts.internal_rates(phases)
         eye = np.eye(N)
-        add(own, eye[:, 2 * n :], eye[2 * n :])
+        add(internal, eye[:, 2 * n :], eye[2 * n :])
     return (X, Xi, lam), blocks
 
 

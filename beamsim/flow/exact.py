@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from beamsim.flow.march import Motion
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
-HIGHEST_DERIVATIVE = 6  # looked at to tell on which side a motion that starts at zero gap goes
+HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 
 
 @dataclass
@@ -92,7 +92,7 @@ class ExactFlow:
         return self._tables.arrays()
 
     def inputs(self) -> Inputs:
-        """The sources as the kernels want them."""
+        """The sources as the kernels take them."""
         if self._inputs is None:
             from beamsim.flow.kernels import Inputs
 
@@ -151,19 +151,19 @@ class ExactFlow:
     def internal_rates(self, phases: Ints) -> LinearOutput:
         """(r,) time derivatives of the contacts' internal states in given phases."""
         n, contacts = self.system.size, self.system.contacts
-        own, drive = contacts.internal_rates(phases)
+        free, drive = contacts.internal_rates(phases)
         delta, rate = self.penetrations()
         a, b = drive[:, :, 0], drive[:, :, 1]
         output = LinearOutput(
             a @ delta.row + b @ rate.row, a @ delta.direct + b @ rate.direct,
             a @ delta.direct_slope + b @ rate.direct_slope,
         )  # fmt: skip
-        output.row[:, 2 * n :] += own
+        output.row[:, 2 * n :] += free
         output.direct[:, 0] += drive[:, :, 2].sum(axis=1)
         return output
 
     def watched(self, watched: Watched) -> LinearOutput:
-        """The functions looked at in a contact state (see `beamsim.contacts.contacts.Watched`)."""
+        """The functions watched in a contact state (see `beamsim.contacts.contacts.Watched`)."""
         return self._combined(watched.contact, watched.row, watched.internal)
 
     def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
@@ -190,7 +190,7 @@ class ExactFlow:
         contacts = self.system.contacts
         phases = contacts.start
         piece = max(int(np.searchsorted(self.sources.start, time, side="right")) - 1, 0)
-        left = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
+        unvisited = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
         while True:
             index = self.state_index(phases)
             tables, watched, s = self.tables(), self._tables.watched[index], self.states[index]
@@ -198,8 +198,8 @@ class ExactFlow:
             for g in range(watched.guards):
                 j = int(watched.contact[g])
                 following = int(watched.following[g, j])
-                if following in left[j] and _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power) < 0:
-                    left[j].discard(following)
+                if following in unvisited[j] and _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power) < 0:
+                    unvisited[j].discard(following)
                     phases = watched.following[g].copy()
                     break
             else:

@@ -116,13 +116,13 @@ def _clusters(A: Floats, window: float) -> tuple[tuple[Complexes, Complexes, Com
         groups = _groups(lam, tolerance, window)
         if len(groups) == 1 or best <= LARGEST_PROJECTOR:
             break
-        found = [b for b in (_invariant(A, lam, group) for group in groups) if b is not None]
-        worst = max((float(np.linalg.norm(b.right, 2) * np.linalg.norm(b.left, 2)) for b in found), default=np.inf)
-        identity = sum((b.weight * (b.right @ b.left).real for b in found), np.zeros((size, size)))
+        candidate = [b for b in (_invariant(A, lam, group) for group in groups) if b is not None]
+        worst = max((float(np.linalg.norm(b.right, 2) * np.linalg.norm(b.left, 2)) for b in candidate), default=np.inf)
+        identity = sum((b.weight * (b.right @ b.left).real for b in candidate), np.zeros((size, size)))
         if worst < best and np.abs(identity - np.eye(size)).max() < 1e-9:
-            blocks, best = found, worst
-    nothing = (np.zeros((size, 0), dtype=complex), np.zeros((0, size), dtype=complex), np.zeros(0, dtype=complex))
-    return nothing, blocks
+            blocks, best = candidate, worst
+    no_simple = (np.zeros((size, 0), dtype=complex), np.zeros((0, size), dtype=complex), np.zeros(0, dtype=complex))
+    return no_simple, blocks
 
 
 def _groups(lam: Complexes, tolerance: float, window: float) -> list[Ints]:

@@ -36,7 +36,7 @@ class Tables(NamedTuple):
     phase: Any  # (S, m) of the contacts
     touching: Any  # (S, m)
     n_guards: Any  # (S,)
-    guard_contact: Any  # (S, g) whose guard it is
+    guard_contact: Any  # (S, g) contact of each guard
     reset: Any  # (S, g) column of `watch` with the contact's internal states after the event, -1 where they go on
     follower: Any  # (S, g) state after a guard's event, -1 where it is not built yet
     first: Any  # (m,) of a contact's internal states among all of them
@@ -223,8 +223,8 @@ def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
 def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
     """What each watched function may be below zero where a segment begins with an event.
 
-    All were watched up to there. What is left is the round-off of the change of coordinates, of the contact whose event
-    it is and of any other whose event falls on the same instant: two stops that touch one point from both sides.
+    All were watched up to there: a negative value is round-off of the change of coordinates, for the contact of the
+    event and for any other with an event at the same instant (two stops that touch one point from both sides).
     """
     for j in range(floors.size):
         floors[j] = 0.0
@@ -241,8 +241,8 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
 def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     """(step, hit): how far no watched function can reach zero, or which is there already (-1: none).
 
-    ``out`` is that of `_evaluate`. A function is lifted by twice its round-off: a contact that hugs zero at round-off
-    size is left alone, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero.
+    ``out`` is that of `_evaluate`. A function is lifted by twice its round-off: a contact that stays at zero
+    to round-off is ignored, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero.
     """
     step = longest
     for j in range(least.size):
@@ -407,8 +407,8 @@ def extremes(  # type: ignore[no-untyped-def]
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     B = tables.exponent.shape[1]
-    own = np.zeros((1, B), dtype=np.complex128)
-    own_size = np.zeros((1, B))
+    gamma = np.zeros((1, B), dtype=np.complex128)
+    size = np.zeros((1, B))
     largest, bend = np.zeros(B), np.zeros(B)
     ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
     real, imag, magnitude = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag), np.abs(table)
@@ -449,17 +449,17 @@ def extremes(  # type: ignore[no-untyped-def]
             # all outputs share, then with the output's own coefficients, whose parts have cancelled
             if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
                 continue
-            _coefficients(tables, s, table[:, :, j : j + 1], zeta, own)
+            _coefficients(tables, s, table[:, :, j : j + 1], zeta, gamma)
             top, bent = 0.0, 0.0
             for b in range(nb):
-                own_size[0, b] = abs(own[0, b])
-                top += own_size[0, b] * largest[b]
-                bent += own_size[0, b] * bend[b]
+                size[0, b] = abs(gamma[0, b])
+                top += size[0, b] * largest[b]
+                bent += size[0, b] * bend[b]
             if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
                 continue
             tau = 0.0
             while True:
-                reach = _evaluate(exponent, power, nb, own, own_size, tau, H, out)
+                reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
                 evaluations += 1
                 f, slope, bound, noise = out[0, 0], out[0, 1], out[0, 2], out[0, 3]
                 if f > highest[j]:
@@ -467,7 +467,7 @@ def extremes(  # type: ignore[no-untyped-def]
                     when[j] = seg_time[g] + tau
                 slack = relative * abs(highest[j]) + 4.0 * noise
                 if slope > 0.0 and highest[j] - f <= slack:
-                    top, value = _climb(exponent, power, nb, own, own_size, tau, H, out)
+                    top, value = _climb(exponent, power, nb, gamma, size, tau, H, out)
                     if value > highest[j]:
                         highest[j] = value
                         when[j] = seg_time[g] + top

@@ -33,7 +33,7 @@ class Log(NamedTuple):
 
     @classmethod
     def room(cls, segments: int, size: int, most_events: int | None = None) -> Log:
-        """Room for some segments, and their events unless these are fewer; none at all keeps nothing."""
+        """Room for some segments, and their events unless these are fewer; without any nothing is kept."""
         whole = np.int64
         events = segments + 1 if most_events is None else min(segments + 1, most_events)
         return cls(
@@ -69,7 +69,7 @@ class Marched(Protocol):
 
 @dataclass
 class Motion:
-    """A state on its way, carried along in place."""
+    """A state that is carried along in place."""
 
     y: Floats  # (N,)
     state: int  # contact state

@@ -87,10 +87,10 @@ def force_terms(  # type: ignore[no-untyped-def]
                 B[i, 1] = level_force[h, i]
             extra = np.zeros(n, dtype=np.complex128)
             for j in range(m):
-                own = contacts.force[j, tables.phase[s, j]]
-                if contacts.on_ground[j] and (own[0] != 0.0 or own[1] != 0.0):
-                    z = complex(own[0], w * own[1])
-                    dz = complex(0.0, multiple[h] * own[1])
+                law = contacts.force[j, tables.phase[s, j]]
+                if contacts.on_ground[j] and (law[0] != 0.0 or law[1] != 0.0):
+                    z = complex(law[0], w * law[1])
+                    dz = complex(0.0, multiple[h] * law[1])
                     for i in range(n):
                         B[i, 0] -= z * contacts.shape[j, i] * base[h]
                         B[i, 1] -= z * contacts.shape[j, i] * level_base[h]
@@ -123,21 +123,21 @@ def force_terms(  # type: ignore[no-untyped-def]
                 if contacts.on_ground[j]:
                     delta += base[h]
                 delta *= -contacts.sign[j]
-                row = contacts.guard[j, tables.phase[s, j], _own_guard(tables, s, g)]
+                row = contacts.guard[j, tables.phase[s, j], _guard_of_contact(tables, s, g)]
                 tables.watch[s, t, g] = complex(row[0], w * row[1]) * delta
                 if tables.reset[s, g] >= 0:
-                    rows = contacts.reset[j, tables.phase[s, j], _own_guard(tables, s, g)]
+                    rows = contacts.reset[j, tables.phase[s, j], _guard_of_contact(tables, s, g)]
                     for i in range(tables.states[j]):
                         tables.watch[s, t, tables.reset[s, g] + i] = complex(rows[i, 0], w * rows[i, 1]) * delta
 
 
 @njit(cache=True, error_model="numpy")
-def _own_guard(tables, s, g):  # type: ignore[no-untyped-def]
+def _guard_of_contact(tables, s, g):  # type: ignore[no-untyped-def]
     """Number of a state's guard among those of its contact."""
-    own = 0
-    while own < g and tables.guard_contact[s, g - 1 - own] == tables.guard_contact[s, g]:
-        own += 1
-    return own
+    number = 0
+    while number < g and tables.guard_contact[s, g - 1 - number] == tables.guard_contact[s, g]:
+        number += 1
+    return number
 
 
 @njit(cache=True, error_model="numpy")
@@ -172,10 +172,10 @@ def phases_at_start(contacts, y, base, base_rate, phases):  # type: ignore[no-un
                 change = row[0] * rate
                 for a in range(contacts.states[j]):
                     p = y[2 * n + contacts.first[j] + a]
-                    own = contacts.dynamics[j, k, a]
-                    p_rate = own[0] * delta + own[1] * rate + own[2]
+                    law = contacts.dynamics[j, k, a]
+                    p_rate = law[0] * delta + law[1] * rate + law[2]
                     for b in range(contacts.states[j]):
-                        p_rate += own[3 + b] * y[2 * n + contacts.first[j] + b]
+                        p_rate += law[3 + b] * y[2 * n + contacts.first[j] + b]
                     g += row[3 + a] * p
                     size += abs(row[3 + a] * p)
                     change += row[3 + a] * p_rate
@@ -213,7 +213,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
     N = 2 * n
     F = inputs.exponent.size
     nb = tables.n_basis[s]
-    own = np.zeros(nb, dtype=np.complex128)
+    direct = np.zeros(nb, dtype=np.complex128)
     through = np.zeros(nb, dtype=np.complex128)
     for j in range(m):
         ph = tables.phase[s, j]
@@ -229,7 +229,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
         if dk == 0.0 and dc == 0.0 and df == 0.0 and dg == 0.0 and not moves:
             continue
         for b in range(nb):
-            own[b] = 0.0
+            direct[b] = 0.0
             through[b] = 0.0
         for q in range(tables.n_terms[s]):
             source = tables.term_source[s, q]
@@ -254,7 +254,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
             elif 0 < source < F and contacts.on_ground[j]:
                 delta -= sign * base[source - 1]
                 rate -= sign * base[source - 1] * inputs.exponent[source]
-            own[b] += z * (dk * delta + dc * rate + along)
+            direct[b] += z * (dk * delta + dc * rate + along)
             through[b] += z * (k * delta + c * rate + constant)
         for q in range(tables.n_terms[s]):
             source = tables.term_source[s, q]
@@ -271,12 +271,12 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
                     push_moved += sign * tables.projector[s, source - F, n + i] * parameters.shape[p, j, i]
             total = 0.0j
             for b in range(nb):
-                if own[b] == 0.0 and through[b] == 0.0:
+                if direct[b] == 0.0 and through[b] == 0.0:
                     continue
                 mu, f = tables.exponent[s, b], basis[b]
                 d = _difference(lam, mu, e, f, tau)
                 dbar = d if mu.imag == 0.0 else _difference(lam, mu.conjugate(), e, f.conjugate(), tau)
-                total += 0.5 * push * (own[b] * d + own[b].conjugate() * dbar)
+                total += 0.5 * push * (direct[b] * d + direct[b].conjugate() * dbar)
                 if moves:
                     total += 0.5 * push_moved * (through[b] * d + through[b].conjugate() * dbar)
             if total != 0.0:
@@ -390,6 +390,23 @@ def _rate_at(tables, s, zeta, basis, tau, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _add_forced_derivative(tables, s, inputs, variation, parameters, t, sign, sens):  # type: ignore[no-untyped-def]
+    """Add ``sign`` times the forced response's derivative by each parameter at time t to its column."""
+    P = parameters.moves_frequency.size
+    first = sens.shape[1] - P
+    for p in range(P):
+        for h in range(variation.multiple.size):
+            iw = inputs.exponent[1 + h]
+            e = sign * _exp(iw.real, iw.imag, t)
+            term = variation.first_forced[s] + h
+            for i in range(sens.shape[0]):
+                d = parameters.terms[p, s, h, i]
+                if parameters.moves_frequency[p]:
+                    d += complex(0.0, variation.multiple[h] * t) * tables.term_vector[s, term, i]
+                sens[i, first + p] += (d * e).real
+
+
+@njit(cache=True, error_model="numpy")
 def _started(contacts, j, k, guard, i, a):  # type: ignore[no-untyped-def]
     """Factor of quantity a in the internal state i with which the phase after a guard's event starts."""
     if contacts.resets[j, k, guard]:
@@ -434,17 +451,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
         nb = tables.n_basis[s]
         _fill_sources(tables, s, inputs, seg_piece[g], t0, seg_y[g], zeta)
         _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
-        # parameters: take away the forced response's derivative at the start
-        for p in range(P):
-            for h in range(H):
-                iw = inputs.exponent[1 + h]
-                e = _exp(iw.real, iw.imag, t0)
-                t = variation.first_forced[s] + h
-                for i in range(N):
-                    d = parameters.terms[p, s, h, i]
-                    if parameters.moves_frequency[p]:
-                        d += complex(0.0, variation.multiple[h] * t0) * tables.term_vector[s, t, i]
-                    sens[i, states + p] -= (d * e).real
+        _add_forced_derivative(tables, s, inputs, variation, parameters, t0, -1.0, sens)
         T = variation.n_terms[s]
         c = np.dot(variation.left[s], sens)
         for q in range(T):
@@ -455,16 +462,8 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                 turned[2 * q, k] = e.real * re - e.imag * im
                 turned[2 * q + 1, k] = e.real * im + e.imag * re
         sens[:] = np.dot(variation.right[s], turned)
+        _add_forced_derivative(tables, s, inputs, variation, parameters, t1, 1.0, sens)
         for p in range(P):
-            for h in range(H):
-                iw = inputs.exponent[1 + h]
-                e = _exp(iw.real, iw.imag, t1)
-                t = variation.first_forced[s] + h
-                for i in range(N):
-                    d = parameters.terms[p, s, h, i]
-                    if parameters.moves_frequency[p]:
-                        d += complex(0.0, variation.multiple[h] * t1) * tables.term_vector[s, t, i]
-                    sens[i, states + p] += (d * e).real
             if parameters.moves_contacts[p]:
                 for i in range(2 * n):
                     add[i] = 0.0
@@ -492,13 +491,13 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
         j = ev_contact[event]
         event += 1
         before, after = tables.phase[s, j], tables.phase[following, j]
-        own = 0
-        while contacts.next[j, before, own] != after:
-            own += 1
-        jumps = contacts.jumps[j, before, own]
+        guard = 0
+        while contacts.next[j, before, guard] != after:
+            guard += 1
+        jumps = contacts.jumps[j, before, guard]
         if not jumps and contacts.states[j] == 0:
             continue
-        row = contacts.guard[j, before, own]
+        row = contacts.guard[j, before, guard]
         r, first = contacts.states[j], 2 * n + contacts.first[j]
         _state_at(tables, s, zeta, basis, y)
         if r > 0 or row[1] != 0.0:
@@ -552,7 +551,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
             smallest = min(smallest, abs(gdot))
             push = 0.0
             for a in range(3 + r):
-                push += contacts.jump[j, before, own, a] * motion[a]
+                push += contacts.jump[j, before, guard, a] * motion[a]
             # f- - f+ = -sign * shape * push, and dt_e = -change / gdot
             factor = push / gdot * sign
             for k in range(columns):
@@ -563,13 +562,13 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
             drift = 0.0  # rate of what the state starts with after the event, less the rate there
             size = 0.0
             for a in range(3 + r):
-                drift += _started(contacts, j, before, own, i, a) * moving[a]
-                size += abs(_started(contacts, j, before, own, i, a) * moving[a])
+                drift += _started(contacts, j, before, guard, i, a) * moving[a]
+                size += abs(_started(contacts, j, before, guard, i, a) * moving[a])
                 value = motion[a]
                 if a > 2:
                     value = 0.0
                     for b in range(3 + r):
-                        value += _started(contacts, j, before, own, a - 3, b) * motion[b]
+                        value += _started(contacts, j, before, guard, a - 3, b) * motion[b]
                 value *= contacts.dynamics[j, after, i, a]
                 drift -= value
                 size += abs(value)
@@ -578,6 +577,6 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
             for k in range(columns):
                 total = -drift * change[k] / gdot if drift != 0.0 else 0.0
                 for a in range(3 + r):
-                    total += _started(contacts, j, before, own, i, a) * varied[a, k]
+                    total += _started(contacts, j, before, guard, i, a) * varied[a, k]
                 sens[first + i, k] = total
     return smallest

@@ -47,10 +47,10 @@ class PeriodicForcing:
     @classmethod
     def none(cls, size: int) -> PeriodicForcing:
         """No excitation."""
-        nothing = np.zeros(0)
+        empty = np.zeros(0)
         return cls(
-            np.zeros(0, dtype=np.int64), np.zeros((0, size), dtype=complex), nothing, nothing.astype(complex),
-            nothing, 1.0
+            np.zeros(0, dtype=np.int64), np.zeros((0, size), dtype=complex), empty, empty.astype(complex),
+            empty, 1.0
         )  # fmt: skip
 
     @classmethod

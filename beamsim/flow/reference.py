@@ -1,6 +1,6 @@
 """Time stepping with SciPy, restarted at contact events and breakpoints: the independent check of the exact flow.
 
-Also the way to run smooth nonlinearities (cubic springs), which have no closed form. Unlike the exact flow, it
+It also runs smooth nonlinearities (cubic springs), which have no closed form. Unlike the exact flow, it
 finds contacts only by sign changes between its steps, so a contact shorter than a step can be missed.
 """
 
@@ -231,8 +231,8 @@ class _RightHandSide:
         a = self.flow.system.contacts.arrays
         delta, rate = self._contact(t, y)
         first, r = 2 * self.n + a.first[contact], a.states[contact]
-        own = np.concatenate([[delta[contact], rate[contact], 1.0], y[first : first + r]])
-        return float(row[: 3 + r] @ own)
+        motion = np.concatenate([[delta[contact], rate[contact], 1.0], y[first : first + r]])
+        return float(row[: 3 + r] @ motion)
 
     def reset(self, contact: int, guard: Guard, t: float, y: Floats) -> None:
         """Start the contact's internal states anew, in y, where the guard says so."""

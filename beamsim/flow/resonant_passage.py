@@ -1,10 +1,10 @@
-"""Passages through the transient flow: at, or very near, the resonance of a mode that nothing damps, and others.
+"""Passages through the transient flow: near the resonance of an undamped mode, and with coupled internal states.
 
 The particular solution ``(i k w - lambda)^-1`` that :mod:`beamsim.flow.orbit_kernels` uses has no bound there, and
 takes as many digits from the motion as the frequencies agree in; and where internal states of the contacts move with
 the structure, it is not written down there at all. Here the motion comes from the transient flow, which
-writes the response as a power series in time; the transition matrix, which knows nothing of the load, is the same
-product as ever, and derivatives by parameters are central differences.
+writes the response as a power series in time; the transition matrix, which does not depend on the load, is the same
+product of segments and events, and derivatives by parameters are central differences.
 """
 
 from __future__ import annotations
@@ -104,9 +104,9 @@ def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, 
             raise WorkExceeded(f"no end after {n_ev} contact events in {duration:.6g} s")
     log = log.first(n_seg, n_ev)
     slope = _rate(flow, motion.y, exact.states[motion.state].phases, t + duration)
-    nothing = np.zeros((N, 0))
+    no_parameters = np.zeros((N, 0))
     return Passage(
-        start, motion.y, nothing, nothing, slope, duration, log.time, log.length, log.state, log.y,
+        start, motion.y, no_parameters, no_parameters, slope, duration, log.time, log.length, log.state, log.y,
         log.event_time, log.event_contact, log.event_phase, np.inf,
     )  # fmt: skip
 
@@ -118,8 +118,8 @@ def _rate(flow: SeriesFlow, y: Floats, phases: Ints, t: float) -> Floats:
     phase = np.exp(1j * flow.loads.multiple * flow.omega * t)
     load = s.constant_load + (flow.loads.at(flow.omega, flow.level)[0] * phase[:, None]).sum(axis=0).real
     push = (c.sign * c.forces(phases[None], delta[None], rate[None], y[None, 2 * n :])[0]) @ c.shape
-    own, drive = c.internal_rates(phases)
-    inside = own @ y[2 * n :] + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
+    free, drive = c.internal_rates(phases)
+    inside = free @ y[2 * n :] + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
     acceleration = load + push - s.stiffness * y[:n] - s.damping @ y[n : 2 * n]
     return np.concatenate([y[n : 2 * n], acceleration, inside])
 
@@ -190,8 +190,8 @@ def _saltation(flow: SeriesFlow, before: Ints, j: int, after: int, y: Floats, t:
         out[first : first + r] = reset @ rows
         jump[first : first + r] = reset @ moving - a.dynamics[j, after, :r, : 3 + r] @ fresh
     elif r:
-        own = a.dynamics[j, :, :r, : 3 + r] @ motion
-        jump[first : first + r] = own[before[j]] - own[after]
+        by_phase = a.dynamics[j, :, :r, : 3 + r] @ motion
+        jump[first : first + r] = by_phase[before[j]] - by_phase[after]
     if gdot:
         out -= np.outer(jump, gradient / gdot)
     return out

@@ -104,7 +104,8 @@ class SmoothFlow(PeriodicFlow):
             else:
                 raise ValueError("with cubic springs only stiffness and gap of the contacts can be followed")
         return SmoothSystem(
-            s.stiffness.astype(float), np.ascontiguousarray(s.damping), s.constant_load.astype(float),
+            s.stiffness.astype(float), np.ascontiguousarray(s.damping), bool(np.any(s.damping)),
+            s.constant_load.astype(float),
             np.ascontiguousarray(self.cubic_shape).reshape(nc, n), self.cubic.astype(float),
             np.ones(nc) if self.on_ground is None else self.on_ground.astype(float),
             np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap, c.on_ground.astype(float),

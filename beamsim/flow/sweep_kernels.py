@@ -296,7 +296,7 @@ def watch_response(tables, swept, response, s, k, used, H, least):  # type: igno
 
 @njit(cache=True, error_model="numpy")
 def add_watched(response, used, omega, tau, reach, out):  # type: ignore[no-untyped-def]
-    """Add the forced part ``Re[e^{i omega tau} sum_q watch_q tau^q]`` to what `kernels._evaluate` found."""
+    """Add the forced part ``Re[e^{i omega tau} sum_q watch_q tau^q]`` to the result of `kernels._evaluate`."""
     cw, aw = response.watch, response.watch_size
     angle = omega * tau
     er, ei = math.cos(angle), math.sin(angle)

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block
 from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.state_tables import pad
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
 from beamsim.outcomes import Outcome
@@ -115,7 +115,7 @@ class SweptFlow:
         tables = self._forced
         return Forced(
             np.array([t.eigenvalue.size for t in tables]),
-            *(_pad([getattr(t, name) for t in tables]) for name in _ForcedTables.__dataclass_fields__),
+            *(pad([getattr(t, name) for t in tables]) for name in _ForcedTables.__dataclass_fields__),
         )
 
     def kept(self, output_of: OutputOf) -> Kept:
@@ -126,30 +126,30 @@ class SweptFlow:
         contacts = self.system.contacts
         watched = [_parts(self.template.watched(contacts.watched(s.phases))) for s in states]
         outputs_of = [output_of(s.phases) for s in states]
-        wanted = [_parts(output) for output in outputs_of]
+        output_parts = [_parts(output) for output in outputs_of]
         bare = [
             LinearOutput(o.row, np.ascontiguousarray(o.direct[:, :1]), np.zeros((o.row.shape[0], 1)))
             for o in outputs_of
         ]
         groups = [_groups(s.exponent) for s in states]
-        rows = [_pad([w[i] for w in watched]) for i in (0, 1, 2)]
-        outputs = [np.array([w[i] for w in wanted]) for i in (0, 1, 2)]
+        rows = [pad([part[i] for part in watched]) for i in (0, 1, 2)]
+        outputs = [np.array([part[i] for part in output_parts]) for i in (0, 1, 2)]
         return Kept(
             watch_row=rows[0],
             watch_channel=rows[1],
             watch_slope=rows[2],
-            watch_size=_pad([_sizes(w[0], self.system.size) for w in watched]),
-            output=_pad([s.coefficients(w, self.bare.sources) for s, w in zip(states, bare, strict=True)]),
+            watch_size=pad([_sizes(w[0], self.system.size) for w in watched]),
+            output=pad([s.coefficients(w, self.bare.sources) for s, w in zip(states, bare, strict=True)]),
             output_row=outputs[0],
             output_channel=outputs[1],
             output_slope=outputs[2],
-            basis_group=_pad([g for g, _ in groups]),
+            basis_group=pad([g for g, _ in groups]),
             group_count=np.array([e.size for _, e in groups]),
-            group_exponent=_pad([e for _, e in groups]),
+            group_exponent=pad([e for _, e in groups]),
         )
 
     def kernel_windows(self, orders: Floats) -> Windows:
-        """The windows as the kernels want them."""
+        """The windows as the kernels take them."""
         from beamsim.flow.sweep_kernels import Windows
 
         w = self.windows
@@ -395,11 +395,3 @@ def _groups(exponent: Complexes) -> tuple[Ints, Complexes]:
     values: dict[complex, int] = {}
     index = [values.setdefault(complex(e), len(values)) for e in exponent]
     return np.array(index, dtype=np.int64), np.array(list(values), dtype=complex)
-
-
-def _pad(arrays: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
-    shape = np.max([a.shape for a in arrays], axis=0)
-    out = np.zeros((len(arrays), *shape), dtype=arrays[0].dtype)
-    for i, a in enumerate(arrays):
-        out[i][tuple(slice(0, d) for d in a.shape)] = a
-    return out

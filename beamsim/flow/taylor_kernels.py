@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 ORDER = 26
-LOOKS = 24  # places in a step at which the gaps are looked at
+LOOKS = 24  # times in a step at which the gaps are evaluated
 DONE, FULL, STUCK = 0, 1, 2
 
 
@@ -29,6 +29,7 @@ class SmoothSystem(NamedTuple):
 
     omega2: Any  # (n,)
     damping: Any  # (n, n)
+    damped: Any  # whether it is not zero
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
     cubic: Any  # (nc,) N/m^3
@@ -51,11 +52,17 @@ class SmoothSystem(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
+def _turned(angle: float) -> complex:
+    """``e^{i angle}``."""
+    return complex(math.cos(angle), math.sin(angle))
+
+
+@njit(cache=True, error_model="numpy")
 def _base_series(s, t, d):  # type: ignore[no-untyped-def]
     """Taylor coefficients (ORDER + 1,) of the base's displacement."""
     d[:] = 0.0
     for h in range(s.frequency.size):
-        term = s.base[h] * complex(math.cos(s.frequency[h] * t), math.sin(s.frequency[h] * t))
+        term = s.base[h] * _turned(s.frequency[h] * t)
         for k in range(ORDER + 1):
             d[k] += term.real
             term *= complex(0.0, s.frequency[h] / (k + 1))
@@ -68,13 +75,23 @@ def _varied_base_series(s, t, p, dd):  # type: ignore[no-untyped-def]
     if p < 0:
         return
     for h in range(s.frequency.size):
-        term = complex(math.cos(s.frequency[h] * t), math.sin(s.frequency[h] * t))
+        term = _turned(s.frequency[h] * t)
         before = complex(0.0, 0.0)
         for k in range(ORDER + 1):
             timed = complex(0.0, s.d_frequency[p, h]) * (t * term + before)
             dd[k] += (s.d_base[p, h] * term + timed * s.base[h]).real
             before = term
             term *= complex(0.0, s.frequency[h] / (k + 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _penetration_coefficient(s, j, q, d, k):  # type: ignore[no-untyped-def]
+    """Taylor coefficient k of contact j's penetration."""
+    value = -s.gap[j] if k == 0 else 0.0
+    value -= s.sign[j] * s.ground[j] * d[k]
+    for i in range(s.omega2.size):
+        value -= s.sign[j] * s.shape[j, i] * q[k, i]
+    return value
 
 
 @njit(cache=True, error_model="numpy")
@@ -87,13 +104,7 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
     H = s.frequency.size
     phase = np.empty(H, dtype=np.complex128)
     for h in range(H):
-        a = s.frequency[h] * t
-        phase[h] = complex(math.cos(a), math.sin(a))
-    damped = False
-    for i in range(n):
-        for j in range(n):
-            if s.damping[i, j] != 0.0:
-                damped = True
+        phase[h] = _turned(s.frequency[h] * t)
     for k in range(ORDER):
         for c in range(nc):
             total = s.cubic_ground[c] * d[k]
@@ -112,7 +123,7 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
             a = -s.omega2[i] * q[k, i]
             if k == 0:
                 a += s.load[i]
-            if damped:
+            if s.damped:
                 for j in range(n):
                     a -= s.damping[i, j] * v[k, j]
             for h in range(H):
@@ -122,11 +133,9 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
             v[k + 1, i] = a
         for j in range(m):
             if closed[j]:
-                delta = -s.gap[j] if k == 0 else 0.0
-                delta -= s.sign[j] * s.ground[j] * d[k]
+                delta = _penetration_coefficient(s, j, q, d, k)
                 rate = -s.sign[j] * s.ground[j] * (k + 1) * d[k + 1]
                 for i in range(n):
-                    delta -= s.sign[j] * s.shape[j, i] * q[k, i]
                     rate -= s.sign[j] * s.shape[j, i] * v[k, i]
                 push = s.sign[j] * (s.stiffness[j] * delta + s.dashpot[j] * rate)
                 for i in range(n):
@@ -149,13 +158,7 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
     phase = np.empty(H, dtype=np.complex128)
     before = np.zeros(H, dtype=np.complex128)
     for h in range(H):
-        a = s.frequency[h] * t
-        phase[h] = complex(math.cos(a), math.sin(a))
-    damped = False
-    for i in range(n):
-        for j in range(n):
-            if s.damping[i, j] != 0.0:
-                damped = True
+        phase[h] = _turned(s.frequency[h] * t)
     for k in range(ORDER):
         for c in range(nc):
             total = s.cubic_ground[c] * dd[k]
@@ -164,7 +167,7 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
             dx[c, k] = total
         for i in range(n):
             a = -s.omega2[i] * dq[k, i]
-            if damped:
+            if s.damped:
                 for j in range(n):
                     a -= s.damping[i, j] * dv[k, j]
             dv[k + 1, i] = a
@@ -186,11 +189,7 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
                     rate -= s.sign[j] * s.shape[j, i] * dv[k, i]
                 push = s.stiffness[j] * delta + s.dashpot[j] * rate
                 if p >= 0:
-                    own = -s.gap[j] if k == 0 else 0.0
-                    own -= s.sign[j] * s.ground[j] * d[k]
-                    for i in range(n):
-                        own -= s.sign[j] * s.shape[j, i] * q[k, i]
-                    push += s.d_stiffness[p, j] * own
+                    push += s.d_stiffness[p, j] * _penetration_coefficient(s, j, q, d, k)
                     if k == 0:
                         push -= s.stiffness[j] * s.d_gap[p, j]
                 for i in range(n):
@@ -212,18 +211,13 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
 @njit(cache=True, error_model="numpy")
 def _penetration(s, j, q, d, h):  # type: ignore[no-untyped-def]
     """Penetration of contact j and its first two derivatives at h into a step."""
-    n = s.omega2.size
     value = 0.0
     rate = 0.0
     bend = 0.0
     for k in range(ORDER, -1, -1):
-        c = -s.gap[j] if k == 0 else 0.0
-        c -= s.sign[j] * s.ground[j] * d[k]
-        for i in range(n):
-            c -= s.sign[j] * s.shape[j, i] * q[k, i]
         bend = bend * h + 2.0 * rate
         rate = rate * h + value
-        value = value * h + c
+        value = value * h + _penetration_coefficient(s, j, q, d, k)
     return value, rate, bend
 
 
@@ -235,7 +229,7 @@ def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
     for j in range(s.sign.size):
         side = -1.0 if closed[j] else 1.0
         before = 0.0
-        # just after an own event the gap is zero to round-off: the first look lies inside the step
+        # just after an event of this contact the gap is zero to round-off: the first look lies inside the step
         g0, r0, _b0 = _penetration(s, j, q, d, 0.0)
         g0 *= -side
         r0 *= -side
@@ -250,7 +244,7 @@ def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
             lower, upper = before, tau
             hit = g < 0.0
             if not hit and r_before < 0.0 and r > 0.0:
-                # the gap has a smallest value in between: look there
+                # the gap has a minimum in between
                 a, c, ra, rc = before, tau, r_before, r
                 low = g
                 where = tau
@@ -275,7 +269,7 @@ def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
                     hit = True
                     upper = where
             if hit and j == toggled and lower == 0.0 and r0 <= 0.0 and look == 1:
-                # it leaves the wrong way at once (grazing): changes back at the event itself
+                # it turns back at once (grazing): the contact changes back at the event itself
                 best = 0.0
                 which = j
                 break

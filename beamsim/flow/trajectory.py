@@ -12,7 +12,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Floats, Ints
 
-PEAK_TOLERANCE = 1e-10  # relative distance within which two peaks of an output are not told apart
+PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
 # rule's error on exp(i 2 turn t), the product's fastest part, is then below 2e-13
 GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))

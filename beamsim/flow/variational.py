@@ -138,17 +138,18 @@ class VariationalFlow(SeriesFlow):
 
         S, H = len(self._states), self.loads.count
         free = [np.flatnonzero(s.term_source >= 1) for s in self._states]
-        columns = [s.term_vector[own].T for s, own in zip(self._states, free, strict=True)]
+        columns = [s.term_vector[terms].T for s, terms in zip(self._states, free, strict=True)]
         self._simple = all(
-            own.size == s.projector.shape[0] and not np.any(s.power) for s, own in zip(self._states, free, strict=True)
+            terms.size == s.projector.shape[0] and not np.any(s.power)
+            for s, terms in zip(self._states, free, strict=True)
         )
         self._tables = self._state_tables.arrays()
         self._variation = Variation(
             pad([np.stack([s.projector.real, s.projector.imag], 1).reshape(-1, self.size) for s in self._states]),
             pad([np.stack([u.real, -u.imag], 2).reshape(self.size, -1) for u in columns]),
-            np.array([own.size for own in free]),
-            pad([s.term_basis[own] for s, own in zip(self._states, free, strict=True)]),
-            pad([s.term_source[own] - 1 for s, own in zip(self._states, free, strict=True)]),
+            np.array([terms.size for terms in free]),
+            pad([s.term_basis[terms] for s, terms in zip(self._states, free, strict=True)]),
+            pad([s.term_source[terms] - 1 for s, terms in zip(self._states, free, strict=True)]),
             np.array([s.term_basis.size for s in self._states]),
             self.loads.multiple.astype(float),
             np.zeros(H, dtype=complex),
@@ -353,8 +354,8 @@ class VariationalFlow(SeriesFlow):
         out.moves_frequency[:] = [H > 0 and which == 0 for which in periodic]
         if P == 0 or (P == 1 and periodic[0] >= 0):
             if P and H:
-                own = slice(periodic[0], periodic[0] + 1)
-                out = out._replace(terms=self._derivative[own], base=self._base_derivative[own])
+                row = slice(periodic[0], periodic[0] + 1)
+                out = out._replace(terms=self._derivative[row], base=self._base_derivative[row])
             self._known_parameters[kinds] = out
             return out
         for i, (p, which) in enumerate(zip(parameters, periodic, strict=True)):
