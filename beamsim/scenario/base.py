@@ -14,22 +14,25 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from itertools import pairwise
-from typing import Any, NoReturn, Self
+from typing import Any, Literal, NoReturn, Self, get_args, get_origin
 
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Discriminator,
+    GetCoreSchemaHandler,
+    Tag,
     ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from beamsim.errors import ScenarioError
 
@@ -212,31 +215,86 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
             yield from walk(item, (*path, name))
 
 
-def by_key(choose: Callable[[Any], str | None], message: str, remedy: str) -> Discriminator:
-    """Distinguish the members of a union by a function of the raw value, with one clear message."""
-    return Discriminator(
-        choose,
-        custom_error_type="beamsim",
-        custom_error_message=message,
-        custom_error_context={"message": message, "remedy": remedy, "show_value": 1},
-    )
+def tag_of(member: Any) -> str:
+    """Tag of one member of a union, in angle brackets: as given, else its kind, else ``<text>`` for words."""
+    for item in getattr(member, "__metadata__", ()):
+        if isinstance(item, Tag):
+            return item.tag
+    if isinstance(member, type) and issubclass(member, Schema):
+        kind = member.model_fields.get("kind")
+        return f"<{kind.default}>" if kind else ""
+    return "<text>" if get_origin(member) is Literal else ""
+
+
+@dataclass(frozen=True)
+class Variants:
+    """Marks a union whose members are distinguished by a function of the raw value, see `tag_of`.
+
+    With a message, it stands for all errors about the choice itself.
+    """
+
+    choose: Callable[[Any], str | None]
+    message: str = ""
+    remedy: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        choices = {tag_of(member): handler.generate_schema(member) for member in get_args(source)}
+        if not self.message:
+            return core_schema.tagged_union_schema(choices, self.choose)
+        return core_schema.tagged_union_schema(
+            choices,
+            self.choose,
+            custom_error_type="beamsim",
+            custom_error_message=self.message,
+            custom_error_context={"message": self.message, "remedy": self.remedy, "show_value": 1},
+        )
+
+
+def kind_of(value: Any) -> Any:
+    """The kind of a raw value or of a part of a scenario, None without one."""
+    return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
 def _kind(value: Any) -> str | None:
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    kind = kind_of(value)
     return f"<{kind}>" if isinstance(kind, str) else None
 
 
-BY_KIND = Discriminator(_kind)
-"""Variants distinguished by their key ``kind``; each member of the union carries ``Tag("<its kind>")``."""
+BY_KIND = Variants(_kind)
+"""Variants distinguished by their key ``kind``."""
 
 
-def _number_or_list(value: Any) -> str | None:
+def word_or_kind(words: Collection[str], message: str, remedy: str) -> Variants:
+    """One of the words, or a mapping whose kind is one of them."""
+
+    def choose(value: Any) -> str | None:
+        if isinstance(value, str):
+            return "<text>" if value in words else None
+        kind = kind_of(value)
+        return f"<{kind}>" if isinstance(kind, str) and kind in words else None
+
+    return Variants(choose, message, remedy)
+
+
+def number_or_list(value: Any) -> str:
+    """Tag of a number or a list of numbers: ``<number>`` and ``<list>``."""
     return "<list>" if isinstance(value, (list, tuple)) else "<number>"
 
 
-number_or_list = Discriminator(_number_or_list)
-"""A number or a list of numbers, tagged ``<number>`` and ``<list>``."""
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """A number with its noun.
+
+    >>> counted(1, "value"), counted(2, "mass", "masses")
+    ('1 value', '2 masses')
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
+    """The remedy for an unknown name: the similar one, else ``otherwise`` with all of them."""
+    names = list(names)
+    close = get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]}?" if close else f"{otherwise} {', '.join(names)}"
 
 
 def single_line(value: object, limit: int = 60) -> str:

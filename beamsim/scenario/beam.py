@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import BY_KIND, Path, Schema, fail, path_text
+from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
 from beamsim.scenario.place import AtPlace
@@ -107,12 +107,7 @@ class GeneralSection(Schema):
     """Distance of the outermost fibre from the neutral axis, for the bending stress."""
 
 
-Section = Annotated[
-    Annotated[RectangleSection, Tag("<rectangle>")]
-    | Annotated[TubeSection, Tag("<tube>")]
-    | Annotated[GeneralSection, Tag("<general>")],
-    BY_KIND,
-]
+Section = Annotated[RectangleSection | TubeSection | GeneralSection, BY_KIND]
 
 
 class Supports(Schema):
@@ -415,5 +410,5 @@ def by_stiffness(value: Any) -> bool:
 
 AnyBeam = Annotated[
     Annotated[Beam, Tag("<section>")] | Annotated[StiffnessBeam, Tag("<stiffness>")],
-    Discriminator(lambda value: "<stiffness>" if by_stiffness(value) else "<section>"),
+    Variants(lambda value: "<stiffness>" if by_stiffness(value) else "<section>"),
 ]

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Tag
 
-from beamsim.scenario.base import by_key
+from beamsim.scenario.base import Variants, kind_of
 from beamsim.scenario.beam import Beam, StiffnessBeam, by_stiffness
 from beamsim.scenario.chain import Chain
 
@@ -33,15 +33,13 @@ class NamedChain(Chain):
 
 
 def _choose(value: Any) -> str | None:
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    kind = kind_of(value)
     if kind == "beam":
         return "<beam by stiffness>" if by_stiffness(value) else "<beam>"
     return "<chain>" if kind == "chain" else None
 
 
 AnyBody = Annotated[
-    Annotated[NamedBeam, Tag("<beam>")]
-    | Annotated[NamedStiffnessBeam, Tag("<beam by stiffness>")]
-    | Annotated[NamedChain, Tag("<chain>")],
-    by_key(_choose, "has no kind of body", "give kind: beam or kind: chain"),
+    NamedBeam | Annotated[NamedStiffnessBeam, Tag("<beam by stiffness>")] | NamedChain,
+    Variants(_choose, "has no kind of body", "give kind: beam or kind: chain"),
 ]

@@ -21,9 +21,10 @@ from beamsim.scenario.quantities import (
     Text,
     Time,
 )
+from beamsim.scenario.ranges import FrequencyRange
 
 
-class SweptSineInput(Driven):
+class SweptSineInput(Driven, FrequencyRange):
     """A sine of increasing or decreasing frequency; use it with `beamsim run` (`beamsim sweep` has its own section)."""
 
     kind: Literal["swept_sine"] = "swept_sine"
@@ -36,10 +37,6 @@ class SweptSineInput(Driven):
     """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
     """Frequency ranges with a reduced level."""
-    from_: Frequency = Field(alias="from")
-    """Frequency at the start."""
-    to: Frequency
-    """Frequency at the end; the lower one for a sweep down."""
     rate: SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
     phase: Angle = 0.0
@@ -53,11 +50,10 @@ class SweptSineInput(Driven):
         """Settle what the level is, and refuse an empty range."""
         if (self.level is None) == (not self.profile):
             raise fail("needs either level or profile", "give one of the two")
-        if self.from_ == self.to:
-            raise fail(f"= {self.to:g} Hz equals the start of the sweep", "give a range, from 20 Hz to 400 Hz", ("to",))
+        FrequencyRange.settle(self)
         check_profile(self.profile, self.between)
         if self.level is not None:
-            super().settle()
+            Driven.settle(self)
             return
         for index, point in enumerate(self.profile):
             if point.quantity is not None and (point.quantity == "force") is self.on_base:

@@ -25,7 +25,6 @@ from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
 from beamsim.scenario.quantities import LevelValue
 from beamsim.scenario.run import ModeStart, PolynomialStart, Run
-from beamsim.scenario.snubber import Snubber
 from beamsim.scenario.sweep import Sweep, SweptSine
 from beamsim.scenario.whole import ScenarioParts
 
@@ -110,7 +109,7 @@ def _place(scenario: _Checked, path: Path, part: Schema) -> Found:
         return
     if isinstance(part, AtPlace):
         place = part
-    elif isinstance(part, (Sited, Snubber)) and part.at is None:
+    elif isinstance(part, Sited) and part.at is None:
         place = part.places[0]
     else:
         return

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, Tag
+from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
+from beamsim.scenario.base import BY_KIND, Schema, fail, word_or_kind
 from beamsim.scenario.quantities import (
     Count,
     Duration,
@@ -19,35 +19,24 @@ from beamsim.scenario.quantities import (
     Stiffness,
     SweepRate,
 )
+from beamsim.scenario.ranges import Span
 
 MOST_HARMONICS = 500
 LONGEST_PERIOD = 64
 
 
-class FrequencyPath(Schema):
+class FrequencyPath(Span[Frequency]):
     """The excitation's frequency changes."""
 
     kind: Literal["frequency"] = "frequency"
     """The excitation's frequency."""
-    from_: Frequency = Field(alias="from")
-    """First frequency."""
-    to: Frequency
-    """Last frequency."""
-
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to, "Hz")
 
 
-class LevelPath(Schema):
+class LevelPath(Span[Level]):
     """The excitation's level changes, at its own frequency."""
 
     kind: Literal["level"] = "level"
     """The excitation's level."""
-    from_: Level = Field(alias="from")
-    """First level."""
-    to: Level
-    """Last level."""
 
     def settle(self) -> None:
         """Reject an empty range, and levels that excite nothing."""
@@ -58,7 +47,7 @@ class LevelPath(Schema):
                     "give a positive level",
                     (name,),
                 )
-        _refuse_empty(self.from_, self.to, "")
+        super().settle()
 
 
 class SnubberPath(Schema):
@@ -68,72 +57,30 @@ class SnubberPath(Schema):
     """Name of the snubber; may be omitted if there is only one."""
 
 
-class GapPath(SnubberPath):
+class GapPath(SnubberPath, Span[Gap]):
     """A snubber's gap changes."""
 
     kind: Literal["gap"] = "gap"
     """A snubber's gap."""
-    from_: Gap = Field(alias="from")
-    """First gap."""
-    to: Gap
-    """Last gap."""
-
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to, "m")
 
 
-class StiffnessPath(SnubberPath):
+class StiffnessPath(SnubberPath, Span[Stiffness]):
     """A snubber's stiffness changes; a dashpot given by a ratio changes with it."""
 
     kind: Literal["stiffness"] = "stiffness"
     """A snubber's stiffness."""
-    from_: Stiffness = Field(alias="from")
-    """First stiffness."""
-    to: Stiffness
-    """Last stiffness."""
-
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to, "N/m")
 
 
-class PositionPath(SnubberPath):
+class PositionPath(SnubberPath, Span[Position]):
     """A snubber moves along the beam; a dashpot given by a ratio changes with its position."""
 
     kind: Literal["position"] = "position"
     """A snubber's position along the beam."""
-    from_: Position = Field(alias="from")
-    """First position."""
-    to: Position
-    """Last position."""
-
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to, "m")
 
 
-def _refuse_empty(first: float, last: float, unit: str) -> None:
-    if first == last:
-        raise fail(f"= {last:g} {unit}".rstrip() + " equals the start of the continuation", "give a range", ("to",))
+ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_KIND]
 
-
-ResponseParameter = Annotated[
-    Annotated[FrequencyPath, Tag("<frequency>")]
-    | Annotated[LevelPath, Tag("<level>")]
-    | Annotated[GapPath, Tag("<gap>")]
-    | Annotated[StiffnessPath, Tag("<stiffness>")]
-    | Annotated[PositionPath, Tag("<position>")],
-    BY_KIND,
-]
-
-SecondParameter = Annotated[
-    Annotated[LevelPath, Tag("<level>")]
-    | Annotated[GapPath, Tag("<gap>")]
-    | Annotated[StiffnessPath, Tag("<stiffness>")]
-    | Annotated[PositionPath, Tag("<position>")],
-    BY_KIND,
-]
+SecondParameter = Annotated[LevelPath | GapPath | StiffnessPath | PositionPath, BY_KIND]
 
 
 class Shooting(Schema):
@@ -159,21 +106,10 @@ class HarmonicBalance(Schema):
             raise fail(f"= {self.harmonics} is too many", f"use {MOST_HARMONICS} or fewer, or shooting", ("harmonics",))
 
 
-_WORDS = ("shooting", "harmonic_balance")
-
-
-def _choose_method(value: Any) -> str | None:
-    if isinstance(value, str):
-        return "<text>" if value in _WORDS else None
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    return f"<{kind}>" if kind in _WORDS else None
-
-
+MethodName = Literal["shooting", "harmonic_balance"]
 Method = Annotated[
-    Annotated[Literal["shooting", "harmonic_balance"], Tag("<text>")]
-    | Annotated[Shooting, Tag("<shooting>")]
-    | Annotated[HarmonicBalance, Tag("<harmonic_balance>")],
-    by_key(_choose_method, "is no method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"),
+    MethodName | Shooting | HarmonicBalance,
+    word_or_kind(get_args(MethodName), "is no method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"),
 ]
 
 
@@ -258,10 +194,7 @@ class Continuation(Schema):
                     "give from and to as frequencies, or continue_in: {kind: level, from: 0.5 g, to: 5 g}",
                     (name,),
                 )
-        assert self.from_ is not None
-        assert self.to is not None
-        if self.from_ == self.to:
-            raise fail(f"= {self.to:g} Hz equals the start of the sweep", "give a range, from 20 Hz to 400 Hz", ("to",))
+        self.parameter.settle()
 
     @property
     def parameter(self) -> FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath:

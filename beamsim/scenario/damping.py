@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, number_or_list
+from beamsim.scenario.base import BY_KIND, Schema, Variants, number_or_list
 from beamsim.scenario.quantities import PerTime, Ratio, Time, ViscousPerLength
 
 Ratios = Annotated[
     Annotated[Ratio, Tag("<number>")] | Annotated[tuple[Ratio, ...], Field(min_length=1), Tag("<list>")],
-    number_or_list,
+    Variants(number_or_list),
 ]
 
 
@@ -44,13 +44,5 @@ class ViscousDamping(Schema):
     """Force per unit length and velocity."""
 
 
-BeamDamping = Annotated[
-    Annotated[ModalDamping, Tag("<modal>")]
-    | Annotated[RayleighDamping, Tag("<rayleigh>")]
-    | Annotated[ViscousDamping, Tag("<viscous>")],
-    BY_KIND,
-]
-ChainDamping = Annotated[
-    Annotated[ModalDamping, Tag("<modal>")] | Annotated[RayleighDamping, Tag("<rayleigh>")],
-    BY_KIND,
-]
+BeamDamping = Annotated[ModalDamping | RayleighDamping | ViscousDamping, BY_KIND]
+ChainDamping = Annotated[ModalDamping | RayleighDamping, BY_KIND]

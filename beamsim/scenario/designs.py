@@ -11,7 +11,7 @@ from pydantic import Field, Tag
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import BY_KIND, Schema, by_key, fail, path_text
+from beamsim.scenario.base import BY_KIND, Schema, Variants, fail, path_text
 from beamsim.scenario.quantities import (
     LEVEL_DIMENSIONS,
     FieldType,
@@ -113,7 +113,7 @@ AnyParameter = Annotated[
     Annotated[ListedParameter, Tag("<values>")]
     | Annotated[RangedParameter, Tag("<from>")]
     | Annotated[TolerancedParameter, Tag("<tolerance>")],
-    by_key(
+    Variants(
         _choose_listed,
         "names no values",
         "give path with values: [...], with from, to and points, or with a tolerance",
@@ -121,7 +121,7 @@ AnyParameter = Annotated[
 ]
 SampledParameter = Annotated[
     Annotated[SampledRange, Tag("<from>")] | Annotated[SampledTolerance, Tag("<tolerance>")],
-    by_key(_choose_sampled, "names no range to sample", "give path with from and to, or with a tolerance"),
+    Variants(_choose_sampled, "names no range to sample", "give path with from and to, or with a tolerance"),
 ]
 
 
@@ -156,12 +156,7 @@ class LatinHypercube(Schema):
     """The varied parameters."""
 
 
-Vary = Annotated[
-    Annotated[Grid, Tag("<grid>")]
-    | Annotated[Zipped, Tag("<zip>")]
-    | Annotated[LatinHypercube, Tag("<latin_hypercube>")],
-    BY_KIND,
-]
+Vary = Annotated[Grid | Zipped | LatinHypercube, BY_KIND]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Tag
 
-from beamsim.scenario.base import Schema, by_key, fail
+from beamsim.scenario.base import Schema, Variants, fail
 from beamsim.scenario.place import AtPlace, names_a_place
 from beamsim.scenario.quantities import LevelValue
 
@@ -20,7 +20,7 @@ def _choose_target(value: Any) -> str | None:
 
 AppliedTo = Annotated[
     Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")],
-    by_key(
+    Variants(
         _choose_target,
         "names neither the base nor a point",
         "write base, {position: 270 mm} for a force on the beam, or {mass: 2} for a force on a chain",

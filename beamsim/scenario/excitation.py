@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.scenario.base import BY_KIND, Schema, fail
 from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
@@ -142,13 +142,5 @@ class HalfSine(Driven):
 
 
 Excitation = Annotated[
-    Annotated[NoExcitation, Tag("<none>")]
-    | Annotated[Harmonic, Tag("<harmonic>")]
-    | Annotated[MultiTone, Tag("<multi_tone>")]
-    | Annotated[Step, Tag("<step>")]
-    | Annotated[HalfSine, Tag("<half_sine>")]
-    | Annotated[SweptSineInput, Tag("<swept_sine>")]
-    | Annotated[SampledInput, Tag("<sampled>")]
-    | Annotated[RandomInput, Tag("<random>")],
-    BY_KIND,
+    NoExcitation | Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput, BY_KIND
 ]

@@ -5,22 +5,19 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import Tag
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from beamsim.scenario.base import Path, Schema, single_line
+from beamsim.scenario.base import Path, Schema, single_line, tag_of
 from beamsim.scenario.quantities import FieldType
 
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
     """Return the classes a field may hold, by the tag that tells them apart (`""` where there is none)."""
     if get_origin(annotation) is Annotated:
-        inner, *metadata = get_args(annotation)
-        tags = [item.tag for item in metadata if isinstance(item, Tag)]
-        return members(inner, tags[0] if tags else tag)
+        return members(get_args(annotation)[0], tag_of(annotation))
     if isinstance(annotation, type) and issubclass(annotation, Schema):
-        return {tag: annotation}
+        return {tag or tag_of(annotation): annotation}
     found: dict[str, type[Schema]] = {}
     for argument in get_args(annotation):
         found |= members(argument, tag)

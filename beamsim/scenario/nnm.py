@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.scenario.base import BY_KIND, Schema, fail, known
 from beamsim.scenario.nnm_method import Method, Solver, solver_of
 from beamsim.scenario.phase_resonance import PhaseResonance
 from beamsim.scenario.quantities import Count, Energy, Factor, Frequency
+from beamsim.scenario.ranges import Span
 
 
-class StiffnessFactorContinuation(Schema):
+class StiffnessFactorContinuation(Span[Factor]):
     """The stiffness of the nonlinear springs increases from zero to its full value."""
 
     kind: Literal["stiffness_factor"] = "stiffness_factor"
@@ -22,52 +23,22 @@ class StiffnessFactorContinuation(Schema):
     to: Factor = 1.0
     """Last factor; 1 is the full stiffness."""
 
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to)
 
-
-class EnergyContinuation(Schema):
+class EnergyContinuation(Span[Energy]):
     """The energy changes."""
 
     kind: Literal["energy"] = "energy"
     """Energy relative to static equilibrium."""
-    from_: Energy = Field(alias="from")
-    """First energy."""
-    to: Energy
-    """Last energy."""
-
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to)
 
 
-class FrequencyContinuation(Schema):
+class FrequencyContinuation(Span[Frequency]):
     """The frequency changes."""
 
     kind: Literal["frequency"] = "frequency"
     """Frequency of the motion."""
-    from_: Frequency = Field(alias="from")
-    """First frequency."""
-    to: Frequency
-    """Last frequency."""
-
-    def settle(self) -> None:
-        """Reject an empty range."""
-        _refuse_empty(self.from_, self.to)
 
 
-def _refuse_empty(first: float, last: float) -> None:
-    if first == last:
-        raise fail(f"= {last:g} equals the start of the continuation", "give a range", ("to",))
-
-
-ContinueIn = Annotated[
-    Annotated[StiffnessFactorContinuation, Tag("<stiffness_factor>")]
-    | Annotated[EnergyContinuation, Tag("<energy>")]
-    | Annotated[FrequencyContinuation, Tag("<frequency>")],
-    BY_KIND,
-]
+ContinueIn = Annotated[StiffnessFactorContinuation | EnergyContinuation | FrequencyContinuation, BY_KIND]
 
 
 _IN_FACTOR = {"multiple_scales": "expands in", "relaxed_minimisation": "takes its steps in"}

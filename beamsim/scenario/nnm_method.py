@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Tag
+from pydantic import BeforeValidator
 
-from beamsim.scenario.base import Schema, by_key, fail
+from beamsim.scenario.base import Schema, fail, word_or_kind
 from beamsim.scenario.quantities import Count, NotNegativeWhole, PositiveNumber
 
 MOST_STEPS = 10_000
@@ -85,21 +85,10 @@ def _renamed(value: Any) -> Any:
     return OLD_NAMES.get(value, value) if isinstance(value, str) else value
 
 
-def _choose(value: Any) -> str | None:
-    if isinstance(value, str):
-        return "<text>" if value in _SOLVERS else None
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    return f"<{kind}>" if isinstance(kind, str) and kind in _SOLVERS else None
-
-
 Method = Annotated[
-    Annotated[Literal["shooting", "full_period", "multiple_scales", "relaxed_minimisation"], Tag("<text>")]
-    | Annotated[ShootingMethod, Tag("<shooting>")]
-    | Annotated[FullPeriodMethod, Tag("<full_period>")]
-    | Annotated[ExpansionMethod, Tag("<multiple_scales>")]
-    | Annotated[RelaxedMinimisationMethod, Tag("<relaxed_minimisation>")],
-    by_key(
-        _choose,
+    Literal["shooting", "full_period", "multiple_scales", "relaxed_minimisation"] | Solver,
+    word_or_kind(
+        _SOLVERS,
         "is no method",
         "write shooting, full_period, multiple_scales or relaxed_minimisation, or a mapping such as "
         "{kind: relaxed_minimisation, steps: 75, tolerance: 1e-5}",

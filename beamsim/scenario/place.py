@@ -10,15 +10,13 @@ from beamsim.scenario.quantities import Force, MassNumber, Name, Position
 _REMEDY = "give position: 270 mm on a beam, or mass: 2 on a chain"
 
 
-class AtPlace(Schema):
-    """A point of a body."""
+class PointOfBody(Schema):
+    """A point of a body, by its position or the number of a mass."""
 
-    body: Name | None = None
-    """Name of the body; may be left out where there is only one."""
     position: Position | None = None
-    """Distance from the left end of a beam."""
+    """Distance from the left end of the beam."""
     mass: MassNumber | None = None
-    """Number of a mass of a chain, from 1."""
+    """Number of the mass of the chain, from 1."""
 
     def settle(self) -> None:
         """Demand exactly one point."""
@@ -26,6 +24,13 @@ class AtPlace(Schema):
             raise fail("names no place", _REMEDY)
         if self.position is not None and self.mass is not None:
             raise fail("and position exclude each other", "position belongs to a beam, mass to a chain", ("mass",))
+
+
+class AtPlace(PointOfBody):
+    """A point of a body."""
+
+    body: Name | None = None
+    """Name of the body; may be left out where there is only one."""
 
     @property
     def point(self) -> float:
@@ -46,26 +51,20 @@ def names_a_place(value: Any) -> bool:
     return isinstance(value, AtPlace) or (isinstance(value, dict) and any(key in value for key in AtPlace.keys()))  # noqa: SIM118
 
 
-class Sited(Schema):
+class Sited(PointOfBody):
     """Something at a place: ``at``, or its short form ``position`` or ``mass`` where there is one body."""
 
     at: AtPlace | None = None
     """The place: {body: panel, position: 270 mm} or {mass: 2}; the body may be left out where there is only one."""
-    position: Position | None = None
-    """Distance from the left end of the beam."""
-    mass: MassNumber | None = None
-    """Number of the mass of the chain, from 1."""
 
     def settle(self) -> None:
         """Demand exactly one place."""
-        if self.at is not None:
-            for key in ("position", "mass"):
-                if getattr(self, key) is not None:
-                    raise fail("and at exclude each other", "keep at: it names the place", (key,))
-        elif self.position is None and self.mass is None:
-            raise fail("names no place", _REMEDY)
-        elif self.position is not None and self.mass is not None:
-            raise fail("and position exclude each other", "position belongs to a beam, mass to a chain", ("mass",))
+        if self.at is None:
+            super().settle()
+            return
+        for key in ("position", "mass"):
+            if getattr(self, key) is not None:
+                raise fail("and at exclude each other", "keep at: it names the place", (key,))
 
     @property
     def place(self) -> AtPlace:

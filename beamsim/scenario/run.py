@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Tag
 
-from beamsim.scenario.base import Schema, by_key, fail
+from beamsim.scenario.base import Schema, Variants, fail
 from beamsim.scenario.place import PlacedForce
 from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration, Frequency, Modes, PositiveNumber
 
@@ -62,7 +62,7 @@ Start = Annotated[
     | Annotated[PolynomialStart, Tag("<polynomial>")]
     | Annotated[ModeStart, Tag("<mode>")]
     | Annotated[ReleasedForceStart, Tag("<released_force>")],
-    by_key(
+    Variants(
         _choose_start,
         "is not an initial state",
         "write static_equilibrium, rest, {displacement: [...], velocity: [...]}, {mode: 1, amplitude: 1 mm} "

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, by_key, fail
+from beamsim.scenario.base import BY_KIND, Schema, Variants, fail
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import (
     Dashpot,
     Gap,
     MassNumber,
     Name,
-    Position,
     PositiveForce,
     Ratio,
     Stiffness,
@@ -43,10 +42,7 @@ class SnubberViscousDamping(Schema):
     """Force per unit velocity while in contact."""
 
 
-SnubberDamping = Annotated[
-    Annotated[SnubberRatioDamping, Tag("<ratio>")] | Annotated[SnubberViscousDamping, Tag("<viscous>")],
-    BY_KIND,
-]
+SnubberDamping = Annotated[SnubberRatioDamping | SnubberViscousDamping, BY_KIND]
 
 
 class SnubberBase(Named):
@@ -95,29 +91,13 @@ class _Stop(SnubberBase):
     """Base: moves with the base excitation; ground: fixed."""
 
 
-class Snubber(_Stop):
+class Snubber(Sited, _Stop):
     """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
-
-    at: AtPlace | None = None
-    """The place: {body: panel, position: 270 mm}; the body may be left out where there is only one."""
-    position: Position | None = None
-    """Distance from the left end of the beam."""
-    mass: MassNumber | None = None
-    """Number of the mass of a chain, from 1."""
 
     def settle(self) -> None:
         """Demand exactly one place."""
-        given = [key for key in ("at", "position", "mass") if getattr(self, key) is not None]
-        if not given:
-            raise fail("is missing", "give for example position: 270 mm", ("position",))
-        if len(given) > 1:
-            raise fail(f"and {given[0]} exclude each other", "keep one of the two", (given[1],))
         super().settle()
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """The one place."""
-        return (self.at if self.at is not None else AtPlace(position=self.position, mass=self.mass),)
+        _Stop.settle(self)
 
 
 class BodySnubber(SnubberBase):
@@ -151,7 +131,7 @@ def choose_sites(value: Any) -> str:
 
 
 AnySnubber = Annotated[
-    Annotated[Snubber, Tag("<place>")] | Annotated[BodySnubber, Tag("<between>")], Discriminator(choose_sites)
+    Annotated[Snubber, Tag("<place>")] | Annotated[BodySnubber, Tag("<between>")], Variants(choose_sites)
 ]
 
 
@@ -206,7 +186,7 @@ def choose_place(value: Any) -> str | None:
 
 ChainSnubber = Annotated[
     Annotated[MassSnubber, Tag("<mass>")] | Annotated[LinkSnubber, Tag("<between>")],
-    by_key(
+    Variants(
         choose_place,
         "must name one mass or the two it acts between",
         "give mass: 1 with side: below or above, or between: [1, 2] with resists: approach or separation, not both",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_KIND, Schema, fail
@@ -150,15 +150,5 @@ class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, BetweenMasses):
     """A piecewise-linear spring between two masses."""
 
 
-GroundSpring = Annotated[
-    Annotated[LinearGroundSpring, Tag("<linear>")]
-    | Annotated[CubicGroundSpring, Tag("<cubic>")]
-    | Annotated[PiecewiseLinearGroundSpring, Tag("<piecewise_linear>")],
-    BY_KIND,
-]
-LinkSpring = Annotated[
-    Annotated[LinearLinkSpring, Tag("<linear>")]
-    | Annotated[CubicLinkSpring, Tag("<cubic>")]
-    | Annotated[PiecewiseLinearLinkSpring, Tag("<piecewise_linear>")],
-    BY_KIND,
-]
+GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_KIND]
+LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_KIND]

@@ -4,39 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Tag
+from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.base import BY_KIND, fail
 from beamsim.scenario.continuation import Continuation, refuse_empty_levels
 from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
 from beamsim.scenario.quantities import Count, Frequency, Level, LevelValue, PositiveNumber, SteppedCount, SweepRate
+from beamsim.scenario.ranges import FrequencyRange
 
 HIGHEST_ORDER = 64
 
 
-class _FrequencyRange(Schema):
-    """Common part of all sweeps in frequency."""
+class _UpAndDown(FrequencyRange):
+    """Common part of sweeps with a direction."""
 
-    from_: Frequency = Field(alias="from")
-    """First frequency."""
-    to: Frequency
-    """Last frequency."""
     levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
     """Levels, with one sweep for each; by default the level of the excitation."""
-
-    def settle(self) -> None:
-        """Reject an empty range, and an empty list of levels."""
-        refuse_empty_levels(self)
-        if self.from_ == self.to:
-            raise fail(f"= {self.to:g} Hz equals the start of the sweep", "give a range, from 20 Hz to 400 Hz", ("to",))
-
-    def plain_levels(self) -> Self:
-        """The same without what the units of the levels said."""
-        return self.model_copy(update={"levels": tuple(float(level) for level in self.levels)})
-
-
-class _UpAndDown(_FrequencyRange):
-    """Common part of sweeps with a direction."""
 
     direction: Literal["up", "down", "both"] = "up"
     """Up, down, or up and then down."""
@@ -47,6 +30,7 @@ class _UpAndDown(_FrequencyRange):
 
     def settle(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""
+        refuse_empty_levels(self)
         super().settle()
         if self.from_ > self.to:
             raise fail(
@@ -64,6 +48,10 @@ class _UpAndDown(_FrequencyRange):
                     ("orders", index),
                 )
         self.resolve("orders", tuple(sorted({float(Fraction(o).limit_denominator(12)) for o in self.orders})))
+
+    def plain_levels(self) -> Self:
+        """The same without what the units of the levels said."""
+        return self.model_copy(update={"levels": tuple(float(level) for level in self.levels)})
 
 
 class SweptSine(_UpAndDown):
@@ -118,9 +106,4 @@ class SteppedSine(_UpAndDown):
     """Smallest number of cycles measured after the motion is steady."""
 
 
-Sweep = Annotated[
-    Annotated[SweptSine, Tag("<swept_sine>")]
-    | Annotated[SteppedSine, Tag("<stepped>")]
-    | Annotated[Continuation, Tag("<continuation>")],
-    BY_KIND,
-]
+Sweep = Annotated[SweptSine | SteppedSine | Continuation, BY_KIND]

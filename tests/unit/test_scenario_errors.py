@@ -265,7 +265,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ),
         ("identify_stiffness={snubber: tip, measured_with: [3], fit_to: [1, 1]}", "fit_to[1] = 1 is listed twice"),
         ("nnm={mode: 1, energy: 1 J, continue_in: {kind: energy, from: 1, to: 2}}", "nnm.energy cannot be held"),
-        ("nnm={mode: 1, continue_in: {kind: frequency, from: 1, to: 1}}", "nnm.continue_in.to = 1 equals the start"),
+        ("nnm={mode: 1, continue_in: {kind: frequency, from: 1, to: 1}}", "nnm.continue_in.to = 1 Hz equals the start"),
     ],
 )
 def test_on_a_beam(override, says):
