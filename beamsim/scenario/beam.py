@@ -136,11 +136,18 @@ class BeamBody(Body):
 
     body_kind: ClassVar[str] = "beam"
 
+    length: Length
+    """Length."""
+    elements: Elements = 20
+    """Number of finite elements (cubic Hermite), before nodes are added at point masses."""
+    supports: Supports = Supports()
+    """How the two ends are held; clamped and free by default."""
+    damping: BeamDamping = ModalDamping()
+    """Damping; none by default."""
+    point_masses: tuple[PointMass, ...] = ()
+    """Lumped masses."""
+
     if TYPE_CHECKING:
-        length: float
-        elements: int
-        supports: Supports
-        point_masses: tuple[PointMass, ...]
 
         @property
         def bending_stiffness(self) -> float:
@@ -150,9 +157,10 @@ class BeamBody(Body):
         def mass_per_length(self) -> float:
             """Mass per length, kg/m."""
 
-        @property
-        def stress_per_moment(self) -> float | None:
-            """Stress at the extreme fibre for a unit moment, Pa per N m; None where that is unknown."""
+    @property
+    def stress_per_moment(self) -> float | None:
+        """Stress at the extreme fibre for a unit moment, Pa per N m; None where that is unknown."""
+        raise NotImplementedError
 
     @property
     def gives_stress(self) -> bool:
@@ -219,12 +227,8 @@ class BeamBody(Body):
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Why no snubber can move to a position of the beam."""
-        if position > self.length * (1 + 1e-12):
-            yield Problem(
-                path_text(at),
-                f"= {position:g} m lies beyond {path_text((*where, 'length'))} = {self.length:g} m",
-                f"positions run from 0 to {self.length:g} m, from the left end",
-            )
+        if self.on_the_body(position) > self.length:
+            yield from self.position_problems(where, at, position, "")
         if (held := self.held_end(position)) is not None:
             yield Problem(
                 path_text(at),
@@ -279,8 +283,6 @@ def _distinct(a: float, b: float) -> tuple[str, str]:
 class Beam(BeamBody):
     """A uniform Euler-Bernoulli beam along x from 0 (left) to `length` (right)."""
 
-    length: Length
-    """Length."""
     width: Length | None = None
     """Width of a rectangular section (across the motion)."""
     thickness: Length | None = None
@@ -291,14 +293,6 @@ class Beam(BeamBody):
     """Young's modulus."""
     density: Density
     """Density."""
-    elements: Elements = 20
-    """Number of finite elements (cubic Hermite), before nodes are added at point masses."""
-    supports: Supports = Supports()
-    """How the two ends are held; clamped and free by default."""
-    damping: BeamDamping = ModalDamping()
-    """Damping; none by default."""
-    point_masses: tuple[PointMass, ...] = ()
-    """Lumped masses."""
 
     def settle(self) -> None:
         """Reject a section that is missing or given twice."""
@@ -376,8 +370,6 @@ class Beam(BeamBody):
 class StiffnessBeam(BeamBody):
     """A uniform beam by its bending stiffness and mass per length, such as a sandwich panel."""
 
-    length: Length
-    """Length."""
     bending_stiffness: BendingStiffness
     """Bending stiffness E I."""
     mass_per_length: MassPerLength
@@ -386,14 +378,6 @@ class StiffnessBeam(BeamBody):
     """Distance of the outermost fibre from the neutral axis, for the bending stress."""
     youngs_modulus: Modulus | None = None
     """Young's modulus of the outermost fibre, for the bending stress: a strain alone gives none."""
-    elements: Elements = 20
-    """Number of finite elements (cubic Hermite), before nodes are added at point masses."""
-    supports: Supports = Supports()
-    """How the two ends are held; clamped and free by default."""
-    damping: BeamDamping = ModalDamping()
-    """Damping; none by default."""
-    point_masses: tuple[PointMass, ...] = ()
-    """Lumped masses."""
 
     @property
     def stress_per_moment(self) -> float | None:

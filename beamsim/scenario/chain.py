@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, fail, known, path_text
+from beamsim.scenario.base import Path, counted, fail, known, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.names import named
@@ -50,13 +50,13 @@ class Chain(Body):
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots)
         if springs not in (masses, masses + 1):
             raise fail(
-                f"has {springs} {'value' if springs == 1 else 'values'} for {masses} masses",
+                f"has {counted(springs, 'value')} for {counted(masses, 'mass', 'masses')}",
                 f"give {masses + 1} (wall to 1, 1 to 2, ... {masses} to wall), or {masses} if the last mass is free",
                 ("springs",),
             )
         if dashpots not in (0, springs):
             raise fail(
-                f"has {dashpots} {'value' if dashpots == 1 else 'values'} for {springs} springs",
+                f"has {counted(dashpots, 'value')} for {counted(springs, 'spring')}",
                 f"give {springs}, one beside each spring, or leave it out",
                 ("dashpots",),
             )
@@ -119,10 +119,8 @@ class Chain(Body):
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Not one number a mass."""
         if numbers and len(numbers) != self.count:
-            given = f"{len(numbers)} {'number' if len(numbers) == 1 else 'numbers'}"
-            yield Problem(
-                path_text(at), f"has {given} for {self.count} masses", "give one number per mass, or leave it out"
-            )
+            given = f"has {counted(len(numbers), 'number')} for {counted(self.count, 'mass', 'masses')}"
+            yield Problem(path_text(at), given, "give one number per mass, or leave it out")
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
         """The factor multiplies changes of slope; no slope of a softening spring may become negative."""

@@ -7,23 +7,21 @@ Every check yields the problems it finds. A check that meets a value that is its
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from typing import Any, Protocol
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, walk
+from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, suggestion, walk
 from beamsim.scenario.body import Body
 from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.continuation_checks import continuation_problems
 from beamsim.scenario.designs import Vary, design_problems
-from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.excitation import Harmonic, level_problems
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.identification_checks import identification_problems
 from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
 from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
-from beamsim.scenario.quantities import LevelValue
 from beamsim.scenario.run import ModeStart, PolynomialStart, Run
 from beamsim.scenario.sweep import Sweep, SweptSine
 from beamsim.scenario.whole import ScenarioParts
@@ -37,10 +35,16 @@ Found = Iterator[Problem]
 class _Checked(ScenarioParts, Protocol):
     """A scenario with all its sections."""
 
+    bodies: dict[str, Any]
+    run: Run | None
+    sweep: Sweep | None
+    identify_stiffness: IdentifyStiffness | None
+    nnm: NonlinearMode | None
+    vary: Vary | None
+    limits: Limits | None
+
     @property
     def whole(self) -> Schema: ...
-    @property
-    def bodies(self) -> dict[str, Any]: ...
     @property
     def beam(self) -> Body | None: ...
     @property
@@ -49,18 +53,6 @@ class _Checked(ScenarioParts, Protocol):
     def snubbers(self) -> tuple[Any, ...]: ...
     @property
     def probes(self) -> tuple[Probe, ...]: ...
-    @property
-    def run(self) -> Run | None: ...
-    @property
-    def sweep(self) -> Sweep | None: ...
-    @property
-    def identify_stiffness(self) -> IdentifyStiffness | None: ...
-    @property
-    def nnm(self) -> NonlinearMode | None: ...
-    @property
-    def vary(self) -> Vary | None: ...
-    @property
-    def limits(self) -> Limits | None: ...
 
 
 def problems(scenario: _Checked) -> list[Problem]:
@@ -117,8 +109,7 @@ def _place(scenario: _Checked, path: Path, part: Schema) -> Found:
     if place.body is not None:
         name = place.body
         if name not in scenario.all_bodies:
-            close = get_close_matches(name, scenario.all_bodies, n=1)
-            known = f"did you mean {close[0]}?" if close else f"the bodies are {', '.join(scenario.all_bodies)}"
+            known = suggestion(name, scenario.all_bodies, "the bodies are")
             yield _problem((*path, "body"), f"= {name} is an unknown body", known)
             return
     elif not name:
@@ -260,13 +251,7 @@ def _sweep(scenario: _Checked) -> Found:
         )
         return
     for index, level in enumerate(sweep.levels):
-        meant = level.quantity if isinstance(level, LevelValue) else None
-        if meant not in (None, excitation.quantity):
-            yield _problem(
-                ("sweep", "levels", index),
-                f"is given in a unit of {meant}, and the excitation's level is of {excitation.quantity}",
-                "give the levels of the sweep in the unit of excitation.level",
-            )
+        yield from level_problems(excitation, ("sweep", "levels", index), level)
     if isinstance(sweep, Continuation):
         yield from continuation_problems(scenario, sweep)
     if isinstance(sweep, SweptSine):
@@ -286,11 +271,8 @@ def _identification(scenario: _Checked) -> Found:
         return
     names = [snubber.name for snubber in scenario.all_snubbers]
     if section.snubber not in names:
-        at, close = ("identify_stiffness", "snubber"), get_close_matches(section.snubber, names, n=1)
-        known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
-        yield _problem(
-            at, f"= {section.snubber} is not the name of a snubber", known if names else "give the snubber in snubbers"
-        )
+        known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
+        yield _problem(("identify_stiffness", "snubber"), f"= {section.snubber} is not the name of a snubber", known)
     yield from identification_problems(scenario, scenario.whole, section)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from beamsim.errors import Problem
+from beamsim.scenario.base import suggestion
 from beamsim.scenario.continuation import Continuation, HarmonicBalance, LevelPath, PositionPath, SnubberPath
-from beamsim.scenario.quantities import LevelValue
+from beamsim.scenario.excitation import level_problems
 from beamsim.scenario.tree import path_parts
 
 if TYPE_CHECKING:
@@ -18,19 +18,11 @@ if TYPE_CHECKING:
 
 def continuation_problems(scenario: ScenarioParts, sweep: Continuation) -> Iterator[Problem]:
     """Inconsistencies between a continuation and its structure and excitation."""
-    excitation = scenario.excitation
     given: list[tuple[str, Any]] = [("follow_folds_in", sweep.follow_folds_in), ("continue_in", sweep.continue_in)]
     for key, path in given:
         if isinstance(path, LevelPath):
             for name, level in (("from", path.from_), ("to", path.to)):
-                meant = level.quantity if isinstance(level, LevelValue) else None
-                quantity = getattr(excitation, "quantity", None)
-                if meant not in (None, quantity):
-                    yield Problem(
-                        f"sweep.{key}.{name}",
-                        f"is given in a unit of {meant}, and the excitation's level is of {quantity}",
-                        "give it in the unit of excitation.level",
-                    )
+                yield from level_problems(scenario.excitation, ("sweep", key, name), level)
         if isinstance(path, SnubberPath):
             yield from _snubber_problems(scenario, f"sweep.{key}", path)
     second = sweep.follow_folds_in
@@ -79,8 +71,7 @@ def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Iterator[P
         if path.snubber is None:
             yield Problem(f"{at}.snubber", "is missing", f"there are several: choose one of {', '.join(names)}")
             return
-        close = get_close_matches(path.snubber, names, n=1)
-        known = f"did you mean {close[0]}?" if close else f"the snubbers are {', '.join(names)}"
+        known = suggestion(path.snubber, names, "the snubbers are")
         yield Problem(f"{at}.snubber", f"= {path.snubber} is not the name of a snubber", known)
         return
     preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]

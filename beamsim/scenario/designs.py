@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
@@ -57,56 +57,57 @@ class ListedParameter(_Parameter):
     """The values, with or without unit; or choices, such as supports."""
 
 
-class RangedParameter(_Parameter):
-    """Evenly spaced values of a range."""
+class _Ranged(_Parameter):
+    """A parameter with a range."""
 
     from_: AnyValue = Field(alias="from")
     """First value."""
     to: AnyValue
     """Last value."""
-    points: SteppedCount
-    """Number of values."""
     spacing: Spacing = "linear"
-    """How the values are spaced."""
+    """Whether the values or their logarithms are evenly spaced, or sampled uniformly."""
 
 
-class TolerancedParameter(_Parameter):
-    """The value in the scenario and its tolerance."""
+class _Toleranced(_Parameter):
+    """A parameter with a tolerance about its value in the scenario."""
 
     tolerance: AnyValue
     """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
+
+
+class RangedParameter(_Ranged):
+    """Evenly spaced values of a range."""
+
+    points: SteppedCount
+    """Number of values."""
+
+
+class TolerancedParameter(_Toleranced):
+    """The value in the scenario and its tolerance."""
+
     points: SteppedCount = 3
     """Number of values from the lowest to the highest."""
 
 
-class SampledRange(_Parameter):
+class SampledRange(_Ranged):
     """Any value of a range."""
 
-    from_: AnyValue = Field(alias="from")
-    """Lowest value."""
-    to: AnyValue
-    """Highest value."""
-    spacing: Spacing = "linear"
-    """Whether the values or their logarithms are uniformly distributed."""
 
-
-class SampledTolerance(_Parameter):
+class SampledTolerance(_Toleranced):
     """Any value within the tolerance about the value in the scenario."""
 
-    tolerance: AnyValue
-    """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
     distribution: Literal["uniform", "normal"] = "uniform"
     """Uniform within the tolerance; or normal, truncated at the tolerance of three standard deviations."""
 
 
-def _choose_listed(value: Any) -> str | None:
-    keys = value if isinstance(value, dict) else type(value).keys() if isinstance(value, _Parameter) else ()
-    return next((f"<{key}>" for key in ("values", "tolerance", "from") if key in keys), None)
+def _by_keys(*keys: str) -> Callable[[Any], str | None]:
+    """Tells members of a union apart by the first of the keys that they have."""
 
+    def choose(value: Any) -> str | None:
+        given = value if isinstance(value, dict) else type(value).keys() if isinstance(value, _Parameter) else ()
+        return next((f"<{key}>" for key in keys if key in given), None)
 
-def _choose_sampled(value: Any) -> str | None:
-    keys = value if isinstance(value, dict) else type(value).keys() if isinstance(value, _Parameter) else ()
-    return next((f"<{key}>" for key in ("tolerance", "from") if key in keys), None)
+    return choose
 
 
 AnyParameter = Annotated[
@@ -114,14 +115,16 @@ AnyParameter = Annotated[
     | Annotated[RangedParameter, Tag("<from>")]
     | Annotated[TolerancedParameter, Tag("<tolerance>")],
     Variants(
-        _choose_listed,
+        _by_keys("values", "tolerance", "from"),
         "names no values",
         "give path with values: [...], with from, to and points, or with a tolerance",
     ),
 ]
 SampledParameter = Annotated[
     Annotated[SampledRange, Tag("<from>")] | Annotated[SampledTolerance, Tag("<tolerance>")],
-    Variants(_choose_sampled, "names no range to sample", "give path with from and to, or with a tolerance"),
+    Variants(
+        _by_keys("tolerance", "from"), "names no range to sample", "give path with from and to, or with a tolerance"
+    ),
 ]
 
 

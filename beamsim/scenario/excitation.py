@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.errors import Problem
+from beamsim.scenario.base import BY_KIND, Path, Schema, fail, path_text
 from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
 from beamsim.scenario.driven import Driven
-from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, Time
+from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, LevelValue, Time
 
 
 class NoExcitation(Schema):
@@ -144,3 +146,14 @@ class HalfSine(Driven):
 Excitation = Annotated[
     NoExcitation | Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput, BY_KIND
 ]
+
+
+def level_problems(excitation: Excitation, path: Path, level: float | None) -> Iterator[Problem]:
+    """A level elsewhere in the scenario in a unit of another quantity than the excitation's."""
+    quantity = getattr(excitation, "quantity", None)
+    if isinstance(level, LevelValue) and level.quantity not in (None, quantity):
+        yield Problem(
+            path_text(path),
+            f"is given in a unit of {level.quantity}, and the excitation's level is of {quantity}",
+            "give it in the unit of excitation.level",
+        )

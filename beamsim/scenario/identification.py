@@ -8,7 +8,7 @@ from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from beamsim.scenario.base import Schema, fail
+from beamsim.scenario.base import Schema, counted, fail
 from beamsim.scenario.damping import Ratios
 from beamsim.scenario.quantities import (
     Area,
@@ -74,7 +74,7 @@ class SoughtParameter(Schema):
         """Reject one bound, or three."""
         if self.bounds and len(self.bounds) != 2:
             raise fail(
-                f"has {len(self.bounds)} value{'' if len(self.bounds) == 1 else 's'}",
+                f"has {counted(len(self.bounds), 'value')}",
                 "give the lowest and the highest, [60 GPa, 75 GPa]",
                 ("bounds",),
             )
@@ -218,10 +218,9 @@ class IdentifyStiffness(Schema):
                 ("uncertainty",),
             )
         if self.update and len(free) > len(self.measured_without):
-            count = len(self.measured_without)
+            given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
             raise fail(
-                f"asks for {len(free)} unknowns without prior from {count} measured "
-                f"frequenc{'y' if count == 1 else 'ies'}",
+                f"asks for {len(free)} unknowns without prior from {given}",
                 "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
                 ("update",),
             )
@@ -250,7 +249,7 @@ class IdentifyStiffness(Schema):
         for index, mode in enumerate(self.fit_to):
             if mode > count:
                 raise fail(
-                    f"= {mode}, but measured_with has {count} frequenc{'y' if count == 1 else 'ies'}",
+                    f"= {mode}, but measured_with has {counted(count, 'frequency', 'frequencies')}",
                     "list only modes that were measured",
                     ("fit_to", index),
                 )

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import path_text
-from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.excitation import Harmonic, level_problems
 
 if TYPE_CHECKING:
     from beamsim.scenario.base import Schema
@@ -48,13 +48,8 @@ def identification_problems(scenario: ScenarioParts, schema: Schema, section: Id
             yield Problem(
                 f"{at}.probe", f"= {test.probe} is not the name of a probe", f"the probes are {', '.join(names)}"
             )
-        meant = getattr(test.level, "quantity", None)
-        if meant is not None and isinstance(scenario.excitation, Harmonic) and meant != scenario.excitation.quantity:
-            yield Problem(
-                f"{at}.level",
-                f"is given in a unit of {meant}, and the excitation's level is of {scenario.excitation.quantity}",
-                "give it in the unit of excitation.level",
-            )
+        if isinstance(scenario.excitation, Harmonic):
+            yield from level_problems(scenario.excitation, (_TOP, "nonlinear", "tests", index, "level"), test.level)
 
 
 def _numbers(scenario: Schema, path: str, at: Path) -> Iterator[Problem]:

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any, TypeVar
 
-from beamsim.scenario.base import Schema, fail, path_text
+from beamsim.scenario.base import Schema, counted, fail, path_text, suggestion
 from beamsim.scenario.quantities import FieldType
 
 Path = tuple[str | int, ...]
@@ -132,7 +131,7 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
             return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path, leaves)]
         if isinstance(part, int):
             if part >= len(value):
-                count = f"{len(value)} item{'' if len(value) == 1 else 's'}"
+                count = counted(len(value), "item")
                 raise fail(f"= {path} does not exist: {path_text(walked)} has {count}", "items are numbered from 0")
             return _walk(value[part], rest, (*walked, part), path, leaves)
         names = [getattr(item, "name", None) for item in value]
@@ -149,10 +148,8 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
         raise fail(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
     keys = type(value).keys()
     if part not in keys:
-        close = get_close_matches(part, list(keys), n=1)
-        remedy = f"did you mean {close[0]}?" if close else f"its keys are {', '.join(keys)}"
         where = path_text(walked) or "the scenario"
-        raise fail(f"= {path} does not exist: {where} has no {part}", remedy)
+        raise fail(f"= {path} does not exist: {where} has no {part}", suggestion(part, keys, "its keys are"))
     inner = getattr(value, keys[part])
     if inner is None:
         raise fail(

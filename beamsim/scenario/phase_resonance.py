@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Schema, fail, path_text
-from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.quantities import Count, Level, LevelValue, Ratio
+from beamsim.scenario.excitation import Harmonic, level_problems
+from beamsim.scenario.quantities import Count, Level, Ratio
 from beamsim.scenario.spring import OnMass
 
 if TYPE_CHECKING:
@@ -57,13 +57,7 @@ def phase_resonance_problems(scenario: ScenarioParts, section: PhaseResonance, m
         )
         return
     for index, level in enumerate(section.levels):
-        meant = level.quantity if isinstance(level, LevelValue) else None
-        if meant not in (None, excitation.quantity):
-            yield Problem(
-                f"nnm.phase_resonance.levels[{index}]",
-                f"is given in a unit of {meant}, and the excitation's level is of {excitation.quantity}",
-                "give the levels in the unit of excitation.level",
-            )
+        yield from level_problems(excitation, ("nnm", "phase_resonance", "levels", index), level)
     if not section.levels and not excitation.level > 0:
         yield Problem("excitation.level", "is zero and sustains no motion", "give nnm.phase_resonance.levels")
     if excitation.on_base:

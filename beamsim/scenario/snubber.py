@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, Variants, fail
+from beamsim.scenario.base import BY_KIND, Schema, Variants, counted, fail
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import (
@@ -111,9 +111,8 @@ class BodySnubber(SnubberBase):
     def settle(self) -> None:
         """Demand two different places."""
         if len(self.between) != 2:
-            given = f"{len(self.between)} place{'' if len(self.between) == 1 else 's'}"
             remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
-            raise fail(f"names {given}", remedy, ("between",))
+            raise fail(f"names {counted(len(self.between), 'place')}", remedy, ("between",))
         if self.between[0] == self.between[1]:
             raise fail("joins a place to itself", "name two different places", ("between",))
         super().settle()

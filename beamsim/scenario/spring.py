@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_KIND, Schema, fail
+from beamsim.scenario.base import BY_KIND, Schema, counted, fail
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
@@ -22,8 +22,11 @@ Pair = Annotated[tuple[MassNumber, ...], Field(json_schema_extra={"minItems": 2,
 def check_pair(masses: tuple[int, ...], key: str) -> None:
     """Reject anything but two different masses."""
     if len(masses) != 2:
-        given = f"{len(masses)} mass{'' if len(masses) == 1 else 'es'}"
-        raise fail(f"names {given}", "give the two masses that it joins, for example [1, 2]", (key,))
+        raise fail(
+            f"names {counted(len(masses), 'mass', 'masses')}",
+            "give the two masses that it joins, for example [1, 2]",
+            (key,),
+        )
     if masses[0] == masses[1]:
         raise fail(f"= [{masses[0]}, {masses[1]}] connects a mass to itself", "give two different masses", (key,))
 
@@ -99,8 +102,7 @@ class PiecewiseLinearSpring(Schema):
             raise fail("is an empty list", "give at least one value, or use kind: linear", ("breakpoints",))
         if slopes != bends + 1:
             raise fail(
-                f"has {slopes} {'value' if slopes == 1 else 'values'} for {bends} "
-                f"{'breakpoint' if bends == 1 else 'breakpoints'}",
+                f"has {counted(slopes, 'value')} for {counted(bends, 'breakpoint')}",
                 f"give {bends + 1} slopes: below the first breakpoint, between neighbours, above the last",
                 ("stiffnesses",),
             )

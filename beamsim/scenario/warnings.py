@@ -20,14 +20,10 @@ MANY_SAMPLES = 5_000_000
 class _Doubted(ScenarioParts, Protocol):
     """What doubts need of a scenario beside its bodies."""
 
-    @property
-    def run(self) -> Run | None: ...
-    @property
-    def reduction(self) -> Reduction | None: ...
-    @property
-    def constant_forces(self) -> tuple[ConstantForce, ...]: ...
-    @property
-    def probes(self) -> tuple[Probe, ...]: ...
+    run: Run | None
+    reduction: Reduction | None
+    constant_forces: tuple[ConstantForce, ...]
+    probes: tuple[Probe, ...]
 
 
 def doubts(scenario: _Doubted) -> Iterator[str]:

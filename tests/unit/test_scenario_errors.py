@@ -81,7 +81,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         # keys
         ("beam.thicknes=4 mm", "beam.thicknes is not a known key; did you mean thickness?"),
         ("beam.e_modulus=1", "beam.e_modulus is not a known key; did you mean youngs_modulus?"),
-        ("beam.colour=1", "beam.colour is not a known key; known keys: length, width"),
+        ("beam.colour=1", "beam.colour is not a known key; known keys: length, elements"),
         ("beam.thickness_mm=1", "beam.thickness_mm is not a known key; did you mean thickness?"),
         ("beam.Length=1", "beam.Length is not a known key; did you mean length?"),
         ("beam.damping.ration=1", "did you mean ratio?"),
@@ -136,7 +136,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("excitation.frequency=2 oct/min", "excitation.frequency = 2 oct/min is a sweep rate"),
         ("excitation.frequency=0", "excitation.frequency = 0 must be positive"),
         # shapes
-        ("beam=5", "beam = 5 must be a mapping; its keys are length, width"),
+        ("beam=5", "beam = 5 must be a mapping; its keys are length, elements"),
         ("beam=[1]", "beam = [1] must be a mapping"),
         ("snubbers=5", "snubbers = 5 must be a list"),
         ("snubbers={position: 1}", "must be a list"),
