@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,6 +36,7 @@ class FabricatedScenario:
     """What a result needs of a scenario, without the scenario layer."""
 
     title: str = "Fabricated, 65 Hz"
+    bodies_of_places: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def to_yaml(self) -> str:
         return YAML

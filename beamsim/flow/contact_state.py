@@ -275,7 +275,15 @@ def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: In
         basis[np.ix_(rigid, rigid)] = turned.T
         basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
     held = basis[:, free:]
-    omega2, psi = np.linalg.eigh(held.T @ stiffness @ held)
+    if np.any(row[acting, 0] < 0.0) or np.any(system.stiffness < 0.0):
+        omega2, psi = np.linalg.eigh(held.T @ stiffness @ held)
+    else:
+        # of a factor of the stiffness: eigenvalues would have errors that the highest frequency makes in the lowest
+        springs = np.sqrt(row[acting, :1]) * system.contacts.shape[acting]
+        _, omega, turned = np.linalg.svd(
+            np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held, full_matrices=False
+        )
+        omega2, psi = omega[::-1] ** 2, turned[::-1].T
     return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), np.hstack([basis[:, :free], held @ psi])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult
-from beamsim.analyses.response.result import FrequencyResponse
-from beamsim.plots.branches import MARKS, figure_of, mark_special, plot_branch
+from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
+from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for
 from beamsim.typing import Floats
@@ -24,24 +24,15 @@ LEGEND_WIDTH = 84  # characters
 MANY = 80  # special points, from which their marks are small
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
 STRETCHES = 400  # of frequency, over which a sweep's cycles are drawn as one point
-_OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves they lie under
+_OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves above them
 _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": "Position"}
 
 
 def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
     """Peak displacement: stable full, unstable dashed, special points marked, sweeps drawn under the curve."""
-    laid = [o for o in result.overlay.values() if probe in o.displacement]
-    scale = scale_for(
-        "m", *(b.peak_displacement[probe] for b in result.branches), *(o.displacement[probe].peak for o in laid)
-    )
-    for k, o in enumerate(laid):
-        f, peak = _envelope(o.frequency_hz, o.displacement[probe].peak)
-        named = f"{'swept' if o.steady is None else 'stepped'} {o.direction}"
-        label = f"{named}, {_level(result, o.level)}" if _levels(result) or len(laid) > 2 else named
-        line: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 4} if o.steady is not None else {}
-        ax.plot(
-            f, peak * scale.factor, color=_OVERLAID[k % len(_OVERLAID)], linewidth=2.2, label=label, zorder=1, **line
-        )
+    overlaid = [(o, o.displacement[probe].peak) for o in result.overlay.values() if probe in o.displacement]
+    scale = scale_for("m", *(b.peak_displacement[probe] for b in result.branches), *(peak for _, peak in overlaid))
+    _overlay(result, ax, overlaid, scale)
     _curves(result, ax, lambda b: b.peak_displacement[probe], scale)
     finish(ax, _axis(result), f"Peak displacement of {probe} ({scale.unit})")
     _legend(ax)
@@ -50,20 +41,29 @@ def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes
 
 def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
     """Peak contact force, as :func:`plot_response_curve`."""
-    laid = [o for o in result.overlay.values() if snubber in o.force]
     scale = scale_for("N", *(b.peak_force[snubber] for b in result.branches))
-    for k, o in enumerate(laid):
-        f, peak = _envelope(o.frequency_hz, o.force[snubber].peak)
-        named = f"{'swept' if o.steady is None else 'stepped'} {o.direction}"
-        ax.plot(f, peak * scale.factor, color=_OVERLAID[k % len(_OVERLAID)], linewidth=2.2, label=named, zorder=1)
+    _overlay(result, ax, [(o, o.force[snubber].peak) for o in result.overlay.values() if snubber in o.force], scale)
     _curves(result, ax, lambda b: b.peak_force[snubber], scale, logarithmic=False)
     finish(ax, _axis(result), f"Peak contact force of {snubber} ({scale.unit})")
     _legend(ax)
     return ax
 
 
+def _overlay(result: FrequencyResponse, ax: Axes, curves: Sequence[tuple[OverlayCurve, Floats]], scale: Scale) -> None:
+    """Swept sines as lines, stepped ones as dots, under the curves."""
+    for k, (curve, values) in enumerate(curves):
+        f, peak = _envelope(curve.frequency_hz, values)
+        label = f"{'swept' if curve.steady is None else 'stepped'} {curve.direction}"
+        if _levels(result) or len(curves) > 2:
+            label += f", {_level(result, curve.level)}"
+        line: dict[str, Any] = {"linewidth": 2.2} if curve.steady is None else {"linestyle": "none", "marker": "."}
+        ax.plot(
+            f, peak * scale.factor, color=_OVERLAID[k % len(_OVERLAID)], label=label, markersize=4, zorder=1, **line
+        )
+
+
 def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
-    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; the mean is order 0."""
+    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean."""
     first = result.branches[0]
     alike = [b for b in result.branches if b.period_multiple == 1 and _same(b.level, first.level)]
     values = [np.abs(b.harmonics[probe]) for b in alike]
@@ -75,8 +75,9 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
         for k, (branch, amplitude) in enumerate(zip(alike, values, strict=True)):
             y = amplitude[:, order] * scale.factor
             at = branch.parameter * x.factor
-            label = f"order {order}" if k == 0 else None
+            label = None if k else f"order {order}" if order else "mean"
             plot_branch(ax, at, y, branch.stable, color=style["color"], width=1.3, label=label)
+    _explain_dashes(ax, alike)
     if top > 0:
         ax.set_yscale("log")
         ax.set_ylim(1e-4 * top * scale.factor, 2.0 * top * scale.factor)
@@ -157,6 +158,7 @@ def _curves(result: FrequencyResponse, ax: Axes, values: Any, scale: Scale, *, l
         shown = None if label in named else label
         named.add(label)
         plot_branch(ax, at, y, branch.stable, color=style["color"], width=width, label=shown, zorder=3)
+    _explain_dashes(ax, result.branches)
     count = sum(len(b.special) for b in result.branches if b.period_multiple == 1)
     for kind in MARKS:
         places = [(a * x.factor, y * scale.factor) for a, y in _marked(result, kind, values)]
@@ -172,6 +174,11 @@ def _curves(result: FrequencyResponse, ax: Axes, values: Any, scale: Scale, *, l
         _plain_numbers(ax.yaxis)
     else:
         ax.set_ylim(bottom=0.0)
+
+
+def _explain_dashes(ax: Axes, branches: Iterable[BranchResult]) -> None:
+    if not all(branch.stable.all() for branch in branches):
+        explain_dashes(ax)
 
 
 def _marked(result: FrequencyResponse, kind: str, values: Any) -> Iterator[tuple[float, float]]:

@@ -199,6 +199,18 @@ class Scenario(Schema):
         )
 
     @property
+    def bodies_of_places(self) -> dict[str, dict[str, str]]:
+        """Of ``probes`` and ``snubbers``, by name, the body (two with a comma); empty where there is one body."""
+        if len(self.all_bodies) < 2:
+            return {}
+        probes = {probe.name: (probe.place.body,) for probe in self.effective_probes}
+        snubbers = {s.name: (place.body or body for place in s.places) for _, body, s in self.located_snubbers}
+        return {
+            folder: {name: ", ".join(filter(None, bodies)) for name, bodies in items.items()}
+            for folder, items in (("probes", probes), ("snubbers", snubbers))
+        }
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
         return tuple(doubts(self))

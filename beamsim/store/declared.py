@@ -68,7 +68,7 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
                 owner.attrs.update(_attributes(member, declared, value))
         case PerName(folder=folder, values=declared):
             for index, (name, item) in enumerate(value.items()):
-                own = _labelled(group, folder, name, index)
+                own = _labelled(group, folder, name, index, names)
                 if np.ndim(item):
                     _write_array(group, own, declared.name or member.name, declared, item, names)
                 else:
@@ -86,7 +86,7 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
 def _write_members(group: h5py.Group, declared: Members, value: Any, names: Sequence[Any]) -> None:
     for index, (key, item) in enumerate(_items(value)):
         if declared.labelled:
-            own = _labelled(group, declared.folder, key, index)
+            own = _labelled(group, declared.folder, key, index, names)
         else:
             link = declared.pattern.format(key if key is not None else declared.start + index)
             parts = declared.parts(item) if declared.parts else (link,)
@@ -126,13 +126,17 @@ def _key_field(cls: type) -> str:
     return next((m.name for m in members_of(cls) if isinstance(m.declaration, Key)), "")
 
 
-def _labelled(group: h5py.Group, folder: str, name: str, index: int) -> h5py.Group:
-    """The group ``<folder>/<name>`` with its attributes, made if it is missing."""
+def _labelled(group: h5py.Group, folder: str, name: str, index: int, names: Sequence[Any]) -> h5py.Group:
+    """The group ``<folder>/<name>`` with its attributes; of several bodies, the one it is on."""
     path = f"{folder}/{group_name(name)}" if folder else group_name(name)
     if path in group:
         return group[path]
     own = group.create_group(path)
     own.attrs.update({"name": name, "index": index})
+    scenario = getattr(names[-1], "scenario", None)
+    body = scenario.bodies_of_places.get(folder, {}).get(name) if scenario else None
+    if body:
+        own.attrs["body"] = body
     return own
 
 

@@ -98,12 +98,9 @@ def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
     return "snubber" if quantity in _OF_SNUBBERS else "probe"
 
 
-def _coordinate(place: Any) -> float:
-    """Position along the beam, number of the mass; the first mass of a snubber between two."""
-    for name in ("position", "mass"):
-        if getattr(place, name, None) is not None:
-            return float(getattr(place, name))
-    return float(place.between[0])
+def _coordinate(item: Any) -> float:
+    """Position along its body, or number of the mass; the first place of a snubber between two."""
+    return float(getattr(item, "probed_places", item.places)[0].point)
 
 
 def _name(dataset: h5py.Dataset) -> str:

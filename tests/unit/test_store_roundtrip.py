@@ -152,14 +152,13 @@ def test_xarray_opens_every_group(case, fabricated_run, tmp_path):
 
 
 def test_long_scenario_fits(fabricated_run, tmp_path):
-    class Long:
-        title = "long"
+    fabricated = fabricated_run()
 
-        @staticmethod
-        def to_yaml():
+    class Long(type(fabricated.scenario)):
+        def to_yaml(self):
             return "title: long\n" + "# padding\n" * 200_000
 
-    path = write_run(dataclasses.replace(fabricated_run(), scenario=Long()), tmp_path / "long.h5")
+    path = write_run(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
     assert len(open_run(path).scenario_yaml) > 2_000_000
 
 
