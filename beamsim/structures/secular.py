@@ -131,16 +131,18 @@ class SpringPoint:
     def participation(self, omega: ArrayLike) -> Floats:
         """u_r^2, 1/kg: squared mass-normalised deflection at the spring of the mode raised to omega.
 
-        It equals d lambda / dk and is continuous down to the free modes (k = 0).
+        It equals d lambda / dk and is continuous down to the free modes (k = 0). It is 0 at the frequency of a mode
+        with a node at the point: a mode that the spring raises to there, in ascending order, stays there.
         """
-        poles, weights, _ = self._poles
+        poles, weights, fixed = self._poles
         omega = np.asarray(omega, dtype=float)
         difference = (omega[..., None] - poles) * (omega[..., None] + poles)
         nearest = np.min(np.abs(difference), axis=-1, keepdims=True)
         # g^2 / g'^2 with both sums scaled by the distance of the nearest pole: 0 / 0 only at the pole itself.
         scaled = np.where(difference == 0, 1.0, nearest / np.where(difference == 0, 1.0, difference))
         scaled = np.where(nearest == 0, (difference == 0).astype(float), scaled)
-        return np.asarray(np.sum(weights * scaled, axis=-1) ** 2 / np.sum(weights * scaled**2, axis=-1))
+        participation = np.sum(weights * scaled, axis=-1) ** 2 / np.sum(weights * scaled**2, axis=-1)
+        return np.asarray(np.where(np.isin(omega, np.setdiff1d(fixed, poles)), 0.0, participation))
 
     def slope(self, omega: ArrayLike) -> Floats:
         """d omega / dk, rad/s per N/m, of the mode that the spring raises to omega (> 0)."""

@@ -29,6 +29,7 @@ def test_there_are_studies():
     assert {"design_stiffness_gap", "design_tolerances", "spring_position"} <= {path.stem for path in STUDIES}
 
 
+@pytest.mark.slow  # the configs are also in the table of sameness
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_study_runs_in_a_shortened_form(path):
     check_cases(plan_designs(beamsim.load_scenario(path)))
@@ -41,7 +42,7 @@ def test_study_runs_in_a_shortened_form(path):
 def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_maximum():
     """Proposition 1.3.1 of the thesis: the frequency moves with the square of the mode shape at the spring."""
     scenario = shortened(CONFIGS / "spring_position.yaml", 7)
-    result = design_study(scenario, workers=2)
+    result = design_study(scenario, workers=1)
     closed = result.responses["closed_frequencies_hz"].values[:, 0, :2]
     opened = result.responses["open_frequencies_hz"].values[:, 0, :2]
     assert np.all(closed[:, 0] > opened[:, 0])

@@ -314,7 +314,9 @@ def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here
     assert not [pid for pid in survivors if os.path.exists(f"/proc/{pid}")], "workers outlived their parent"
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
+)
 def test_a_signal_keeps_what_there_is_and_is_obeyed_at_once(number, code, here):
     long = CASE.replace("points: 3", "points: 90000").replace("[50 kN/m, 200 kN/m]", "[50 kN/m]")
     (here / "case.yaml").write_text(long)

@@ -94,6 +94,15 @@ def test_the_comparison_can_fail():
     assert abs(wrong / 1e4 - 1) > 1e-10
 
 
+def test_a_mode_raised_to_one_with_a_node_at_the_spring_stays_there():
+    """Mid-span of a pinned beam with a mass there: the lowest frequency is at most that of the second mode."""
+    masses = [(0.5, 8e-4), (0.5, 1.9e-3)]
+    point = snubber_point(scenario_with("pinned", "pinned", 0.5, masses), "stop")
+    soft, stiff = point.frequencies(1e4, 1)[0], point.frequencies(1e8, 1)[0]
+    assert soft < stiff == point.omega[1]
+    assert point.slope(soft) > 0 == point.slope(stiff)
+
+
 def test_chains_with_repeated_and_unfelt_modes():
     # Two equal oscillators that nothing joins: one of the two equal modes can move, the other cannot.
     twins = SpringPoint.of_modes([2.0, 2.0, 5.0], [0.3, 0.0, 0.4])

@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_SAMPLES = 50_000_000
-STEPS_A_PERIOD = 20  # of a structure with cubic springs and contacts, at least
-SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for their extremes
+STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
+SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for extremes
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
 
 
@@ -118,7 +118,7 @@ def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
 
 @dataclass(frozen=True)
 class _RunMotion:
-    """What either solver leaves behind, on the output times."""
+    """The motion at the output times, from the closed form or from time stepping."""
 
     method: str
     outcome: Outcome
@@ -303,7 +303,7 @@ def _with_limit(outcome: Outcome) -> Outcome:
 
 
 def _longest_step(system: StructuralSystem) -> float:
-    """A step in which hardly a contact begins and ends unseen: a part of the shortest period, all contacts closed."""
+    """A step so short that it rarely contains a whole contact: a fraction of the shortest period, contacts closed."""
     c = system.dynamics.contacts
     if c.count == 0:
         return np.inf
@@ -360,26 +360,27 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
 
 
 def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHistory]:
-    found = {}
+    histories = {}
     for i, s in enumerate(system.springs):
         stretch = motion.values["stretch"][:, i]
-        found[s.name] = SpringHistory(s.name, s.kind, s.masses, stretch, s.force(stretch))
-    return found
+        histories[s.name] = SpringHistory(s.name, s.kind, s.masses, stretch, s.force(stretch))
+    return histories
 
 
 def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
-    """The snubbers' events; those beyond are breakpoints of piecewise-linear springs."""
-    own = trajectory.event_contact < len(system.snubbers)
-    return EventLog(trajectory.event_time[own], trajectory.event_contact[own], trajectory.event_closing[own])
+    """Events of the snubbers; contacts with higher numbers are breakpoints of piecewise-linear springs."""
+    of_snubber = trajectory.event_contact < len(system.snubbers)
+    times, snubbers, closing = trajectory.event_time, trajectory.event_contact, trajectory.event_closing
+    return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
 
 
 def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
-    """What is known along each body that has a continuous axis, as the result's fields."""
+    """Results along each body that has a continuous axis, as fields of the result."""
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
     low, _, high, _ = motion.extremes.get("stress", (np.zeros(0),) * 4)
     peak = np.maximum(np.abs(low), np.abs(high))
     equilibrium = system.static_equilibrium
-    found = {
+    bodies = {
         body.body: BodyResult(
             position=body.position,
             peak_bending_stress=peak[stress[body.body]] if body.body in stress else None,
@@ -390,9 +391,9 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
         for body in system.bodies
         if body.axis.continuous
     }
-    if len(scenario.all_bodies) == 1 and set(found) <= {ONLY_BEAM}:
-        return {"only_body": found.get(ONLY_BEAM)}
-    return {"only_body": None, "named_bodies": found}
+    if len(scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
+        return {"only_body": bodies.get(ONLY_BEAM)}
+    return {"only_body": None, "named_bodies": bodies}
 
 
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
@@ -474,8 +475,8 @@ def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[s
 
 
 def _with_margins(scenario: Scenario, summary: dict[str, Any]) -> dict[str, Any]:
-    found = margins(scenario.limits, summary)
-    return {**summary, "margins": found} if found else summary
+    limits = margins(scenario.limits, summary)
+    return {**summary, "margins": limits} if limits else summary
 
 
 def _named(names: list[str], values: Floats) -> dict[str, float]:

@@ -84,7 +84,7 @@ def _products(flow: ExactFlow):  # type: ignore[no-untyped-def]
     _, rate = flow.penetrations()
 
     def lost(phases: Ints) -> tuple[LinearOutput, LinearOutput]:
-        """Forces of what dissipates in the contacts, and the rates on which they act."""
+        """Dissipative forces in the contacts, and the rates on which they act."""
         dashpot, internal = contacts.losses(phases)
         moved = stack(rate, flow.internal_rates(phases))
         factor = np.concatenate([dashpot, internal])[:, None]

@@ -1,4 +1,4 @@
-"""What `beamsim run` hands back."""
+"""The result of `beamsim run`."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class Spectrum:
 
 @declared
 class BodyResult:
-    """What is known along a body."""
+    """Results along a body."""
 
     position: Floats = axis("m", "position along the beam")
     # None where no fibre of the section is known
@@ -134,7 +134,7 @@ class EnergyHistory:
 
 @declared
 class Work:
-    """What the solver did."""
+    """Work of the solver."""
 
     events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
     evaluations: int = attribute("1", "evaluations of the functions watched for events")
@@ -145,7 +145,7 @@ class Work:
 
 @declared
 class SignalStatistics:
-    """One signal of a run with a random or sampled input, after the first part of the run."""
+    """One signal of a run with a random or sampled input, without the first part of the run."""
 
     name: str = attribute("", "input, or the name of the probe or snubber")
     quantity: str = key("quantity of the signal")
@@ -165,7 +165,7 @@ class SignalStatistics:
 
 @declared
 class RandomResponse:
-    """Statistics of a run with a random or sampled input, after its first part."""
+    """Statistics of a run with a random or sampled input, without the first part of the run."""
 
     start_s: float = attribute("s", "what comes before is left out")
     frequency_hz: Floats = axis("Hz", "frequency")
@@ -188,7 +188,7 @@ class RandomResponse:
 
     @property
     def signals(self) -> tuple[SignalStatistics, ...]:
-        """What responds to it."""
+        """The responses: probes, then snubbers."""
         return self.recorded[1:]
 
     @property
