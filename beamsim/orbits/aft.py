@@ -1,16 +1,14 @@
-r"""Forces of nonlinear springs over a period in harmonics, with exact derivatives: alternating frequency–time, without
-aliasing.
+r"""Harmonics of the forces of nonlinear springs and their derivatives: alternating frequency–time without aliasing.
 
 A deflection is :math:`w(\tau) = \mathrm{Re} \sum_{h=0}^{H} W_h e^{ih\tau}`. A one-sided spring is closed where the
-trigonometric
-polynomial :math:`\delta(\tau)` is positive. Its zeros are found in time, and between them the integrals
+trigonometric polynomial :math:`\delta(\tau)` is positive. Its zeros are found in time, and between them the integrals
 
 .. math:: \chi_k = \frac1{2\pi} \int_{\delta > 0} e^{-ik\tau} d\tau, \qquad
           [\delta_+]_h = \sum_l \chi_{h-l}\, [\delta]_l
 
 (two-sided coefficients) are exact, and so is the derivative, the Toeplitz matrix of :math:`\chi`. Products of
-polynomials (cubic
-springs) are exact on enough samples. So the balance is Galerkin's: its only error is the number of harmonics.
+polynomials (cubic springs) are exact on enough samples. So the balance is Galerkin's: its only error is the number of
+harmonics.
 """
 
 from __future__ import annotations
@@ -65,22 +63,22 @@ def _samples(D: Complexes, count: int) -> Floats:
     return np.asarray(np.fft.irfft(two_sided, count))
 
 
-def _polish(D: Complexes, left: Floats, right: Floats, derivative: bool = False) -> Floats:
+def _polish(D: Complexes, low: Floats, high: Floats, derivative: bool = False) -> Floats:
     """Zeros of a polynomial (or of its derivative) in brackets: Newton's method kept inside by bisection."""
     if derivative:
         D = 1j * np.arange(D.size) * D
-    f_left, _ = _value(D, left)
-    left, right = left.copy(), right.copy()
-    x = 0.5 * (left + right)
+    f_low, _ = _value(D, low)
+    low, high = low.copy(), high.copy()
+    x = 0.5 * (low + high)
     floor = 4e-16 * float(np.abs(D).sum())
     for _ in range(POLISHING):
         f, slope = _value(D, x)
-        below = f * f_left > 0
-        left, right = np.where(below, x, left), np.where(below, right, x)
+        below = f * f_low > 0
+        low, high = np.where(below, x, low), np.where(below, high, x)
         with np.errstate(divide="ignore", invalid="ignore"):
             new = x - f / slope
-        bad = ~((new > left) & (new < right))
-        new = np.where(np.abs(f) <= floor, x, np.where(bad, 0.5 * (left + right), new))
+        bad = ~((new > low) & (new < high))
+        new = np.where(np.abs(f) <= floor, x, np.where(bad, 0.5 * (low + high), new))
         if np.all(np.abs(new - x) <= 1e-15 * (1.0 + np.abs(x))):
             return new
         x = new
@@ -175,9 +173,9 @@ def cubic(W: Complexes, highest: int | None = None) -> tuple[Complexes, Complexe
     force = np.fft.rfft(w**3)[: highest + 1] * (2.0 / count)
     force[0] = 0.5 * force[0].real
     slope = np.zeros(highest + H + 1, dtype=complex)
-    found = np.fft.rfft(3.0 * w**2) / count
-    used = min(slope.size, 2 * H + 1, found.size)
-    slope[:used] = found[:used]
+    spectrum = np.fft.rfft(3.0 * w**2) / count
+    used = min(slope.size, 2 * H + 1, spectrum.size)
+    slope[:used] = spectrum[:used]
     return force, slope
 
 

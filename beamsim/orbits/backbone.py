@@ -2,9 +2,8 @@
 
 Where n times the mode's frequency meets another mode's, the branch of periodic motions turns off into a *tongue*: its
 energy is transferred to the other mode, and the parameter turns back. The backbone is then not connected. It is
-followed here at fixed parameters; a tongue is traced as a branch of its own, and the backbone begun again beyond it
-from the motion dominated by the mode asked for. Such jumps are kept: nothing carries on from a point that has not
-converged.
+followed here at fixed parameters; a tongue is traced as a branch of its own, and the backbone restarts beyond it from
+the motion dominated by the requested mode. Such jumps are recorded; a point that has not converged is never used.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ from beamsim.typing import Floats
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 SHORTER = (0.12, 0.03, 0.008)  # the same where the nonlinearity is strong
-CLEAR = 0.95  # share of a motion that is no part of a tongue
+CLEAR = 0.95  # share of energy above which a motion is outside every tongue
 SAME_TONGUE = 4.0  # steps of the backbone within which a resonance of the same mode and order is the same tongue
-LEAST_SHARE = 0.5  # of the energy in the mode asked for
+LEAST_SHARE = 0.5  # of the energy in the requested mode
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
 FURTHEST_JUMP = 0.8  # the same beyond a tongue
 FURTHEST_SEARCH = 1.5  # the same where nothing else was found
@@ -82,7 +81,7 @@ class Backbone:
         self._search = Tongues(self.orbits, self.mode, low, high, self.tongue_points, self.settings)
 
     def share(self, point: BranchPoint) -> float:
-        """Share of the energy in the mode asked for."""
+        """Share of the energy in the requested mode."""
         return float(self.orbits.share_at(point)[self.mode])
 
     def __iter__(self) -> Iterator[BranchPoint]:
@@ -95,15 +94,15 @@ class Backbone:
         self._clear = [a]
         yield a
         while (self.end - a.parameter) * forward > 1e-12 * full:
-            left = abs(self.end - a.parameter)
+            remaining = abs(self.end - a.parameter)
             b = None
             for part in STEPS:
-                reach = min(part * step, left)
+                reach = min(part * step, remaining)
                 b = self._at(a, clean, a.parameter + forward * reach, forward)
-                if b is not None or (part > 1.0 and reach == left):
+                if b is not None or (part > 1.0 and reach == remaining):
                     break
             if b is None and self.share(a) > CLEAR:
-                b, step = self._shorter(a, step, left, forward)
+                b, step = self._shorter(a, step, remaining, forward)
             if b is None:
                 b = self._beyond(a, clean, full, forward)
                 if b is None:
@@ -122,10 +121,12 @@ class Backbone:
                 self._clear.append(b)
         self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.end)
 
-    def _shorter(self, a: BranchPoint, step: float, left: float, forward: float) -> tuple[BranchPoint | None, float]:
+    def _shorter(
+        self, a: BranchPoint, step: float, remaining: float, forward: float
+    ) -> tuple[BranchPoint | None, float]:
         """A much shorter step, for strong nonlinearity far from any tongue."""
         for part in SHORTER:
-            reach = min(part * step, left)
+            reach = min(part * step, remaining)
             t = a.tangent
             if abs(t[-1]) < 1e-3:
                 break

@@ -2,9 +2,9 @@ r"""Harmonic balance as a problem whose special points can be found, at a cost t
 
 Stability is that of a structure reduced for it: modes far above the motion's highest harmonic follow the springs
 statically, so that the modes below and the residual vector of every spring are enough; the compliance that the springs
-see stays as it is. Hill's method (:mod:`beamsim.orbits.hill`) then gives the multipliers. Where its eigenvalue
-problem is large, the motion is handed to shooting, whose multipliers are exact; Hill's method remains where shooting
-comes to no motion beside it (close to a fold).
+see stays as it is. Hill's method (:mod:`beamsim.orbits.hill`) then gives the multipliers. Where its eigenvalue problem
+is large, the motion is handed to shooting, whose multipliers are exact; Hill's method remains where shooting comes to
+no motion beside it (close to a fold).
 
 The product of matrix exponentials between the instants of contact would be cheaper still, but is worth little: at 21
 harmonics those instants are good to 1e-3 and the multipliers of a stiff stop wrong by a factor of two, where Hill's,
@@ -48,12 +48,12 @@ def reduced_for_stability(system: PiecewiseLinearSystem, highest: float) -> tupl
     Returns the reduced system, and its coordinates (n, k) in the given ones.
     """
     n, shape = system.size, system.contacts.shape
-    left = np.flatnonzero(system.stiffness > (MARGIN * highest) ** 2)
-    if n <= SMALL or left.size <= shape.shape[0]:
+    high = np.flatnonzero(system.stiffness > (MARGIN * highest) ** 2)
+    if n <= SMALL or high.size <= shape.shape[0]:
         return system, np.eye(n)
-    basis = np.delete(np.eye(n), left, axis=1)
+    basis = np.delete(np.eye(n), high, axis=1)
     residual = np.zeros((n, shape.shape[0]))
-    residual[left] = (shape[:, left] / system.stiffness[left]).T
+    residual[high] = (shape[:, high] / system.stiffness[high]).T
     if np.any(residual):
         u, size, _ = np.linalg.svd(residual, full_matrices=False)
         basis = np.hstack([basis, u[:, size > 1e-12 * size[0]]])
@@ -116,11 +116,11 @@ class BalancedOrbits(ForcedBalance):
         n = self.system.size
         state = motion.states(np.zeros(1))[0]
         guess = np.append(np.concatenate([state[:n] @ basis, state[n:] @ basis]), omega)
-        found = solve_at(orbits, guess, Settings(), omega)
-        if found is None:
+        point_of_shooting = solve_at(orbits, guess, Settings(), omega)
+        if point_of_shooting is None:
             return None
-        off = float(np.max(np.abs((found.u - guess) / found.scale)))
-        return orbits.multipliers(found) if off < NEAR else None
+        off = float(np.max(np.abs((point_of_shooting.u - guess) / point_of_shooting.scale)))
+        return orbits.multipliers(point_of_shooting) if off < NEAR else None
 
     def first_motion(self, value: float, forward: float, find: Finder) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.
@@ -137,10 +137,10 @@ class BalancedOrbits(ForcedBalance):
         orbits, basis = self._reduce(self.harmonics * omega / self.multiple)
         orbits.flow.set(omega, level)
         local = ForcedOrbits(orbits.flow, multiple=self.multiple)
-        found = find(local)
-        if found is not None:
-            times = np.arange(8 * self.harmonics) * (found.data.duration / (8 * self.harmonics))
-            q = local.flow.states_at(found.data, times)[:, : orbits.flow.system.size]
+        orbit = find(local)
+        if orbit is not None:
+            times = np.arange(8 * self.harmonics) * (orbit.data.duration / (8 * self.harmonics))
+            q = local.flow.states_at(orbit.data, times)[:, : orbits.flow.system.size]
             point = solve_at(self, self.guess(q @ basis.T, value), settings, value, forward)
             if point is not None:
                 return point

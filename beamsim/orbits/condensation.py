@@ -1,10 +1,9 @@
 r"""Linear structure seen from its nonlinear springs: receptances per harmonic, with their derivative by the frequency.
 
 With the rows B at which the springs act and :math:`Z(\omega_h) = K - \omega_h^2 I + i \omega_h C`, harmonic h of the
-whole
-structure follows exactly from that of the springs' deflections, :math:`W_h = B Z^{-1} F_h + B Z^{-1} B^T \Lambda_h`.
-Because Z
-is singular at rigid-body and undamped natural frequencies, the same complex spring S is added to both sides:
+whole structure follows exactly from that of the springs' deflections, :math:`W_h = B Z^{-1} F_h + B Z^{-1} B^T
+\Lambda_h`. Because Z is singular at rigid-body and undamped natural frequencies, the same complex spring S is added to
+both sides:
 
 .. math:: W_h = B Z_S^{-1} F_h + B Z_S^{-1} B^T (\Lambda_h + S W_h), \qquad Z_S = Z + B^T S B .
 
@@ -69,8 +68,8 @@ class Condensation:
         top = vectors[:n]
         for w in (0.37 * typical, 1.9 * typical, 17.0 * typical):
             direct = np.linalg.inv(self._impedance(np.array([w]))[0])
-            found = (top / (1j * w - values)) @ right
-            if np.abs(found - direct).max() > CONSISTENT * np.abs(direct).max():
+            modal = (top / (1j * w - values)) @ right
+            if np.abs(modal - direct).max() > CONSISTENT * np.abs(direct).max():
                 return None
         return values, top, right
 
@@ -124,12 +123,12 @@ class Condensation:
         W = np.einsum("hrn,hn->hr", carried, load)
         dW = np.einsum("hrn,hn->hr", slope, load) + np.einsum("hrn,hn->hr", carried, load_slope)
         # springs S by the identity of Woodbury
-        left = np.linalg.inv(np.eye(r) + G * S[:, None, :])
-        right_side = np.eye(r) - S[:, :, None] * (left @ G)
-        receptance = left @ G
-        receptance_slope = left @ dG @ right_side
-        response = (left @ W[:, :, None])[:, :, 0]
-        response_slope = (left @ (dW - (dG @ (S * response)[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
+        stiffened = np.linalg.inv(np.eye(r) + G * S[:, None, :])
+        right_side = np.eye(r) - S[:, :, None] * (stiffened @ G)
+        receptance = stiffened @ G
+        receptance_slope = stiffened @ dG @ right_side
+        response = (stiffened @ W[:, :, None])[:, :, 0]
+        response_slope = (stiffened @ (dW - (dG @ (S * response)[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
         for k in np.flatnonzero(near):
             Z = self._impedance(w[k : k + 1])[0] + (self.rows.T * S[k]) @ self.rows
             dZ = 1j * k * self.damping - 2.0 * k * w[k] * np.eye(n)

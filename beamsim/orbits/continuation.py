@@ -1,10 +1,9 @@
 """Pseudo-arclength continuation as a generator, for any residual that returns its Jacobian.
 
 A *problem* has unknowns :math:`u = (x, \\lambda)` with :math:`k` equations :math:`R(u) = 0` and a one-dimensional
-kernel of :math:`\\partial R/\\partial u` (k = size of u less one, or more equations that are consistent). From a
-point with unit tangent
-:math:`t` the predictor is :math:`u + t\\,ds`, the corrector Newton's method with the row :math:`t^T (u - u_{pred}) =
-0`.
+kernel of :math:`\\partial R/\\partial u` (k = size of u less one, or more equations that are consistent). From a point
+with unit tangent :math:`t` the predictor is :math:`u + t\\,ds`, the corrector Newton's method with the row :math:`t^T
+(u - u_{pred}) = 0`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale
 CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
 ROUND_OFF = 1e-14  # smallest change of a share that means anything
 MOST_BISECTIONS = 60
-MOST_ASTRAY = 0.1  # of a step, off what both tangents can make up: beyond it lies another branch
+MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
 FEWEST_IN_A_RING = 5  # points of a closed curve
 RING = 0.1  # of a step, how far beside it the first point may lie that it goes over
 FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them

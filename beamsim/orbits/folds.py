@@ -151,10 +151,10 @@ class GrazingCurve(TwoParameterCurve):
         return scale, residual
 
 
-def _start(curve: ContinuationProblem, begun: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
+def _start(curve: ContinuationProblem, special: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
     """The first point of a curve, at a value of the second parameter, from what was located on a branch."""
     settings = Settings(tolerance=1e-9, iterations=12)
-    return solve_at(curve, np.append(begun.point.u, value), settings, value, forward)
+    return solve_at(curve, np.append(special.point.u, value), settings, value, forward)
 
 
 def start_of_fold_curve(

@@ -1,9 +1,8 @@
 """Periodic motions of the undamped, unforced system that need not be brake orbits: shooting over a whole period.
 
 Unknowns are the state (2n), the period and a parameter. To ``y(T) - y(0) = 0`` come the energy and a phase condition,
-Poincaré's
-:math:`(y_0 - y_{ref})^T f(y_{ref}) = 0`. Energy being conserved, one of these 2n + 2 equations follows from the others:
-Newton's method takes the least-squares solution of a consistent system, and converges as fast.
+Poincaré's :math:`(y_0 - y_{ref})^T f(y_{ref}) = 0`. Energy being conserved, one of these 2n + 2 equations follows from
+the others: Newton's method takes the least-squares solution of a consistent system, and converges as fast.
 """
 
 from __future__ import annotations
@@ -171,34 +170,34 @@ class FullPeriodPath:
     def __iter__(self) -> Iterator[BranchPoint]:
         self.outcome = INTERRUPTED
         last: list[BranchPoint] = []
-        for known in self.points:
-            new = self._solved(known, last)
+        for brake_point in self.points:
+            new = self._solved(brake_point, last)
             if new is None:
-                self.outcome = Outcome.of(OutcomeCode.FULL_PERIOD_DIVERGED, parameter=known.parameter)
+                self.outcome = Outcome.of(OutcomeCode.FULL_PERIOD_DIVERGED, parameter=brake_point.parameter)
                 return
-            self.differences.append(self._difference(new, known))
+            self.differences.append(self._difference(new, brake_point))
             yield new
-            last = [*last[-1:], new] if known.parameter not in self.gaps else []
+            last = [*last[-1:], new] if brake_point.parameter not in self.gaps else []
         self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.points[-1].parameter)
 
-    def _solved(self, knlast: BranchPoint, last: list[BranchPoint]) -> BranchPoint | None:
-        at_rest = np.concatenate([knlast.u[: self.brake.n], np.zeros(self.brake.n), knlast.u[-2:]])
+    def _solved(self, brake_point: BranchPoint, last: list[BranchPoint]) -> BranchPoint | None:
+        at_rest = np.concatenate([brake_point.u[: self.brake.n], np.zeros(self.brake.n), brake_point.u[-2:]])
         self.orbits.hold(at_rest)
         guesses = [at_rest]
         if len(last) == 2 and last[1].parameter != last[0].parameter:
-            reach = (knlast.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
+            reach = (brake_point.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
             guesses.insert(0, last[1].u + reach * (last[1].u - last[0].u))
         elif last:
             guesses.insert(0, last[-1].u.copy())
         for guess in guesses:
-            point = solve_at(self.orbits, guess, self.settings, knlast.parameter)
-            if point is not None and self._difference(point, knlast) < SAME:
+            point = solve_at(self.orbits, guess, self.settings, brake_point.parameter)
+            if point is not None and self._difference(point, brake_point) < SAME:
                 return point
         return None
 
-    def _difference(self, point: BranchPoint, known: BranchPoint) -> float:
+    def _difference(self, point: BranchPoint, brake_point: BranchPoint) -> float:
         n = self.brake.n
         scale = self.orbits.scale(point.u)[0]
-        state = point.u[: 2 * n] - np.concatenate([known.u[:n], np.zeros(n)])
-        period = abs(float(point.u[-2] / known.u[-2]) - 1.0)
+        state = point.u[: 2 * n] - np.concatenate([brake_point.u[:n], np.zeros(n)])
+        period = abs(float(point.u[-2] / brake_point.u[-2]) - 1.0)
         return max(float(np.linalg.norm(state / scale[: 2 * n])), period)

@@ -24,7 +24,7 @@ MOST_MIDDLES = 200  # motions looked at between two neighbours
 ONE_PHASE = 4  # events of a phase that appears, and of its mirror image where a motion goes back the way it came
 REORDERED = 2  # halvings where every contact keeps its number of events: contacts met in another order graze nothing
 BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
-TOUCHING = 1e-6  # of the neighbours' penetrations: what is left where one has truly vanished
+TOUCHING = 1e-6  # of the neighbours' penetrations: the remainder where a penetration has vanished
 
 
 class ContactProblem(OrbitContinuation, Protocol):
@@ -52,13 +52,13 @@ class _Stay:
 
 def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
     """Events by contact and border (the two phases, in order): time, phases before and after."""
-    found: dict[tuple[int, int, int], list[tuple[float, int, int]]] = {}
+    crossings: dict[tuple[int, int, int], list[tuple[float, int, int]]] = {}
     for j in np.unique(passage.event_contact):
-        own = passage.event_contact == j
-        after = passage.event_phase[own]
-        for t, b, a in zip(passage.event_time[own], np.roll(after, 1).tolist(), after.tolist(), strict=True):
-            found.setdefault((int(j), min(a, b), max(a, b)), []).append((float(t), b, a))
-    return found
+        of_contact = passage.event_contact == j
+        after = passage.event_phase[of_contact]
+        for t, b, a in zip(passage.event_time[of_contact], np.roll(after, 1).tolist(), after.tolist(), strict=True):
+            crossings.setdefault((int(j), min(a, b), max(a, b)), []).append((float(t), b, a))
+    return crossings
 
 
 def _shortest_stay(contacts: Contacts, passage: Passage, few: Passage) -> _Stay | None:
@@ -128,7 +128,7 @@ def grazings(problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: 
 
 
 def _within(
-    problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, left: Iterator[int]
+    problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, budget: Iterator[int]
 ) -> Iterator[SpecialPoint]:
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
@@ -148,33 +148,33 @@ def _within(
                 return extremum(flow, cycle, contact, top, share * cycle.duration, stay.level)[0]
 
             values = penetration(a), penetration(b)
-            found = locate(problem, a, b, penetration, settings, values)
-            if found is not None:
-                flow, cycle = problem.cycle(found)
+            graze = locate(problem, a, b, penetration, settings, values)
+            if graze is not None:
+                flow, cycle = problem.cycle(graze)
                 value, time = extremum(flow, cycle, contact, top, share * cycle.duration, stay.level)
                 touching = abs(value) <= TOUCHING * max(abs(values[0]), abs(values[1]))
-                if touching and (depth > MOST_HALVINGS // 2 or _explains(problem, a, found, b, settings)):
-                    yield SpecialPoint("grazing", found.parameter, found, contact, time, top, stay.level)
+                if touching and (depth > MOST_HALVINGS // 2 or _explains(problem, a, graze, b, settings)):
+                    yield SpecialPoint("grazing", graze.parameter, graze, contact, time, top, stay.level)
                     return
-    middle = None if next(left, None) is None else between(problem, a, b, 0.5, settings)
+    middle = None if next(budget, None) is None else between(problem, a, b, 0.5, settings)
     if middle is None:
         return
-    yield from _within(problem, a, middle, settings, depth + 1, left)
-    yield from _within(problem, middle, b, settings, depth + 1, left)
+    yield from _within(problem, a, middle, settings, depth + 1, budget)
+    yield from _within(problem, middle, b, settings, depth + 1, budget)
 
 
-def _explains(problem: ContactProblem, a: BranchPoint, found: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
+def _explains(problem: ContactProblem, a: BranchPoint, graze: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
     """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
 
     The point itself has the events of one side; the other side is looked at.
     """
     w = a.u / a.scale
     chord = b.u / a.scale - w
-    share = float((found.u / a.scale - w) @ chord) / float(chord @ chord)
-    if problem.same_events(a, found):
-        near, other = between(problem, a, b, share + BESIDE * (1.0 - share), settings, (share, found, 1.0, b)), b
-    elif problem.same_events(found, b):
-        near, other = between(problem, a, b, share * (1.0 - BESIDE), settings, (0.0, a, share, found)), a
+    share = float((graze.u / a.scale - w) @ chord) / float(chord @ chord)
+    if problem.same_events(a, graze):
+        near, other = between(problem, a, b, share + BESIDE * (1.0 - share), settings, (share, graze, 1.0, b)), b
+    elif problem.same_events(graze, b):
+        near, other = between(problem, a, b, share * (1.0 - BESIDE), settings, (0.0, a, share, graze)), a
     else:
         return False
     return near is not None and problem.same_events(near, other)

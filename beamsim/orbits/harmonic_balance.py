@@ -1,16 +1,13 @@
 r"""Periodic motions by harmonic balance, condensed exactly to the nonlinear springs.
 
 With :math:`w = B q` the deflections of the one-sided and cubic springs and :math:`\Lambda_h(W)` the harmonics of their
-forces, the
-motions of fundamental frequency :math:`\Omega` solve
+forces, the motions of fundamental frequency :math:`\Omega` solve
 
 .. math:: R_h = W_h - W^0_h(\Omega) - G_h(\Omega)\, (\Lambda_h(W) + S W_h) = 0, \qquad h = 0 \dots H,
 
 where the receptances G carry the whole linear structure (:mod:`beamsim.orbits.condensation`) and the springs' forces
-are
-Galerkin's, without aliasing (:mod:`beamsim.orbits.aft`). The unknowns are ``2 H + 1`` numbers a spring, whatever the
-model's size.
-Problems are those of :mod:`beamsim.orbits.continuation`; the Jacobian is exact.
+are Galerkin's, without aliasing (:mod:`beamsim.orbits.aft`). The unknowns are ``2 H + 1`` numbers a spring, whatever
+the model's size. Problems are those of :mod:`beamsim.orbits.continuation`; the Jacobian is exact.
 """
 
 from __future__ import annotations
@@ -67,7 +64,7 @@ class HarmonicMotion:
 
 @dataclass(frozen=True)
 class Truncation:
-    """What the harmonics left out are worth."""
+    """Error by the neglected harmonics, relative to the motion."""
 
     neglected: float  # norm of the harmonics above H, by one Newton step with twice as many, against the motion's
     retained: float  # the same of the change in harmonics 0 … H
@@ -124,18 +121,18 @@ class _Springs:
             s = float(c.sign[j])
             D = -s * (W[:, j] + base if c.on_ground[j] else W[:, j])
             D[0] = D[0].real - c.gap[j]
-            found = one_sided(D)
-            closed.append(found.closed)
-            tangent[j] = found.chi
+            contact = one_sided(D)
+            closed.append(contact.closed)
+            tangent[j] = contact.chi
             # k delta_+ + c (delta_+)': the force of Kelvin and Voigt while closed
             rate = c.stiffness[j] + 1j * h * omega * c.dashpot[j]
-            value[:, j] = s * rate * found.positive
-            by_x[j] = -rate[:, None] * toeplitz(found.chi, H, H)
-            by_w[:, j] = s * 1j * h * c.dashpot[j] * found.positive
+            value[:, j] = s * rate * contact.positive
+            by_x[j] = -rate[:, None] * toeplitz(contact.chi, H, H)
+            by_w[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
             if c.on_ground[j]:
                 by_w[:, j] += by_x[j] @ to_real(base_w)
                 by_l[:, j] = by_x[j] @ to_real(base_l)
-            potential += 0.5 * c.stiffness[j] * _mean(found.positive, D)
+            potential += 0.5 * c.stiffness[j] * _mean(contact.positive, D)
         for i, k in enumerate(self.cubic):
             j = c.count + i
             absolute = W[:, j] + self.felt[i] * base
@@ -160,8 +157,8 @@ def _rows_real(R: Complexes) -> Floats:
     return to_real(R).ravel()
 
 
-def _residual(W: Complexes, found: Receptances, S: Complexes, force: Complexes) -> Floats:
-    return _rows_real(W - found.response - (found.receptance @ (force + S * W)[:, :, None])[:, :, 0])
+def _residual(W: Complexes, receptances: Receptances, S: Complexes, force: Complexes) -> Floats:
+    return _rows_real(W - receptances.response - (receptances.receptance @ (force + S * W)[:, :, None])[:, :, 0])
 
 
 def _with_shifts(by_x: Complexes, S: Complexes) -> Complexes:
@@ -174,11 +171,11 @@ def _with_shifts(by_x: Complexes, S: Complexes) -> Complexes:
     return M
 
 
-def _jacobian(found: Receptances, S: Complexes, by_x: Complexes) -> Floats:
+def _jacobian(receptances: Receptances, S: Complexes, by_x: Complexes) -> Floats:
     """((2H+1) r, (2H+1) r) derivative of the residual by the real coefficients."""
     r, hs, xs = by_x.shape
     k, i = np.arange(1, hs), np.arange(r)
-    J = -np.einsum("hij,jhx->hixj", found.receptance, _with_shifts(by_x, S))
+    J = -np.einsum("hij,jhx->hixj", receptances.receptance, _with_shifts(by_x, S))
     J[0, i, 0, i] += 1.0
     J[k[:, None], i, 2 * k[:, None] - 1, i] += 1.0
     J[k[:, None], i, 2 * k[:, None], i] += 1j
@@ -194,8 +191,8 @@ class ForcedBalance:
     system : the structure and its one-sided springs (law ``no_tension`` only without a dashpot).
     forcing : its periodic loads.
     harmonics : H.
-    parameter : what changes: the excitation's frequency (rad/s) or its level.
-    omega, level : what doesn't.
+    parameter : the excitation's frequency (rad/s) or its level.
+    omega, level : values of those that stay constant.
     multiple : periods of the excitation in one of the motion.
     cubic : cubic springs.
 
@@ -259,21 +256,24 @@ class ForcedBalance:
         w = omega / nu
         structure = self._springs.structure
         S = structure.shifts(self.harmonics)
-        found = structure.at(w, F, nu * dF)  # derivatives by the fundamental frequency: nu times those by omega
+        receptances = structure.at(w, F, nu * dF)  # derivatives by the fundamental frequency: nu times those by omega
         forces = self._springs.forces(W, w, d, nu * dd, ld)
         total = forces.value + S * W
         J = np.empty((u.size - 1, u.size))
-        J[:, :-1] = _jacobian(found, S, forces.by_deflection)
+        J[:, :-1] = _jacobian(receptances, S, forces.by_deflection)
         if self.parameter == "frequency":
-            moved = found.receptance_slope @ total[:, :, None] + found.receptance @ forces.by_frequency[:, :, None]
-            J[:, -1] = -_rows_real(found.response_slope + moved[:, :, 0]) / nu
+            moved = (
+                receptances.receptance_slope @ total[:, :, None]
+                + receptances.receptance @ forces.by_frequency[:, :, None]
+            )
+            J[:, -1] = -_rows_real(receptances.response_slope + moved[:, :, 0]) / nu
         else:
             by_load = structure.at(w, lF, np.zeros_like(lF)).response
-            J[:, -1] = -_rows_real(by_load + (found.receptance @ forces.by_level[:, :, None])[:, :, 0])
+            J[:, -1] = -_rows_real(by_load + (receptances.receptance @ forces.by_level[:, :, None])[:, :, 0])
         Q = structure.coordinates(w, F, forces.value, W)
         energy = _linear_energy(self.system, w, Q) + forces.potential
         motion = HarmonicMotion(w, Q, W, forces.value, forces.closed, forces.tangent, energy)
-        return _residual(W, found, S, forces.value), J, motion
+        return _residual(W, receptances, S, forces.value), J, motion
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""
@@ -286,11 +286,13 @@ class ForcedBalance:
         omega, level = self.at(value)
         F = self._loads(omega, level)[0]
         r, structure = self._springs.count, self._springs.structure
-        found = structure.at(omega / self.multiple, F, np.zeros_like(F))
+        receptances = structure.at(omega / self.multiple, F, np.zeros_like(F))
         S = structure.shifts(self.harmonics)
         W = np.zeros((self.harmonics + 1, r), dtype=complex)
         for h in range(self.harmonics + 1):  # R = 0 without forces
-            W[h] = np.linalg.lstsq(np.eye(r) - found.receptance[h] * S[h], found.response[h], rcond=1e-12)[0]
+            W[h] = np.linalg.lstsq(np.eye(r) - receptances.receptance[h] * S[h], receptances.response[h], rcond=1e-12)[
+                0
+            ]
         return np.append(_rows_real(W), value)
 
     def guess(self, coordinates: Floats, value: float) -> Floats:
@@ -319,9 +321,9 @@ def _sizes(x: Floats, system: PiecewiseLinearSystem) -> Floats:
 def _harmonics(samples: Floats, highest: int) -> Complexes:
     """(H + 1, r) harmonics of equidistant samples (N, r) over a period."""
     count = samples.shape[0]
-    found = np.fft.rfft(samples, axis=0) * (2.0 / count)
-    found[0] *= 0.5
-    return resampled(found[: (count + 1) // 2], highest)
+    spectrum = np.fft.rfft(samples, axis=0) * (2.0 / count)
+    spectrum[0] *= 0.5
+    return resampled(spectrum[: (count + 1) // 2], highest)
 
 
 def resampled(W: Complexes, highest: int) -> Complexes:
@@ -335,7 +337,7 @@ def resampled(W: Complexes, highest: int) -> Complexes:
 def truncation(
     problem: ForcedBalance, point: BranchPoint, more: int | None = None, *, across: bool = False
 ) -> Truncation:
-    """What the neglected harmonics are worth: one Newton step with ``more`` (default 2 H + 1) harmonics.
+    """Error by the neglected harmonics, estimated by one Newton step with ``more`` (default 2 H + 1) harmonics.
 
     The parameter is fixed, or with ``across`` the step is taken across the branch: at a fold, whose parameter moves,
     only that has a meaning.

@@ -5,12 +5,11 @@ A perturbation :math:`e^{\lambda t} \sum_h p_h e^{ih\Omega t}` of the motion sat
 .. math:: [(\lambda + ih\Omega)^2 + (\lambda + ih\Omega) C + K] p_h
           + \sum_j B_j^T (k_j + (\lambda + ih\Omega) c_j) \sum_l \chi^j_{h-l} B_j p_l = 0,
 
-a quadratic eigenvalue problem of size n (2H + 1). Of its eigenvalues the 2n whose vectors are centred on harmonic 0
-are the
-Floquet exponents; the others are copies shifted by multiples of :math:`i\Omega` and spoilt by the truncation. The
-perturbation must have as many harmonics as the motion: with fewer the exponents are far off, because short contacts
-are stiff. For many modes,
-or close to a stability boundary, hand the motion to shooting instead, whose multipliers are exact.
+a quadratic eigenvalue problem of size n (2H + 1). Of its eigenvalues the 2n whose vectors are centred on harmonic 0 are
+the Floquet exponents; the others are copies shifted by multiples of :math:`i\Omega` and spoilt by the truncation. The
+perturbation must have as many harmonics as the motion: with fewer the exponents are far off, because short contacts are
+stiff. For many modes, or close to a stability boundary, hand the motion to shooting instead, whose multipliers are
+exact.
 """
 
 from __future__ import annotations
@@ -96,12 +95,12 @@ def _closed_under_conjugation(values: Complexes) -> Complexes:
     the axis, of which one was chosen.
     """
     values = values.copy()
-    left = [i for i in range(values.size) if values[i].imag != 0.0]
-    while left:
-        i = left.pop(0)
-        j = min(left, key=lambda k: abs(values[k] - values[i].conjugate()), default=-1)
+    unpaired = [i for i in range(values.size) if values[i].imag != 0.0]
+    while unpaired:
+        i = unpaired.pop(0)
+        j = min(unpaired, key=lambda k: abs(values[k] - values[i].conjugate()), default=-1)
         if j >= 0 and abs(values[j] - values[i].conjugate()) <= PAIRED * abs(values[i]):
-            left.remove(j)
+            unpaired.remove(j)
         else:
             values[i] = np.copysign(abs(values[i]), values[i].real)
     return values

@@ -1,8 +1,8 @@
 """The largest Lyapunov exponent of a motion under a sine, from two neighbouring motions of the exact flow.
 
-After every cycle the neighbour is pulled back to its first distance; the mean logarithm of its growth, over the
-period, is the exponent (G. Benettin et al., Meccanica 15, 1980). As both motions are exact, their distance may be
-small against everything but round-off.
+After every cycle the neighbour is pulled back to its first distance; the mean logarithm of its growth, over the period,
+is the exponent (G. Benettin et al., Meccanica 15, 1980). As both motions are exact, their distance may be small against
+everything but round-off.
 """
 
 from __future__ import annotations

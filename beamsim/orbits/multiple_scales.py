@@ -11,21 +11,18 @@ has near mode j the expansion :math:`q = A e_j \cos\theta + \varepsilon q_1 + \v
 .. math:: \omega_j^2 q_1'' + \Omega^2 q_1 &= f(q_0) - a_1 q_0'', \\
           \omega_j^2 q_2'' + \Omega^2 q_2 &= f'(q_0) q_1 - a_1 q_1'' - a_2 q_0'',
 
-:math:`a_1` and :math:`a_2` being what keeps a secular term (:math:`\cos\theta` in equation j) away, which the method
-of multiple scales
-calls solvability. A is the amplitude of the fundamental of coordinate j. A one-sided force is only Lipschitz
-continuous: f' jumps,
-which adds terms of third order at the instants of contact, provided that the spring is met with speed (no grazing).
-For :math:`g = 0`: :math:`a_1 = \tfrac12 \sum_i k_i \phi_{ij}^2`, hence
-:math:`\omega = \omega_j + \varepsilon \sum_i k_i \phi_{ij}^2 / (4 \omega_j) + O(\varepsilon^2)` (H. Hazim, thesis,
-2010, chapter 4).
+:math:`a_1` and :math:`a_2` being what keeps a secular term (:math:`\cos\theta` in equation j) away, which the method of
+multiple scales calls solvability. A is the amplitude of the fundamental of coordinate j. A one-sided force is only
+Lipschitz continuous: f' jumps, which adds terms of third order at the instants of contact, provided that the spring is
+met with speed (no grazing). For :math:`g = 0`: :math:`a_1 = \tfrac12 \sum_i k_i \phi_{ij}^2`, hence :math:`\omega =
+\omega_j + \varepsilon \sum_i k_i \phi_{ij}^2 / (4 \omega_j) + O(\varepsilon^2)` (H. Hazim, thesis, 2010, chapter 4).
 
 Every term is a Fourier series with exact coefficients, cut where it no longer matters.
 
-The divisors :math:`\omega_l^2 - h^2 \omega_j^2` stand where the motion has :math:`\omega_l^2 - h^2 \omega^2`: as
-series in the factor these only agree within :math:`\varepsilon < |\omega_l / h - \omega_j| / |\omega_1|`, the *pole*
-nearest to zero. A high mode l always has a harmonic h close by, so that its coordinate comes to its asymptotic order at
-far smaller factors than the rest. The *uniform* expansion keeps :math:`\omega` in the divisors,
+The divisors :math:`\omega_l^2 - h^2 \omega_j^2` stand where the motion has :math:`\omega_l^2 - h^2 \omega^2`: as series
+in the factor these only agree within :math:`\varepsilon < |\omega_l / h - \omega_j| / |\omega_1|`, the *pole* nearest
+to zero. A high mode l always has a harmonic h close by, so that its coordinate comes to its asymptotic order at far
+smaller factors than the rest. The *uniform* expansion keeps :math:`\omega` in the divisors,
 
 .. math:: \omega^2 q_1'' + \Omega^2 q_1 = f(q_0), \qquad \omega^2 q_2'' + \Omega^2 q_2 = f'(q_0) q_1
 
@@ -182,9 +179,9 @@ def expand_mode(
     tangents: list[tuple[Complexes, Floats, float]] = []  # two-sided coefficients, row, stiffness
     for i in range(c.count):
         D = np.array([-gap[i], -c.sign[i] * c.shape[i, mode] * amplitude], dtype=complex)
-        found = one_sided(D, 2 * H)
-        force += np.multiply.outer(found.positive[: H + 1].real, c.sign[i] * c.stiffness[i] * c.shape[i])
-        tangents.append((found.chi[: 2 * H + 1], c.shape[i], float(c.stiffness[i])))
+        contact = one_sided(D, 2 * H)
+        force += np.multiply.outer(contact.positive[: H + 1].real, c.sign[i] * c.stiffness[i] * c.shape[i])
+        tangents.append((contact.chi[: 2 * H + 1], c.shape[i], float(c.stiffness[i])))
     if cubic is not None:
         for row, k in zip(cubic.shape, cubic.stiffness, strict=True):
             third, slope = cubic_harmonics(np.array([row @ rest, row[mode] * amplitude], dtype=complex), 2 * H)
@@ -242,9 +239,9 @@ def _solve(w2: Floats, mode: int, force: Floats, squared: float | None = None) -
     bad = small & (np.abs(force) > 1e-13 * np.abs(force).max())
     if np.any(bad):
         h, other = (int(x[0]) for x in np.nonzero(bad))
-        what = "of a rigid-body mode" if w2[other] == 0 else f"of mode {other + 1}"
+        whose = "of a rigid-body mode" if w2[other] == 0 else f"of mode {other + 1}"
         raise MethodError(
-            "expansion", f"fails at an internal resonance: {h} times the frequency of mode {mode + 1} is that {what}",
+            "expansion", f"fails at an internal resonance: {h} times the frequency of mode {mode + 1} is that {whose}",
             "use shooting, or change the structure",
         )  # fmt: skip
     return np.asarray(np.where(skipped | small, 0.0, force / np.where(skipped | small, 1.0, divisor)))

@@ -1,8 +1,7 @@
 r"""Forced motions of a structure with weak one-sided springs, by multiple scales.
 
 *Away from resonance* everything but the springs is kept, and the response is the series :math:`q_0 + \varepsilon q_1 +
-\varepsilon^2 q_2` with
-:math:`Z q_0 = F`, :math:`Z q_1 = f(q_0)`, :math:`Z q_2 = f'(q_0) q_1` harmonic by harmonic.
+\varepsilon^2 q_2` with :math:`Z q_0 = F`, :math:`Z q_1 = f(q_0)`, :math:`Z q_2 = f'(q_0) q_1` harmonic by harmonic.
 
 *Near mode j*, with weak springs, damping and force,
 
@@ -11,18 +10,15 @@ r"""Forced motions of a structure with weak one-sided springs, by multiple scale
           \varepsilon \sigma,
 
 the motion is :math:`q = \mathrm{Re}(Q e^{i\omega t}) e_j + \varepsilon q_1` and the complex amplitude changes on the
-slow time
-:math:`T = \varepsilon t` only:
+slow time :math:`T = \varepsilon t` only:
 
 .. math:: \frac{dQ}{dT} = i [\Psi(|Q|) - \sigma] Q - \frac{i F_j}{2 \omega_j}, \qquad
           \Psi(a) = -\frac{f_{j,1}(a)}{2 \omega_j a} + \frac{i C_{jj}}{2},
 
 :math:`f_{j,1}` being the fundamental of the springs' force under :math:`a \cos\omega_j t`. Its real part is the
-first-order change of the
-nonlinear mode's frequency: the response curve leans along the backbone. Steady motions are
+first-order change of the nonlinear mode's frequency: the response curve leans along the backbone. Steady motions are
 :math:`a |\Psi(a) - \sigma| = |F_j| / (2\omega_j)`, stable where the slow flow contracts. With :math:`g = 0`,
-:math:`\Psi` is constant
-and the slow flow linear: one steady motion, always stable.
+:math:`\Psi` is constant and the slow flow linear: one steady motion, always stable.
 """
 
 from __future__ import annotations
@@ -149,10 +145,10 @@ class ResonantForcing:
         chi = []
         for i in range(c.count):
             D = np.array([-self.gap[i], -c.sign[i] * c.shape[i, j] * Q], dtype=complex)
-            found = one_sided(D, 2 * H)
-            chi.append(found.chi[: 2 * H + 1])
+            contact = one_sided(D, 2 * H)
+            chi.append(contact.chi[: 2 * H + 1])
             rate = c.stiffness[i] + 1j * h * omega * c.dashpot[i]
-            force += np.multiply.outer(rate * found.positive[: H + 1], c.sign[i] * c.shape[i])
+            force += np.multiply.outer(rate * contact.positive[: H + 1], c.sign[i] * c.shape[i])
         right = force.copy()
         right[1] += self.load - 1j * omega * system.damping[:, j] * Q
         divisor = system.stiffness - (h[:, None] * omega) ** 2

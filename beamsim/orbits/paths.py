@@ -60,9 +60,9 @@ class DampingPath:
         elastic = omega > 0
         # a rigid-body mode is damped like the lowest elastic one
         self._critical = 2.0 * np.where(elastic, omega, omega[elastic].min() if elastic.any() else self.flow.omega)
-        own = np.median(np.diag(s.damping)[elastic] / self._critical[elastic]) if elastic.any() else 0.0
+        ratio = np.median(np.diag(s.damping)[elastic] / self._critical[elastic]) if elastic.any() else 0.0
         self._damping = s.damping
-        self.unit = max(float(own), SMALLEST_RATIO)
+        self.unit = max(float(ratio), SMALLEST_RATIO)
         self.heavy = 1.0 + float(np.log1p(HEAVY / self.unit))
 
     def __call__(self, parameter: float) -> tuple[PeriodicFlow, StructureDirection]:

@@ -1,14 +1,14 @@
 r"""From forced to free: the harmonic force that holds a damped structure on its nonlinear normal mode.
 
-On the mode, in phase quadrature, the work of the force over a period pays for what damping takes (energy balance; H.
+In phase quadrature the work of the force over a period equals the energy dissipated by damping (energy balance; H.
 Hazim, thesis, 2010, section 4.5; M. Peeters, G. Kerschen, J. C. Golinval, J. Sound Vib. 330 (2011) 486-509):
 
 .. math:: A \oint \mathrm{Re}(F e^{i \omega t})^T \dot q\, dt = \oint \dot q^T C \dot q\, dt
           + \sum_i \oint_{\delta_i > 0} c_i \dot\delta_i^2\, dt .
 
 Only the fundamental :math:`Q_1` of the motion takes part in the work: at best it is :math:`\pi A |F^T \bar Q_1|` a
-period, where the deflection under the force lags it by a quarter of a period. One harmonic force at one place pays in
-the mean over a period and not at every instant: the forced motion differs from the mode's in first order of the
+period, where the deflection under the force lags it by a quarter of a period. A single harmonic force
+balances the dissipation over a period and not at every instant: the forced motion differs from the mode's in first order of the
 damping, but in the part that is odd in time only. Frequency, amplitude at a level and shape at rest are right to second
 order (contacts that never pull leave earlier than they came: with their dashpots, to first order).
 

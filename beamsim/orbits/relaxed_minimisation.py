@@ -1,9 +1,9 @@
-"""Relaxed minimisation (Hazim 2010), for comparison: how far a motion is from periodic, minimised step by step.
+"""Relaxed minimisation (Hazim 2010), for comparison: the deviation from periodicity is minimised step by step.
 
 The functional is :math:`J(q_0, T) = |q(T) - q_0|^2_\\Omega + |\\dot q(T)|^2` of a motion started at rest, energies as
-weights, over twice the energy, with the energy's own excess; it is *relaxed*: a step counts as done when J falls
-below a tolerance (1e-5 or 1e-6 in Hazim 2010), from the result of the step before. No stability, no tongues, and a
-jump to another branch goes unnoticed.
+weights, over twice the energy, with the energy's own excess; it is *relaxed*: a step counts as done when J falls below
+a tolerance (1e-5 or 1e-6 in Hazim 2010), from the result of the step before. No stability, no tongues, and a jump to
+another branch goes unnoticed.
 """
 
 from __future__ import annotations
@@ -74,19 +74,19 @@ def relaxed_path(
             return total, by * weight
 
         bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
-        value, left, stalls = np.inf, iterations, 0
-        while left > 0 and stalls < STALLS and value > tolerance:
+        value, remaining, stalls = np.inf, iterations, 0
+        while remaining > 0 and stalls < STALLS and value > tolerance:
             done = minimize(
                 functional, x, jac=True, method="L-BFGS-B", bounds=bounds,
-                options={"maxiter": left, "maxfun": 20 * left, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
+                options={"maxiter": remaining, "maxfun": 20 * remaining, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
                 callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
             )  # fmt: skip
-            x, left = done.x, left - max(int(done.nit), 1)
+            x, remaining = done.x, remaining - max(int(done.nit), 1)
             stalls += done.fun > GAINED * value
             value = float(done.fun)
         yield RelaxedStep(
             float(factor), x[:n] * weight[:n], float(x[n] * weight[n]), value, count, clock.process_time() - begin,
-            value <= tolerance, left > 0,
+            value <= tolerance, remaining > 0,
         )  # fmt: skip
 
 

@@ -1,15 +1,15 @@
 """Nonlinear normal modes by half-period shooting: motions that are at rest twice a period.
 
-The undamped, unforced system runs backwards as it runs forwards, so that a motion at rest at 0 and at T/2 has period
-T. The unknowns are the shape at rest and the period, n + 1 of them:
+The undamped, unforced system runs backwards as it runs forwards, so that a motion at rest at 0 and at T/2 has period T.
+The unknowns are the shape at rest and the period, n + 1 of them:
 
 .. math:: v(T/2;\\, q_0, p) = 0, \\qquad E(q_0, p) = E_0,
 
 p being the factor of the contacts' stiffness, the energy, or the frequency. The energy is measured from static
-equilibrium. The transition matrix over half a period, :math:`\\Phi = \\begin{pmatrix} a & b \\\\ c & d
-\\end{pmatrix}` in (q, q'), gives the monodromy matrix :math:`R \\Phi^{-1} R \\Phi` (R reverses velocities), whose
-multipliers come in pairs with
-:math:`(\\mu + 1/\\mu)/2 = 1 + 2\\,\\mathrm{eig}(b^T c)`: the motion is stable where all these lie in [-1, 1].
+equilibrium. The transition matrix over half a period, :math:`\\Phi = \\begin{pmatrix} a & b \\\\ c & d \\end{pmatrix}`
+in (q, q'), gives the monodromy matrix :math:`R \\Phi^{-1} R \\Phi` (R reverses velocities), whose multipliers come in
+pairs with :math:`(\\mu + 1/\\mu)/2 = 1 + 2\\,\\mathrm{eig}(b^T c)`: the motion is stable where all these lie in [-1,
+1].
 """
 
 from __future__ import annotations
@@ -216,16 +216,16 @@ def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats 
 
 def mode_points(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
     """Folds, branch points (internal resonances among them) and grazings between two neighbours."""
-    found: list[SpecialPoint] = []
+    special: list[SpecialPoint] = []
     smooth = orbits.same_events(a, b)
     if not smooth:
-        found += list(grazings(orbits, a, b, settings))
+        special += list(grazings(orbits, a, b, settings))
     if a.tangent[-1] * b.tangent[-1] < 0:
         fold = locate(orbits, a, b, lambda p: float(p.tangent[-1]), settings)
         if fold is not None and abs(fold.tangent[-1]) < 1e-6:
-            found.append(SpecialPoint("fold", fold.parameter, fold))
+            special.append(SpecialPoint("fold", fold.parameter, fold))
     if smooth and a.orientation * b.orientation < 0:
         branching = locate(orbits, a, b, lambda p: p.orientation, settings)
         if branching is not None:
-            found.append(SpecialPoint("branch_point", branching.parameter, branching))
-    return found
+            special.append(SpecialPoint("branch_point", branching.parameter, branching))
+    return special

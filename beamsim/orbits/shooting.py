@@ -1,7 +1,7 @@
-"""Periodic motions of the forced system by shooting, and what happens along their branches.
+"""Periodic motions of the forced system by shooting, and the special points of their branches.
 
-A motion of period :math:`T = 2\\pi j/\\omega` solves :math:`z(T; z_0, \\lambda) - z_0 = 0`, z being the
-state (q, q') with the contacts' internal states. The Jacobian is the monodromy matrix less one, exact
+A motion of period :math:`T = 2\\pi j/\\omega` solves :math:`z(T; z_0, \\lambda) - z_0 = 0`, z being the state (q, q')
+with the contacts' internal states. The Jacobian is the monodromy matrix less one, exact
 (:mod:`beamsim.flow.variational`).
 """
 
@@ -40,7 +40,8 @@ class ForcedOrbits:
     Parameters
     ----------
     flow : system and loads.
-    parameter : what changes: ``"frequency"`` (rad/s), ``"level"``, or a path of systems (stiffness, gap, position …).
+    parameter : the continuation parameter: ``"frequency"`` (rad/s), ``"level"``, or a path of systems (stiffness, gap,
+        position …).
     multiple : periods of the excitation in one of the motion.
     """
 
@@ -244,12 +245,12 @@ def special_points(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settin
     A change of stability at a corner of the branch (grazing) is no bifurcation of a smooth family and is left to the
     grazing point.
     """
-    found: list[SpecialPoint] = []
+    special: list[SpecialPoint] = []
     smooth = problem.same_events(a, b)
     pieces = [(a, b)]
     if not smooth:
         touching = list(grazings(problem, a, b, settings))
-        found += touching
+        special += touching
         # between the corners the branch is smooth again
         w0 = a.u / a.scale
         chord = b.u / a.scale - w0
@@ -263,26 +264,26 @@ def special_points(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settin
         if left.tangent[-1] * right.tangent[-1] < 0:
             fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
             if fold is not None:
-                found.append(SpecialPoint("fold", fold.parameter, fold))
+                special.append(SpecialPoint("fold", fold.parameter, fold))
         if smooth and left.orientation * right.orientation < 0:
             branching = locate(problem, left, right, lambda p: p.orientation, settings)
             if branching is not None:
-                found.append(SpecialPoint("branch_point", branching.parameter, branching))
+                special.append(SpecialPoint("branch_point", branching.parameter, branching))
         (flips, turns, outside), (flips_right, turns_right, outside_right) = (
             _outside(problem.multipliers(p)) for p in (left, right)
         )
         if (flips - flips_right) % 2:
             point = locate(problem, left, right, doubling, settings)
             if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
-                found.append(SpecialPoint("period_doubling", point.parameter, point))
+                special.append(SpecialPoint("period_doubling", point.parameter, point))
         if turns != turns_right or outside != outside_right:
             point = locate(problem, left, right, torus, settings)
             if point is not None:
                 mu = problem.multipliers(point)
                 circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
                 if np.any(circle & (np.abs(mu.imag) > 0.1 * AT_BOUNDARY)):
-                    found.append(SpecialPoint("neimark_sacker", point.parameter, point))
-    return found
+                    special.append(SpecialPoint("neimark_sacker", point.parameter, point))
+    return special
 
 
 def _outside(mu: Complexes) -> tuple[int, int, int]:
@@ -329,15 +330,15 @@ def _parts(
 def _hidden_turn(a: BranchPoint, b: BranchPoint) -> float | None:
     """Where the parameter's cubic over a step has its extreme slope, if that is of another sign than both ends'."""
     scale = a.scale
-    left, right = float(a.tangent[-1]), float(b.tangent[-1] * b.scale[-1] / scale[-1])
-    if left * right <= 0:
+    at_a, at_b = float(a.tangent[-1]), float(b.tangent[-1] * b.scale[-1] / scale[-1])
+    if at_a * at_b <= 0:
         return None
     mean = float((b.u[-1] - a.u[-1]) / scale[-1]) / float(np.linalg.norm((b.u - a.u) / scale))
-    bend = 3.0 * (left + right) - 6.0 * mean  # the slope is left + (…) x + bend x^2
+    bend = 3.0 * (at_a + at_b) - 6.0 * mean  # the slope is left + (…) x + bend x^2
     if bend == 0.0:
         return None
-    x = (2.0 * left + right - 3.0 * mean) / bend
-    if not 0.0 < x < 1.0 or (left - bend * x**2) * left > 0:
+    x = (2.0 * at_a + at_b - 3.0 * mean) / bend
+    if not 0.0 < x < 1.0 or (at_a - bend * x**2) * at_a > 0:
         return None
     return x
 

@@ -1,7 +1,7 @@
-"""Steady motions under a sine of one frequency, reached by letting the transient die; and what they are if they don't.
+"""Steady motions under a sine of one frequency, reached after the decay of the transient.
 
-The state is looked at once a cycle (a Poincare section). A motion of period p cycles is steady when the section
-repeats after p cycles to a tolerance, with what is still to come estimated from how fast the difference shrinks.
+The state is looked at once a cycle (a Poincare section). A motion of period p cycles is steady when the section repeats
+after p cycles to a tolerance, with the remaining change estimated from the rate at which the difference shrinks.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 """Where non-brake orbits leave a family of brake orbits, and how to follow them.
 
-A brake orbit runs back the way it came. With the half period's transition matrix
-:math:`\\Phi = \\begin{pmatrix} a & b \\\\ c & d \\end{pmatrix}` a pair of multipliers meets at +1 where c or b is
-singular. A kernel of c (shapes at rest that come to rest again) leads to other brake orbits: a fold, or the tongue of
-an internal resonance. A kernel of b is a kick :math:`\\delta v` at the instant of rest after which the *same* place is
-reached half a period later: the motion then needn't run back, and a pair of families that are each other's reversal
-branches off. b always has one kernel, the shift in time, :math:`\\delta v = \\nabla V(q_0)`; it is set aside by
-bordering with the gradients at both ends.
+A brake orbit retraces its path. With the half period's transition matrix :math:`\\Phi = \\begin{pmatrix} a & b
+\\\\ c & d \\end{pmatrix}` a pair of multipliers meets at +1 where c or b is singular. A kernel of c (shapes at rest
+that come to rest again) leads to other brake orbits: a fold, or the tongue of an internal resonance. A kernel of b is a
+kick :math:`\\delta v` at the instant of rest after which the *same* place is reached half a period later: the motion
+then needn't run back, and a pair of families that are each other's reversal branches off. b always has one kernel, the
+shift in time, :math:`\\delta v = \\nabla V(q_0)`; it is set aside by bordering with the gradients at both ends.
 """
 
 from __future__ import annotations
@@ -49,10 +48,10 @@ def _bordered(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, Floats]:
     w = np.maximum(orbits.family.omega, 0.2 * np.pi / period)
     B = np.zeros((n + 1, n + 1))
     B[:n, :n] = passage.transition[:n, n : 2 * n] * w[:, None] * w
-    left = orbits.family.potential(passage.end[:n], factor)[1] / w
-    right = orbits.family.potential(q, factor)[1] / w
-    B[:n, n] = left / np.linalg.norm(left)
-    B[n, :n] = right / np.linalg.norm(right)
+    gradient_after = orbits.family.potential(passage.end[:n], factor)[1] / w
+    gradient_before = orbits.family.potential(q, factor)[1] / w
+    B[:n, n] = gradient_after / np.linalg.norm(gradient_after)
+    B[n, :n] = gradient_before / np.linalg.norm(gradient_before)
     return B, w
 
 
@@ -70,13 +69,13 @@ def breaking_between(
     values = _determinant(orbits, a), _determinant(orbits, b)
     if values[0] * values[1] > 0 or min(_kick(orbits, p)[2] for p in (a, b)) > largest_ratio:
         return None
-    found = locate(orbits, a, b, lambda p: _determinant(orbits, p), settings, values)
-    if found is None:
+    kernel = locate(orbits, a, b, lambda p: _determinant(orbits, p), settings, values)
+    if kernel is None:
         return None
-    kick, mode, ratio, smallness = _kick(orbits, found)
+    kick, mode, ratio, smallness = _kick(orbits, kernel)
     if smallness > KERNEL or not 1 <= ratio <= largest_ratio:
         return None
-    return SymmetryBreaking(found, found.parameter, kick, mode, ratio)
+    return SymmetryBreaking(kernel, kernel.parameter, kick, mode, ratio)
 
 
 def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, float]:

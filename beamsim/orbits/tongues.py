@@ -1,4 +1,4 @@
-"""Tongues of internal resonance: which mode a backbone loses its energy to, and the branch on which it does.
+"""Tongues of internal resonance: the mode to which a backbone transfers its energy, and the branch along which it does.
 
 Close to ``n omega = omega_r`` motions of one period exist that hold any share of the energy in mode r. They are entered
 here by asking for a share instead of a parameter, and followed until the energy has been transferred.
@@ -22,9 +22,9 @@ INWARD = (0.2, 0.1)  # the same amplitudes on the way back to the backbone
 STEPS = (1.0, 0.6, 1.7, 0.3)  # of the step, tried in turn: over the thinner tongues of third modes
 SHORTEST, LONGEST = 1e-3, 0.12  # steps in scaled unknowns
 BACKGROUND = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
-TRANSFERRED = 0.02  # of the energy left in the mode asked for ends a tongue's tracing
-LEAST_SHARE = 0.5  # of the energy in the mode asked for: a tongue has less somewhere
-RIGID = 1e-6  # of the frequency of the mode asked for: a slower mode is a rigid-body mode
+TRANSFERRED = 0.02  # share of the energy in the requested mode below which a tongue ends
+LEAST_SHARE = 0.5  # of the energy in the requested mode: a tongue has less somewhere
+RIGID = 1e-6  # of the frequency of the requested mode: a slower mode is a rigid-body mode
 MOST_FAILURES = 12  # attempts without a motion, in one tongue
 ITERATIONS = 12  # of Newton's method on the way in
 SAMPLES_A_TURN = 8  # of the fastest coordinate

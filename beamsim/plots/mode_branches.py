@@ -128,6 +128,6 @@ def _name_tongues(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> No
 
 
 def _explain(ax: Axes) -> None:
-    """A legend where there is more than the backbone to tell."""
+    """A legend where more than the backbone is drawn."""
     if len(ax.get_legend_handles_labels()[0]) > 1:
         ax.legend(loc="best", frameon=False, fontsize="small")

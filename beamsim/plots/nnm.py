@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FLOOR = -120.0  # dB, of a spectrum
-DRIFTED = 1e-6  # over the spectrum's periods, that is worth a word
+DRIFTED = 1e-6  # over the periods of the spectrum, from which the drift is shown
 MANY = 4 * 20  # lines: a motion that drifts spreads them, and they are drawn as a curve
 
 
 def plot_mode_shapes(result: NormalModeResult, ax: Axes) -> Axes:
     """The motion at its extremes, over the linear mode."""
-    at_rest = _shown(result).least_kinetic[result.motion_point] == 0.0
-    word = "at rest" if at_rest or _shown(result).kind == "backbone" else "slowest"
+    at_rest = _shown_branch(result).least_kinetic[result.motion_point] == 0.0
+    word = "at rest" if at_rest or _shown_branch(result).kind == "backbone" else "slowest"
     first, second = result.motion.at_rest
     _shapes(
         result,
@@ -57,7 +57,7 @@ def _shapes(result: NormalModeResult, ax: Axes, curves: tuple[tuple[Floats, str]
     legend(ax, len(curves), len(curves), "shapes")
 
 
-def _shown(result: NormalModeResult) -> BranchResult:
+def _shown_branch(result: NormalModeResult) -> BranchResult:
     return result.branches[result.motion_branch]
 
 
@@ -125,8 +125,8 @@ def plot_configuration(result: NormalModeResult, ax: Axes) -> Axes:
         across = max(named, key=lambda name: float(np.abs(named[name]).max()))
     scale = scale_for("m", *named.values())
     others = [name for name in named if name != across] or [across]
-    # a motion at rest twice a period goes back the way it came: drawn over itself its dashes would run into one line
-    brake = _shown(result).kind != "non_brake"
+    # a brake orbit retraces its path: drawn twice, its dashes would merge into one line
+    brake = _shown_branch(result).kind != "non_brake"
     part = slice((motion.time.size + 1) // 2 if brake else None)
     for k, name in enumerate(others[:MOST_CURVES]):
         ax.plot(named[across][part] * scale.factor, named[name][part] * scale.factor, label=name, **curve_style(k))
@@ -145,14 +145,14 @@ def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
     scale = scale_for("Hz", f[:last])
     for k, (name, amplitude) in enumerate(list(motion.spectrum.items())[:MOST_CURVES]):
         level = 20 * np.log10(np.maximum(amplitude[:last], 1e-300) / amplitude[:last].max())
-        heard = level > FLOOR
+        visible = level > FLOOR
         colour = curve_style(k)["color"]
-        if np.count_nonzero(heard) > MANY:
+        if np.count_nonzero(visible) > MANY:
             ax.plot(f[:last] * scale.factor, np.maximum(level, FLOOR), label=name, **curve_style(k))
             continue
-        ax.vlines(f[:last][heard] * scale.factor, FLOOR, level[heard], color=colour, linewidth=0.9, alpha=0.35)
+        ax.vlines(f[:last][visible] * scale.factor, FLOOR, level[visible], color=colour, linewidth=0.9, alpha=0.35)
         ax.plot(
-            f[:last][heard] * scale.factor, level[heard], linestyle="none", marker="os^Dvx"[k],
+            f[:last][visible] * scale.factor, level[visible], linestyle="none", marker="os^Dvx"[k],
             markersize=max(6.0 - 1.2 * k, 2.5), color=colour, label=name, markerfacecolor="none",
         )  # fmt: skip
     ax.set_ylim(FLOOR, 5.0)
@@ -172,19 +172,19 @@ def _motion_figure(result: NormalModeResult) -> Figure:
     from matplotlib.figure import Figure
 
     if not result.motion.force:
-        return figure_of(f"{result.title}\n{_told(result)}", lambda ax: plot_node_motion(result, ax))
+        return figure_of(f"{result.title}\n{_motion_name(result)}", lambda ax: plot_node_motion(result, ax))
     figure = Figure(figsize=(7.2, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     plot_node_motion(result, above)
     plot_contact_forces(result, below)
     above.set_xlabel("")
-    figure.suptitle(f"{result.title}\n{_told(result)}", fontsize="medium")
+    figure.suptitle(f"{result.title}\n{_motion_name(result)}", fontsize="medium")
     return figure
 
 
 def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     """Every picture of a nonlinear mode, by name."""
-    motion = f"{result.title}\n{_told(result)}"
+    motion = f"{result.title}\n{_motion_name(result)}"
     figures = {
         "backbone": figure_of(result.title, lambda ax: plot_backbone(result, ax)),
         "mode_shapes": figure_of(motion, lambda ax: plot_mode_shapes(result, ax)),
@@ -205,9 +205,9 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     return figures
 
 
-def _told(result: NormalModeResult) -> str:
+def _motion_name(result: NormalModeResult) -> str:
     """Which motion is drawn."""
-    branch, k = _shown(result), result.motion_point
+    branch, k = _shown_branch(result), result.motion_point
     names = {"stiffness_factor": "ε = {:.4g}", "energy": "{:.4g} J", "frequency": "{:.6g} Hz"}
     at = names[result.parameter].format(branch.parameter[k])
     also = "" if result.parameter == "frequency" else f", {branch.frequency_hz[k]:.6g} Hz"

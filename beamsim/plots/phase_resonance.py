@@ -35,8 +35,8 @@ def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
     """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
     name, level = result.probe, _level_scale(result)
     curves = [m.curve.peak_displacement[name] for m in result.motions if m.curve is not None]
-    found = np.array([[m.predicted_amplitude[name], m.amplitude[name]] for m in result.motions])
-    scale = scale_for("m", found, *curves)
+    amplitudes = np.array([[m.predicted_amplitude[name], m.amplitude[name]] for m in result.motions])
+    scale = scale_for("m", amplitudes, *curves)
     ridge = result.predicted
     ax.plot(ridge.frequency_hz, ridge.amplitude[name] * scale.factor, label="nonlinear mode", **_RIDGE)
     drawn = [(ridge.frequency_hz, ridge.amplitude[name] * scale.factor)]
@@ -54,13 +54,13 @@ def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
     for which, marker, face, label in ((0, "o", "white", "predicted"), (1, "D", "0.15", "phase resonance")):
         at = [m.predicted_frequency_hz if which == 0 else m.frequency_hz for m in result.motions]
         ax.plot(
-            at, found[:, which] * scale.factor, linestyle="none", marker=marker, markersize=7 - 3 * which,
+            at, amplitudes[:, which] * scale.factor, linestyle="none", marker=marker, markersize=7 - 3 * which,
             color="0.15", markerfacecolor=face, label=label, zorder=5 + which,
         )  # fmt: skip
     shown = np.concatenate([*(m.curve.frequency_hz for m in result.motions if m.curve is not None), np.zeros(0)])
     if shown.size:
         ax.set_xlim(float(shown.min()), float(shown.max()))
-        ax.set_ylim(0.0, 1.12 * scale.factor * max(float(np.nanmax(found)), *(float(c.max()) for c in curves)))
+        ax.set_ylim(0.0, 1.12 * scale.factor * max(float(np.nanmax(amplitudes)), *(float(c.max()) for c in curves)))
     finish(ax, "Frequency (Hz)", f"Largest deflection of {name} ({scale.unit})")
     put_names(ax, places, drawn)
     ax.legend(loc="best", frameon=False, fontsize="small")
@@ -84,11 +84,11 @@ def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
     )  # fmt: skip
     stable = np.array([m.stable for m in result.motions])
     levels = np.array([m.level for m in result.motions]) * level.factor
-    for wanted, face, label in ((True, "#d1495b", "exact, stable"), (False, "white", "exact, unstable")):
-        own = (stable == wanted) & np.isfinite(amplitude)
-        if np.any(own):
+    for is_stable, face, label in ((True, "#d1495b", "exact, stable"), (False, "white", "exact, unstable")):
+        shown = (stable == is_stable) & np.isfinite(amplitude)
+        if np.any(shown):
             ax.plot(
-                amplitude[own] * scale.factor, levels[own], linestyle="none", marker="D", markersize=6,
+                amplitude[shown] * scale.factor, levels[shown], linestyle="none", marker="D", markersize=6,
                 color="#d1495b", markerfacecolor=face, label=label,
             )  # fmt: skip
     ax.set_xscale("log")

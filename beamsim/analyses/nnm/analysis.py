@@ -1,4 +1,4 @@
-"""``beamsim nnm``: a nonlinear normal mode followed in stiffness, energy or frequency, with all it meets."""
+"""``beamsim nnm``: a nonlinear normal mode in stiffness factor, energy or frequency, with tongues and bifurcations."""
 
 from __future__ import annotations
 
@@ -83,9 +83,10 @@ def nnm(
     Parameters
     ----------
     scenario : with a section ``nnm``.
-    progress : is told the share of the path that is done.
+    progress : called with the completed fraction of the path.
     compare : other methods to compare with it: any of :data:`COMPARISONS`.
-    stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
+    stop : called after every point; once it returns True the result holds the points so far, with the outcome
+        "interrupted".
 
     Raises
     ------
@@ -107,12 +108,12 @@ def nnm(
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
     motion = orbit_motion(system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]))
     branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
-    held = None
+    resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
-        held = hold_mode(
+        resonance = hold_mode(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
-    outcome = _outcome(work, held)
+    outcome = _outcome(work, resonance)
     summary = nnm_summary(
         job, branches, followed.jumps, outcome.text, work.processor_time_s,
         followed.problem.omega[job.mode] / (2 * np.pi), motion,
@@ -123,8 +124,8 @@ def nnm(
         summary["multiple_scales"] = expansion_summary(work.expansion)
     if work.relaxed is not None:
         summary["thesis"] = relaxed_summary(work.relaxed)
-    if held is not None:
-        summary["phase_resonance"] = phase_resonance_summary(held)
+    if resonance is not None:
+        summary["phase_resonance"] = phase_resonance_summary(resonance)
     return NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,
@@ -138,7 +139,7 @@ def nnm(
         motion_branch=shown,
         motion_point=point,
         modes=system.modes,
-        phase_resonance=held,
+        phase_resonance=resonance,
         expansion=work.expansion,
         relaxed=work.relaxed,
         summary=summary,
@@ -149,18 +150,18 @@ def nnm(
 
 @dataclass
 class _MethodResults:
-    """What the methods asked for have found."""
+    """Results of the requested methods."""
 
     followed: ModeBranches
     processor_time_s: float  # of the exact motions
     full_period: FullPeriodBranches | None = None
     expansion: ExpansionComparison | None = None
     relaxed: RelaxedComparison | None = None
-    relaxing: bool = False  # whether relaxed minimisation is what was asked for, not a comparison
-    left_out: list[str] = field(default_factory=list)  # what was not begun any more
+    relaxing: bool = False  # whether relaxed minimisation is the method and not a comparison
+    left_out: list[str] = field(default_factory=list)  # steps that an interruption has left out
 
     def goes_on(self, to: str, stop: Stop) -> bool:
-        """Whether it is not time to end; what would have come is noted where it is."""
+        """Whether to go on; the step is recorded as left out where not."""
         if stop():
             self.left_out.append(to)
             return False
@@ -233,21 +234,21 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
     assert scenario.nnm is not None
     path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
     begin = clock.process_time()
-    orbits, found = exact_points(system, path)
+    orbits, exact = exact_points(system, path)
     linear = solve_at(orbits, linear_mode(orbits, job.mode, 0.0, job.away_from), Settings(), 0.0)
-    rising = sorted((p for p in found if p is not None), key=lambda p: p.parameter)
+    rising = sorted((p for p in exact if p is not None), key=lambda p: p.parameter)
     points = [p for p in (linear, *rising) if p is not None]
     if not points:
         raise ScenarioError(Problem("nnm.mode", f"= {job.mode + 1} gives no motion to begin with", "ask for another"))
     small = path.factor <= path.small  # beyond, that no exact motion is near is no surprise
-    missed = [float(f) for f, p, s in zip(path.factor, found, small, strict=True) if p is None and s]
+    missed = [float(f) for f, p, s in zip(path.factor, exact, small, strict=True) if p is None and s]
     outcome = COMPLETE
     if not rising:
         outcome = Outcome.of(OutcomeCode.NOTHING_NEAR_EXPANSION, mode=path.mode, reach=path.reach)
     elif missed:
         outcome = Outcome.of(OutcomeCode.PARTLY_NEAR_EXPANSION, factors=missed)
     spent = clock.process_time() - begin
-    comparison = compare_expansion(system, path, modes_of(system, path, orbits, found))
+    comparison = compare_expansion(system, path, modes_of(system, path, orbits, exact))
     backbone = OrbitBranch(orbits, points, outcome, kind="backbone")
     return _MethodResults(ModeBranches(backbone), spent, expansion=comparison)
 
@@ -279,7 +280,7 @@ def _shown(branches: tuple[BranchResult, ...]) -> tuple[int, int]:
     return 0, branches[0].parameter.size - 1
 
 
-def _outcome(work: _MethodResults, held: PhaseResonanceResult | None) -> Outcome:
+def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Outcome:
     """How the first of the methods that did not end well ended."""
     ends = [work.followed.backbone.outcome]
     if work.left_out:
@@ -288,6 +289,6 @@ def _outcome(work: _MethodResults, held: PhaseResonanceResult | None) -> Outcome
         ends.append(work.full_period.outcome)
     if work.relaxed is not None and (work.relaxing or work.relaxed.outcome.interrupted):
         ends.append(work.relaxed.outcome)
-    if held is not None:
-        ends.append(held.outcome)
+    if resonance is not None:
+        ends.append(resonance.outcome)
     return combined(ends)

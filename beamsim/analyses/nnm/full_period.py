@@ -55,7 +55,7 @@ def follow_full_period(
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
 ) -> FullPeriodBranches:
-    """Follow again, over the whole period, what half-period shooting has followed, and branch off where it can't."""
+    """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off."""
     points = branches.backbone.points
     gaps = {p.parameter for p in points if any(job.shown(p.parameter) == j.start for j in branches.jumps)}
     path = FullPeriodPath(branches.problem, points, gaps)
@@ -68,37 +68,37 @@ def follow_full_period(
         raise NotTrustedError(f"full-period shooting found no motion to begin with: {path.outcome}")
     breakings = list(_breakings(branches, gaps)) if settings.branches and not stop() else []
     low, high = sorted((points[0].parameter, points[-1].parameter))
-    found: list[OrbitBranch] = []
+    non_brake: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)
     for origin in breakings:
-        if len(found) == settings.branches or any(_arrives(branch, origin) for branch in found):
+        if len(non_brake) == settings.branches or any(_arrives(branch, origin) for branch in non_brake):
             continue
         if stop():
             break
-        leaving = NonBrakeBranch(branches.problem, origin, low, high, steps)
-        beside = list(until(leaving, stop))
+        orbits = NonBrakeBranch(branches.problem, origin, low, high, steps)
+        beside = list(until(orbits, stop))
         if beside:
-            found.append(
+            non_brake.append(
                 OrbitBranch(
-                    leaving.orbits, beside, job.ended(leaving.outcome, beside[-1]), kind="non_brake", mode=origin.mode,
+                    orbits.orbits, beside, job.ended(orbits.outcome, beside[-1]), kind="non_brake", mode=origin.mode,
                     ratio=origin.ratio, origin=origin.parameter,
                 )
             )  # fmt: skip
     backbone = OrbitBranch(path.orbits, reached, job.ended(path.outcome, reached[-1]), kind="backbone")
     return FullPeriodBranches(
-        backbone, np.array(path.differences), breakings, found, bool(settings.branches and stop())
+        backbone, np.array(path.differences), breakings, non_brake, bool(settings.branches and stop())
     )  # fmt: skip
 
 
 def _breakings(branches: ModeBranches, gaps: set[float]) -> list[SymmetryBreaking]:
     """Along the backbone, its tongues, and the ways back into a tongue from beyond a jump; each once."""
-    orbits, found = branches.problem, list[SymmetryBreaking]()
+    orbits, breakings = branches.problem, list[SymmetryBreaking]()
     for points in _paths(branches, gaps):
         for a, b in pairwise(points):
             origin = breaking_between(orbits, a, b, Settings())
-            if origin is not None and not any(_alike(orbits, origin, known) for known in found):
-                found.append(origin)
-    return found
+            if origin is not None and not any(_alike(orbits, origin, known) for known in breakings):
+                breakings.append(origin)
+    return breakings
 
 
 def _paths(branches: ModeBranches, gaps: set[float]) -> Iterator[list[BranchPoint]]:

@@ -142,7 +142,7 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[Brak
     """
     case = _case(structure, path.mode, path.energy)
     orbits = BrakeOrbits(case.family, energy=path.energy)
-    found: list[BranchPoint | None] = [None] * path.factor.size
+    points: list[BranchPoint | None] = [None] * path.factor.size
     weight = case.family.omega
     for i in np.argsort(path.factor):
         factor = float(path.factor[i])
@@ -154,8 +154,8 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[Brak
         q = point.u[: orbits.n]
         far = np.linalg.norm(weight * (q - guess)) > FURTHEST * np.linalg.norm(weight * q)
         if not far and orbits.share_at(point)[case.mode] > LEAST_SHARE:
-            found[i] = point
-    return orbits, found
+            points[i] = point
+    return orbits, points
 
 
 def modes_of(
@@ -180,12 +180,12 @@ def compare_expansion(
     ``exact`` may come from a stored backbone with the same energy and factors (default: found from the
     expansion).
     """
-    found = modes_of(structure, path, *exact_points(structure, path)) if exact is None else exact
-    if found.frequency_hz.shape != path.factor.shape:
+    modes = modes_of(structure, path, *exact_points(structure, path)) if exact is None else exact
+    if modes.frequency_hz.shape != path.factor.shape:
         raise ValueError("the exact motions belong to other factors than the expansion")
     weight = np.sqrt(structure.dynamics.stiffness)
-    frequency = np.abs(path.frequency_hz / found.frequency_hz[:, None] - 1.0)
-    size = np.linalg.norm(found.coordinates * weight, axis=1)
+    frequency = np.abs(path.frequency_hz / modes.frequency_hz[:, None] - 1.0)
+    size = np.linalg.norm(modes.coordinates * weight, axis=1)
 
     def away(shapes: Floats, reference: Floats) -> Floats:
         return np.asarray(np.linalg.norm((shapes - reference[:, None, :]) * weight, axis=2) / size[:, None])
@@ -194,12 +194,12 @@ def compare_expansion(
         known = np.where(difference > NOISE, difference, np.nan)
         return np.array([observed_orders(path.factor, known[:, k]) for k in ORDERS]).T
 
-    initial = away(path.coordinates, found.coordinates)
-    uniform = away(path.uniform_coordinates, found.coordinates)
+    initial = away(path.coordinates, modes.coordinates)
+    uniform = away(path.uniform_coordinates, modes.coordinates)
     expected = away(path.coordinates, path.uniform_coordinates[:, 2])
     return ExpansionComparison(
         path=path,
-        exact=found,
+        exact=modes,
         frequency_difference=frequency,
         initial_difference=initial,
         frequency_orders=orders(frequency),

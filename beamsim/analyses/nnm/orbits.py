@@ -54,8 +54,8 @@ def branch_result(
     else:
         for k, point in enumerate(branch.points):
             time, kinetic = slowest_instant(point.data.flow, point.data.passage, n)
-            begun = np.array([time if branch.kind == "non_brake" else 0.0])
-            states[k] = point.data.flow.states_at(point.data.passage, begun)[0, : 2 * n]
+            instant = np.array([time if branch.kind == "non_brake" else 0.0])
+            states[k] = point.data.flow.states_at(point.data.passage, instant)[0, : 2 * n]
             least[k] = kinetic / point.data.energy
         factors = [branch.problem.split(point.u)[2] for point in branch.points]
         shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
@@ -90,10 +90,12 @@ def special_points(system: StructuralSystem, job: ModePath, branches: ModeBranch
     for a, b in pairwise(branches.backbone.points):
         if job.shown(a.parameter) in cut or orbits.same_events(a, b):
             continue
-        for found in mode_points(orbits, a, b, settings):
-            period = orbits.split(found.point.u)[1]
-            name = names[found.contact] if found.contact >= 0 else ""
-            special.append(SpecialPointResult(found.kind, job.shown(found.parameter), 1.0 / period, name, found.time))
+        for located in mode_points(orbits, a, b, settings):
+            period = orbits.split(located.point.u)[1]
+            name = names[located.contact] if located.contact >= 0 else ""
+            special.append(
+                SpecialPointResult(located.kind, job.shown(located.parameter), 1.0 / period, name, located.time)
+            )
     return tuple(special)
 
 

@@ -53,7 +53,7 @@ class ModeBranches:
 
 @dataclass
 class ModePath:
-    """What to follow, from where to where."""
+    """A continuation parameter with its range, and the family of structures."""
 
     family: SpringFamily
     mode: int  # from 0
@@ -65,7 +65,7 @@ class ModePath:
     away_from: Floats | None
 
     def follow(self, progress: Callable[[float], None] | None, stop: Stop = never) -> ModeBranches:
-        """The backbone, with what was found beside it, as far as it goes until ``stop`` says so.
+        """The backbone, with what was found beside it, until its end or until ``stop`` returns True.
 
         Raises
         ------
@@ -86,13 +86,13 @@ class ModePath:
                 Problem("nnm.mode", f"= {self.mode + 1} gives no motion to begin with", "ask for another")
             )
         if self.first != 0.0:
-            way = Backbone(orbits, start, self.first, self.mode, points=40)
-            start = list(way)[-1]
-            if not way.outcome.complete:
+            lead_in = Backbone(orbits, start, self.first, self.mode, points=40)
+            start = list(lead_in)[-1]
+            if not lead_in.outcome.complete:
                 raise ScenarioError(
                     Problem(
                         "nnm.continue_in.from",
-                        f"= {self.first:g} was not reached: {self.ended(way.outcome, start)}",
+                        f"= {self.first:g} was not reached: {self.ended(lead_in.outcome, start)}",
                         "begin at 0",
                     )
                 )
@@ -133,9 +133,9 @@ class ModePath:
         linear = solve_at(by_factor, linear_mode(by_factor, self.mode, 0.0, away), Settings(), 0.0)
         if linear is None:
             return None
-        way = Backbone(by_factor, linear, 1.0, self.mode, points=POINTS)
-        q, period, _, _ = by_factor.split(list(way)[-1].u)
-        if not way.outcome.complete:
+        growth = Backbone(by_factor, linear, 1.0, self.mode, points=POINTS)
+        q, period, _, _ = by_factor.split(list(growth)[-1].u)
+        if not growth.outcome.complete:
             return None
         value = float(np.log(energy))
         point = solve_at(orbits, orbits.unknowns(q, period, value), Settings(), value)
@@ -148,13 +148,13 @@ class ModePath:
     ) -> ModeBranches:
         orbits, start = self._small()
         if abs(start.parameter - first) > 1e-12:
-            way = Backbone(orbits, start, first, self.mode, points=60)
-            start = list(way)[-1]
-            if not way.outcome.complete:
+            lead_in = Backbone(orbits, start, first, self.mode, points=60)
+            start = list(lead_in)[-1]
+            if not lead_in.outcome.complete:
                 raise ScenarioError(
                     Problem(
                         "nnm.continue_in.from",
-                        f"was not reached: {self.ended(way.outcome, start)}",
+                        f"was not reached: {self.ended(lead_in.outcome, start)}",
                         "give a lower energy to begin with",
                     )
                 )
@@ -164,20 +164,20 @@ class ModePath:
         orbits, start = self._small()
         first, last = 2 * np.pi * self.first, 2 * np.pi * self.last
         low, high = sorted((first, last))
-        way = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=200)
+        in_energy = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=200)
         before: BranchPoint | None = None
-        found: BranchPoint | None = None
+        begin: BranchPoint | None = None
         by_frequency = BrakeOrbits(self.family, "frequency", basis=self.basis)
         passed: list[float] = []
-        for point in way:
+        for point in in_energy:
             omega = 2 * np.pi / float(point.u[-2])
             passed.append(omega / (2 * np.pi))
             if before is not None and (2 * np.pi / float(before.u[-2]) - first) * (omega - first) <= 0:
-                found = _at_frequency(by_frequency, before, point, first, last - first)
-                if found is not None:
+                begin = _at_frequency(by_frequency, before, point, first, last - first)
+                if begin is not None:
                     break
             before = point
-        if found is None:
+        if begin is None:
             raise ScenarioError(
                 Problem(
                     "nnm.continue_in.from",
@@ -186,12 +186,12 @@ class ModePath:
                     "gaps at internal resonances)",
                 )
             )
-        branch = follow_orbits(by_frequency, found, low, high, Settings(most_points=MOST_POINTS))
+        branch = follow_orbits(by_frequency, begin, low, high, Settings(most_points=MOST_POINTS))
         points: list[BranchPoint] = []
         unbounded = False
-        for point in until(_reporting(branch, found.parameter, last, progress), stop):
+        for point in until(_reporting(branch, begin.parameter, last, progress), stop):
             points.append(point)
-            if not 1.0 / MOST_ENERGY < point.data.energy / found.data.energy < MOST_ENERGY:
+            if not 1.0 / MOST_ENERGY < point.data.energy / begin.data.energy < MOST_ENERGY:
                 unbounded = True
                 break
         outcome = branch.outcome
@@ -213,7 +213,7 @@ class ModePath:
         return ModeBranches(branch, tuple(tongues), jumps)
 
     def _lost(self, outcome: Outcome, share: float) -> Outcome:
-        """The end of a backbone with a share of the energy left in its mode, and what may help."""
+        """The end of a backbone, with the share of energy in its mode and a remedy."""
         if share > LEFT_OVER:
             remedy = "steps are a hundredth of the range, so that a nearer nnm.continue_in.to may go on"
             return outcome.but(remedy=remedy)
@@ -346,7 +346,7 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
 
 
 def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
-    """What a scenario asks to follow in its structure without damping and excitation.
+    """The path that a scenario requests, in its structure without damping and excitation.
 
     Raises
     ------
@@ -357,27 +357,27 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     assert settings is not None
     mode = flexible_mode(system, settings.mode)
     contacts = system.dynamics.contacts.split()
-    going = settings.continue_in
+    parameter = settings.continue_in
     if settings.phase_resonance is not None:
-        refuse_phase_resonance(going.kind, alike=alike(system))
-    if going.kind != "stiffness_factor" and alike(system):
+        refuse_phase_resonance(parameter.kind, alike=alike(system))
+    if parameter.kind != "stiffness_factor" and alike(system):
         raise ScenarioError(
             Problem(
                 "nnm.continue_in.kind",
-                f"= {going.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
+                f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
                 "use stiffness_factor, or give a gap",
             )
         )
-    energy = held_energy(system, settings.energy) if going.kind == "stiffness_factor" else FIRST_ENERGY
+    energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else FIRST_ENERGY
     family = spring_family(system)
     basis = None
-    if family.equilibrium is not None and going.kind != "stiffness_factor":
+    if family.equilibrium is not None and parameter.kind != "stiffness_factor":
         basis = family.modes_at_rest()
     away = (contacts.sign @ contacts.shape) if contacts.count else None
     if away is not None and basis is not None:
         away = -away  # at rest with the contacts closed, where the closed structure's modes share out all the energy
-    first = getattr(going, "from_", 0.0)
-    return ModePath(family, mode, going.kind, float(first), float(going.to), energy, basis, away)
+    first = getattr(parameter, "from_", 0.0)
+    return ModePath(family, mode, parameter.kind, float(first), float(parameter.to), energy, basis, away)
 
 
 def _equilibrium(system: StructuralSystem) -> Callable[[PiecewiseLinearSystem], Floats]:
@@ -386,12 +386,14 @@ def _equilibrium(system: StructuralSystem) -> Callable[[PiecewiseLinearSystem], 
     def rest(dynamics: PiecewiseLinearSystem) -> Floats:
         springs = springs_of(dynamics.contacts)
         acting = springs.take(springs.stiffness != 0)  # none at a factor of zero
-        found = find_equilibrium(dynamics.stiffness, rigid, acting, dynamics.constant_load[None, :])
-        if found.q is None:
+        equilibrium = find_equilibrium(dynamics.stiffness, rigid, acting, dynamics.constant_load[None, :])
+        if equilibrium.q is None:
             raise ScenarioError(
-                Problem("nnm", f"has no static equilibrium to vibrate about: {found.reason}", "support the structure")
+                Problem(
+                    "nnm", f"has no static equilibrium to vibrate about: {equilibrium.reason}", "support the structure"
+                )
             )
-        return found.q
+        return equilibrium.q
 
     return rest
 

@@ -92,7 +92,7 @@ class _BackboneMotion:
 
 
 @dataclass(frozen=True)
-class _Held:
+class _Levels:
     """What all levels share."""
 
     orbits: BrakeOrbits
@@ -146,7 +146,7 @@ class _Held:
             p.name: max(_peak(states[:, :n] @ p.shape), _peak(-states[:, :n] @ p.shape)) for p in self.damped.probes
         }
 
-    def at(self, wanted: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
+    def at(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
         """The motion with this level (or amplitude); None where the backbone has none.
 
         In the tongue of an internal resonance the level rises without end: of several motions the one that is most the
@@ -154,16 +154,16 @@ class _Held:
         """
         if self.alike:
             one = self.motion(self.points[-1])
-            return one.scaled(wanted / measure(one))
-        off = [measure(m) - wanted for m in self.motions]
+            return one.scaled(target / measure(one))
+        off = [measure(m) - target for m in self.motions]
         crossings: list[_BackboneMotion] = []
         edges: list[_BackboneMotion] = []
         for k, (a, b) in enumerate(pairwise(self.ascending)):
             if off[k] * off[k + 1] > 0:
                 continue
-            found = self._crossing(a, b, lambda p: measure(self.motion(p)) - wanted, (off[k], off[k + 1]))
-            if found is not None:
-                crossings.append(self.motion(found))
+            crossing = self._crossing(a, b, lambda p: measure(self.motion(p)) - target, (off[k], off[k + 1]))
+            if crossing is not None:
+                crossings.append(self.motion(crossing))
             else:  # across a tongue there is no motion between: the nearer of its two edges
                 edges.append(self.motions[k if abs(off[k]) <= abs(off[k + 1]) else k + 1])
         return max(crossings or edges, key=lambda m: m.share, default=None)
@@ -173,9 +173,9 @@ class _Held:
         halvings: int = HALVINGS,
     ) -> BranchPoint | None:  # fmt: skip
         """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
-        found = locate(self.orbits, a, b, off, Settings(iterations=12), values, 1e-10)
-        if found is not None or halvings == 0:
-            return found
+        crossing = locate(self.orbits, a, b, off, Settings(iterations=12), values, 1e-10)
+        if crossing is not None or halvings == 0:
+            return crossing
         halfway = 0.5 * (a.parameter + b.parameter)
         middle = solve_at(self.orbits, 0.5 * (a.u + b.u), Settings(iterations=12), halfway)
         if middle is None:
@@ -228,7 +228,7 @@ def hold_mode(
     damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), UNITS[str(excitation.quantity)]
-    held = _Held(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
+    held = _Levels(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
     predicted, probe = _predicted(held, levels)
     motions = []
@@ -261,12 +261,12 @@ def hold_mode(
     )
 
 
-def _predicted(held: _Held, levels: list[float]) -> tuple[PredictedLevels, str]:
+def _predicted(held: _Levels, levels: list[float]) -> tuple[PredictedLevels, str]:
     """Levels along the backbone, and the probe that moves most."""
     if held.alike:
         one = held.motion(held.points[-1])
-        wanted = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
-        motions = [one.scaled(level / one.level) for level in wanted]
+        drawn = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
+        motions = [one.scaled(level / one.level) for level in drawn]
     else:
         motions = held.motions
     amplitudes = [held.amplitudes(m) for m in motions]
@@ -282,7 +282,7 @@ def _predicted(held: _Held, levels: list[float]) -> tuple[PredictedLevels, str]:
     return table, max(names, key=lambda name: float(table.amplitude[name].max()))
 
 
-def _beyond(held: _Held, predicted: PredictedLevels, level: float, at: str) -> Problem:
+def _beyond(held: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
     """Why a level is not met, and the energy that it would need: extrapolated as a power of the level."""
     unit, e, levels = held.unit, predicted.energy, predicted.level
     above = level > levels.max()
@@ -300,11 +300,11 @@ def _beyond(held: _Held, predicted: PredictedLevels, level: float, at: str) -> P
 
 
 def _resonance(
-    held: _Held, motion: _BackboneMotion, level: float, probe: str, span: float, periods: int
+    held: _Levels, motion: _BackboneMotion, level: float, probe: str, span: float, periods: int
 ) -> ResonantMotion:
     """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
     problem = held.problem(level, motion.force.omega)
-    point = _found(held, problem, motion, level)
+    point = _exact_motion(held, problem, motion, level)
     carried = _carried(held, problem, motion, periods)
     predicted: dict[str, Any] = {
         "level": level,
@@ -337,7 +337,7 @@ def _resonance(
     )
 
 
-def _found(held: _Held, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
+def _exact_motion(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
     """The exact motion at phase resonance: from the prediction, or by way of other levels of the same backbone.
 
     Damping fills thin tongues of internal resonance, in which the undamped mode is no guide.
@@ -365,7 +365,7 @@ def _found(held: _Held, problem: ForcedOrbits, motion: _BackboneMotion, level: f
     return None
 
 
-def _by_way_of_factors(held: _Held, problem: ForcedOrbits, level: float) -> BranchPoint | None:
+def _by_way_of_factors(held: _Levels, problem: ForcedOrbits, level: float) -> BranchPoint | None:
     """The same along a backbone in the stiffness factor: from where the mode is a guide, on to its end."""
     n, last = held.damped.dynamics.size, len(held.points) - 1
     for begin in range(last - BACK, max(last - ATTEMPTS * BACK, -1), -BACK):
@@ -384,12 +384,12 @@ def _by_way_of_factors(held: _Held, problem: ForcedOrbits, level: float) -> Bran
     return None
 
 
-def _forced_amplitudes(held: _Held, problem: ForcedOrbits, point: BranchPoint) -> dict[str, float]:
+def _forced_amplitudes(held: _Levels, problem: ForcedOrbits, point: BranchPoint) -> dict[str, float]:
     flow, passage = problem.cycle(point)
     return held.largest(flow.states_at(passage, passage.duration * np.arange(SAMPLES) / SAMPLES))
 
 
-def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
+def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
     """The response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     down: list[BranchPoint] = []
@@ -412,7 +412,7 @@ def _curve(held: _Held, problem: ForcedOrbits, point: BranchPoint, span: float) 
     )
 
 
-def _carried(held: _Held, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
+def _carried(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
     problem.flow.set(motion.force.omega, motion.level)
     system = held.damped.dynamics

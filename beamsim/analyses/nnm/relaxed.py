@@ -1,4 +1,4 @@
-"""Relaxed minimisation (Hazim 2010) beside exact shooting: where it gets to, how close, at what cost."""
+"""Relaxed minimisation (Hazim 2010) beside exact shooting: range, accuracy and cost."""
 
 from __future__ import annotations
 

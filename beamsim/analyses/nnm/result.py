@@ -1,4 +1,4 @@
-"""What ``beamsim nnm`` hands back: branches of nonlinear normal modes, a motion, and what is compared with them."""
+"""The result of ``beamsim nnm``: branches of nonlinear normal modes, one motion, and comparisons."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class PhaseResonanceResult:
 
     @property
     def status(self) -> str:
-        """complete, or what was not found."""
+        """complete, or the levels without a motion."""
         return self.outcome.text
 
     @property

@@ -1,4 +1,4 @@
-"""What ``beamsim nnm`` prints, as plain values: the backbone, what leaves it, and what is compared with it."""
+"""Summary of ``beamsim nnm`` as plain values: backbone, bifurcations and comparisons."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def nnm_summary(
     linear_frequency_hz: float,
     motion: OrbitMotion,
 ) -> dict[str, Any]:
-    """The backbone and what it met."""
+    """The backbone with its tongues and jumps."""
     backbone = branches[0]
     return {
         "mode": job.mode + 1,
@@ -60,7 +60,7 @@ def _end(branch: BranchResult, index: int) -> dict[str, float]:
 
 
 def full_period_summary(branches: tuple[BranchResult, ...]) -> dict[str, Any]:
-    """How close full-period shooting came to half-period shooting, and the non-brake orbits."""
+    """Difference of full-period from half-period shooting, and the non-brake orbits."""
     return {
         "largest_difference": float(branches[0].half_period_difference.max(initial=0.0)),
         "symmetry_breakings": [
@@ -86,7 +86,7 @@ def full_period_summary(branches: tuple[BranchResult, ...]) -> dict[str, Any]:
 
 
 def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
-    """Relaxed minimisation: how far, how close, at what cost."""
+    """Relaxed minimisation: range, accuracy and cost."""
     known = np.isfinite(relaxed.frequency_difference)
     spent = float(relaxed.processor_time_s.sum())
     return {
@@ -143,7 +143,7 @@ def expansion_summary(comparison: ExpansionComparison) -> dict[str, Any]:
 
 
 def _order(orders: Floats, small: Bools) -> float:
-    """Median of the observed orders at small factors; where round-off has spoilt all of them, the last one it left."""
+    """Median of the observed orders at small factors; if round-off dominates there, the last one above it."""
     known = np.isfinite(orders)
     if np.any(known & small):
         return float(np.median(orders[known & small]))
