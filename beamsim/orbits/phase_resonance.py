@@ -7,8 +7,8 @@ Hazim, thesis, 2010, section 4.5; M. Peeters, G. Kerschen, J. C. Golinval, J. So
           + \sum_i \oint_{\delta_i > 0} c_i \dot\delta_i^2\, dt .
 
 Only the fundamental :math:`Q_1` of the motion takes part in the work: at best it is :math:`\pi A |F^T \bar Q_1|` a
-period, where the deflection under the force lags it by a quarter of a period. A single harmonic force
-balances the dissipation over a period and not at every instant: the forced motion differs from the mode's in first order of the
+period, where the deflection under the force lags it by a quarter of a period. A single harmonic force balances the
+dissipation over a period and not at every instant: the forced motion differs from the mode's in first order of the
 damping, but in the part that is odd in time only. Frequency, amplitude at a level and shape at rest are right to second
 order (contacts that never pull leave earlier than they came: with their dashpots, to first order).
 
