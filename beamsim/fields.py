@@ -49,15 +49,64 @@ class Counter(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A number of a result's summary (by name of probe, snubber or curve where there are several).
+    """An entry of a result's summary (by name of probe, snubber or curve where there are several).
 
-    With a label it has a row, or one a name, in the table that is printed.
+    An entry with a label has a row, or several, in the printed table. An entry that repeats a field of the result says
+    which one; unit and meaning are then those of the field.
     """
 
     name: str  # in ``--json`` and among the attributes of /summary
-    unit: str
-    meaning: str
+    unit: str = ""
+    meaning: str = ""
     label: str = ""
+    of: str = ""  # the field with the value, ``work.cycles``; the entry is left out where the field is None
+    columns: tuple[str, ...] = ()  # of a tuple of dataclasses: the fields to be listed of each
+
+
+def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
+    """The summary that a result declares: values given here, and those of its fields, as plain Python values.
+
+    Raises
+    ------
+    KeyError
+        If a value has no entry.
+    """
+    undeclared = computed.keys() - {entry.name for entry in result.SUMMARY}
+    if undeclared:
+        raise KeyError(f"{type(result).__name__}.SUMMARY has no {', '.join(sorted(undeclared))}")
+    values = {}
+    for entry in result.SUMMARY:
+        value = computed.get(entry.name)
+        if value is None and entry.of:
+            value = _at(result, entry.of)
+        if value is not None:
+            values[entry.name] = _listed(value, entry.columns)
+    return values
+
+
+def _at(owner: Any, path: str) -> Any:
+    for name in path.split("."):
+        owner = None if owner is None else getattr(owner, name)
+    return owner
+
+
+def _listed(value: Any, columns: tuple[str, ...]) -> Any:
+    if columns:
+        return [{name: getattr(item, name) for name in columns} for item in value]
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def described(cls: Any, entry: Entry) -> Entry:
+    """The entry of a result's summary with the unit and the meaning of the field that it repeats."""
+    if entry.meaning:
+        return entry
+    *path, name = entry.of.split(".")
+    for part in path:
+        cls = next(member.annotation for member in members_of(cls) if member.name == part)
+    declaration = next(member.declaration for member in members_of(cls) if member.name == name)
+    return entry._replace(unit=declaration.unit, meaning=declaration.meaning)
 
 
 class Axes(NamedTuple):

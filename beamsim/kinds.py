@@ -20,7 +20,7 @@ class Kind(NamedTuple):
     result: str  # its class
     plots: str  # function of a result, a folder, a stem and a format: the files written
     commands: str = "beamsim.cli.app"  # module whose ``register`` adds the command
-    rows: str = "beamsim.cli.report:summary_rows"  # function of a result: labels and texts of its table
+    texts: str = ""  # of entries of its table that are more than a number and a unit
 
 
 KINDS = {
@@ -28,7 +28,7 @@ KINDS = {
         "run", "the result of `beamsim run`",
         analysis="beamsim.analyses.run.analysis:run",
         result="beamsim.analyses.run.result:RunResult",
-        rows="beamsim.cli.report:run_rows",
+        texts="beamsim.cli.run_report:TEXTS",
         plots="beamsim.plots.run:save_run_plots",
     ),
     "sweep": Kind(
@@ -36,7 +36,7 @@ KINDS = {
         analysis="beamsim.analyses.sweep.analysis:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
         commands="beamsim.cli.sweep",
-        rows="beamsim.cli.sweep_report:sweep_rows",
+        texts="beamsim.cli.sweep_report:TEXTS",
         plots="beamsim.plots.sweep:save_sweep_plots",
     ),
     "continuation": Kind(
@@ -44,7 +44,7 @@ KINDS = {
         analysis="beamsim.analyses.response.analysis:frequency_response",
         result="beamsim.analyses.response.result:FrequencyResponse",
         commands="beamsim.cli.sweep",
-        rows="beamsim.cli.continuation:response_rows",
+        texts="beamsim.cli.response_report:TEXTS",
         plots="beamsim.plots.continuation:save_response_plots",
     ),
     "designs": Kind(
@@ -52,7 +52,7 @@ KINDS = {
         analysis="beamsim.analyses.designs.analysis:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
         commands="beamsim.cli.sweep",
-        rows="beamsim.cli.designs:design_rows",
+        texts="beamsim.cli.designs_report:TEXTS",
         plots="beamsim.plots.designs:save_design_plots",
     ),
     "identify-stiffness": Kind(
@@ -60,7 +60,7 @@ KINDS = {
         analysis="beamsim.analyses.identify.analysis:identify_stiffness",
         result="beamsim.analyses.identify.result:IdentificationResult",
         commands="beamsim.cli.identification",
-        rows="beamsim.cli.identification_report:identification_rows",
+        texts="beamsim.cli.identification_report:TEXTS",
         plots="beamsim.plots.identification:save_identification_plots",
     ),
     "nnm": Kind(
@@ -68,7 +68,7 @@ KINDS = {
         analysis="beamsim.analyses.nnm.analysis:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
         commands="beamsim.cli.nnm",
-        rows="beamsim.cli.nnm_report:nnm_rows",
+        texts="beamsim.cli.nnm_report:TEXTS",
         plots="beamsim.plots.nnm:save_nnm_plots",
     ),
     "compare": Kind(
@@ -76,7 +76,7 @@ KINDS = {
         analysis="beamsim.analyses.compare.analysis:compare",
         result="beamsim.analyses.compare.result:Comparison",
         commands="beamsim.cli.identification",
-        rows="beamsim.cli.identification_report:comparison_rows",
+        texts="beamsim.cli.comparison_report:TEXTS",
         plots="beamsim.plots.comparison:save_comparison_plots",
     ),
 }  # fmt: skip

@@ -35,8 +35,8 @@ def margin_of(limit: float, value: float) -> float:
 
 def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Compare the summary of a run with the limits: by limit its limit, value, margin, at and exceeded (SI)."""
-    result: dict[str, dict[str, Any]] = {}
-    for name, limit in ({} if limits is None else limits.given).items():
+    largest = {}
+    for name in {} if limits is None else limits.given:
         key, _ = LIMITED[name]
         given = summary[key]
         if isinstance(given, Mapping):
@@ -47,14 +47,24 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict
             at, value = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
         if key.endswith("_g"):
             value *= STANDARD_GRAVITY
-        result[name] = {
+        largest[name] = value, at
+    return margins_of(limits, largest)
+
+
+def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) -> dict[str, dict[str, Any]]:
+    """By limit its limit, value, margin, at and exceeded, of the largest values by limit and where they are (SI)."""
+    given = {} if limits is None else limits.given
+    return {
+        name: {
             "limit": limit,
-            "value": value,
-            "margin": margin_of(limit, value),
-            "at": at,
-            "exceeded": value > limit,
+            "value": largest[name][0],
+            "margin": margin_of(limit, largest[name][0]),
+            "at": largest[name][1],
+            "exceeded": largest[name][0] > limit,
         }
-    return result
+        for name, limit in given.items()
+        if name in largest
+    }
 
 
 def exceeded_limits(compared: Mapping[str, Mapping[str, Any]]) -> list[str]:

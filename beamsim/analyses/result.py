@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import field, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from beamsim.fields import Entry, attribute, declared_base, ending, stored
+from beamsim.fields import Entry, attribute, declared_base, ending, stored, summary_of
 from beamsim.outcomes import Outcome
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+
+# entries that the summaries of several analyses share
+STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
+MARGINS = Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits")
+MODES = (
+    Entry("open_frequencies_hz", label="natural frequencies", of="modes.open_frequencies_hz"),
+    Entry("closed_frequencies_hz", of="modes.closed_frequencies_hz"),
+    Entry("kept_modes", of="modes.kept_modes"),
+    Entry("static_vectors", of="modes.static_vectors"),
+    Entry("reduction_error", label="reduction", of="modes.reduction_error"),
+)
+PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")
+"""Last in the table; its row says what the solver did."""
 
 
 def _now() -> str:
@@ -33,7 +47,7 @@ class Result:
 
     scenario: Scenario  # resolved
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
-    summary: dict[str, Any]  # plain Python values
+    summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
     warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec="json", default=())
     wall_time_s: float = attribute("s", "wall time", default=0.0)
     created: str = attribute("", "when the result was made, ISO 8601, UTC", default_factory=_now)
@@ -41,6 +55,16 @@ class Result:
         "", "versions of Python and of the packages that the numbers depend on, JSON object", codec="json",
         default_factory=_versions,
     )  # fmt: skip
+
+    def with_summary(self, **computed: Any) -> Self:
+        """The result with its summary: the values given, and those that repeat fields of the result.
+
+        Raises
+        ------
+        KeyError
+            If the summary does not declare a value.
+        """
+        return replace(self, summary=summary_of(self, **computed))
 
     @property
     def status(self) -> str:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
 REPORTED_EVERY_S = 30.0  # interval between progress messages if there is no terminal
-MOST_ROWS = 24
 
 
 @dataclass(frozen=True)
@@ -137,49 +136,3 @@ def _duration(seconds: float) -> str:
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
-
-
-def design_rows(result: DesignsResult) -> Iterator[tuple[str, str]]:
-    """Label and text of every row of the table of a study."""
-    from beamsim.cli.report import _si, margin_rows
-
-    s = result.summary
-    failed = f", {s['failed']} failed" if s["failed"] else ""
-    design = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of "}[result.kind]
-    size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(s["cases"])
-    yield "cases", f"{design}{size}, each a {result.analysis.replace('_', ' ')}{failed}"
-    for coordinate in result.coordinates:
-        yield "varied", f"{coordinate.path}: {_extent(coordinate)}"
-    yield from margin_rows(s.get("margins", {}))
-    for name, item in s.get("margins", {}).items():
-        if item["exceeded"]:
-            units = {c.path: c.unit for c in result.coordinates}
-            worst = ", ".join(f"{p} = {_number(v, units.get(p, '1'))}" for p, v in item["parameters"].items())
-            share = f"{item['cases_exceeding']} of {s['cases']} cases"
-            yield "", f"{name.replace('_', ' ')} exceeded in {share}, most with {worst}"
-    for count, (name, item) in enumerate(s["responses"].items()):
-        if count == MOST_ROWS:
-            yield "", f"and {len(s['responses']) - MOST_ROWS} more responses in the file"
-            break
-        unit = result.responses[name].unit if name in result.responses else "1"
-        spread = f", mean {_number(item['mean'], unit)}" if "mean" in item else ""
-        label = name.removeprefix("probes/").removeprefix("snubbers/").replace("/", " ").removesuffix("_hz")
-        yield label.replace("_", " "), f"{_number(item['smallest'], unit)} to {_number(item['largest'], unit)}{spread}"
-    yield "processor time", _si(s["processor_time_s"], "s")
-    yield "wall time", _si(result.wall_time_s, "s")
-
-
-def _extent(coordinate: Any) -> str:
-    values = coordinate.values
-    if not coordinate.numeric:
-        return ", ".join(dict.fromkeys(map(str, values)))
-    low, high = (_number(float(value), coordinate.unit) for value in (values.min(), values.max()))
-    return f"{low} to {high}, {len(values)} values"
-
-
-def _number(value: float | str, unit: str) -> str:
-    from beamsim.cli.report import _si
-
-    if isinstance(value, str):
-        return value
-    return f"{value:.4g}" if unit == "1" else _si(value, unit)

@@ -1,105 +1,65 @@
-"""The table of ``beamsim nnm``."""
+"""Texts of the table of ``beamsim nnm``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-if TYPE_CHECKING:
-    from beamsim.analyses.nnm.result import NormalModeResult
+from beamsim.analyses.limits import STANDARD_GRAVITY
+from beamsim.analyses.nnm.result import NormalModeResult
+from beamsim.cli.report import Row, Texts, counted, few, percent, si
 
-Row = tuple[str, str]
+SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
+POLE_MARGIN = 3.0  # a pole further away than this multiple of the largest small factor does not affect the orders
 
-SHOWN = 6  # items in one row
 _PARAMETERS = {
     "stiffness_factor": ("stiffness factor", ""),
     "energy": ("energy", " J"),
     "frequency": ("frequency", " Hz"),
 }
-SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
 
 
-def nnm_rows(result: NormalModeResult) -> Iterator[Row]:
-    """Label and text of every row of the table of a nonlinear mode, taken from the summary alone."""
+def _backbone(result: NormalModeResult, mode: int) -> str:
     s = result.summary
-    quantity, unit = _PARAMETERS[result.parameter]
-    yield "backbone", f"mode {s['mode']}, {s['points']} points in {quantity}, {s['stable_points']} of them stable"
-    for name in ("start", "end"):
-        yield name, _end(result.parameter, s[name])
-    yield "linear frequency", f"{s['linear_frequency_hz']:.6g} Hz"
-    for k, tongue in enumerate(s["internal_resonances"]):
-        yield (
-            "" if k else "internal resonances",
-            f"{tongue['ratio']}:1 with mode {tongue['mode']} at {tongue['parameter']:.4g}{unit}, "
-            f"{tongue['points']} points",
-        )
-    yield from _jumps(s["jumps"], unit)
-    yield "grazings", str(s["grazings"])
-    if "full_period" in s:
-        yield from _full_period(s["full_period"], unit)
-    if "multiple_scales" in s:
-        from beamsim.cli.multiple_scales import expansion_rows
-
-        yield from expansion_rows(s["multiple_scales"])
-    if "thesis" in s:
-        yield from _relaxed(s["thesis"])
-        ended = None if result.relaxed is None else result.relaxed.outcome
-        if ended is not None and not ended.complete and ended != result.outcome:
-            yield "", ended.text
-    if "phase_resonance" in s:
-        from beamsim.cli.phase_resonance import phase_resonance_rows
-
-        assert result.phase_resonance is not None
-        yield from phase_resonance_rows(s["phase_resonance"], result.phase_resonance)
-    if s["motion_drift"] > SMALL_DRIFT:
-        yield (
-            "spectrum",
-            f"after {s['motion_periods']} periods the state differs by {_percent(s['motion_drift'])}: "
-            "the motion is unstable, and the spectral lines are broadened",
-        )
-    yield "largest residual", f"{s['largest_residual']:.2g}"
-    over = "full-period" if "full_period" in s else "half-period"
-    yield "solver", f"{over} shooting, processor time {s['processor_time_s']:.3g} s"
+    quantity, _ = _PARAMETERS[result.parameter]
+    return f"mode {mode}, {s['points']} points in {quantity}, {s['stable_points']} of them stable"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.3g} %"
-
-
-def _end(parameter: str, end: Mapping[str, Any]) -> str:
-    at = f"stiffness factor {end['parameter']:.6g}: " if parameter == "stiffness_factor" else ""
+def _end(result: NormalModeResult, end: Mapping[str, Any]) -> str:
+    at = f"stiffness factor {end['parameter']:.6g}: " if result.parameter == "stiffness_factor" else ""
     return f"{at}{end['frequency_hz']:.6g} Hz, {end['energy_j']:.4g} J"
 
 
-def _few(texts: Iterable[str]) -> str:
-    known = list(texts)
-    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
-    return ", ".join(known[:SHOWN]) + more
+def _resonances(result: NormalModeResult, tongues: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+    _, unit = _PARAMETERS[result.parameter]
+    for t in tongues:
+        yield "", f"{t['ratio']}:1 with mode {t['mode']} at {t['parameter']:.4g}{unit}, {t['points']} points"
 
 
-def _jumps(jumps: list[dict[str, Any]], unit: str) -> Iterator[Row]:
+def _jumps(result: NormalModeResult, jumps: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     """Jumps by cause: a tongue of known ratio, or one that is too narrow or of too high order to be traced."""
-    causes = dict.fromkeys((j["ratio"], j["mode"]) for j in jumps)
-    for k, (ratio, mode) in enumerate(causes):
+    _, unit = _PARAMETERS[result.parameter]
+    for ratio, mode in dict.fromkeys((j["ratio"], j["mode"]) for j in jumps):
         same_cause = [j for j in jumps if (j["ratio"], j["mode"]) == (ratio, mode)]
-        spans = _few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in same_cause)
+        spans = few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in same_cause)
         why = f"{ratio}:1 with mode {mode}" if ratio and mode else "of high order, not traced"
-        yield "" if k else "jumps over tongues", f"{spans} ({why})"
+        yield "", f"{spans} ({why})"
 
 
-def _full_period(s: Mapping[str, Any], unit: str) -> Iterator[Row]:
-    yield "full period", f"differs by {s['largest_difference']:.2g} from half-period shooting"
+def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
+    _, unit = _PARAMETERS[result.parameter]
+    yield "", f"differs by {s['largest_difference']:.2g} from half-period shooting"
     if s["symmetry_breakings"]:
         at = "at " if unit else "at stiffness factor "
-        yield "symmetry breakings", at + _few(f"{b['parameter']:.6g}{unit}" for b in s["symmetry_breakings"])
+        yield "symmetry breakings", at + few(f"{b['parameter']:.6g}{unit}" for b in s["symmetry_breakings"])
     for k, branch in enumerate(s["never_at_rest"]):
         start, end = branch["start"], branch["end"]
         yield (
             "" if k else "non-brake orbits",
             f"started in mode {branch['mode']} (about {branch['ratio']}:1), {branch['points']} points, "
             f"{branch['stable_points']} stable, from {start['parameter']:.6g} to {end['parameter']:.6g}{unit}; kinetic "
-            f"energy at the slowest instant up to {_percent(branch['largest_least_kinetic'])} of the energy",
+            f"energy at the slowest instant up to {percent(branch['largest_least_kinetic'])} of the energy",
         )
         yield "", branch["status"]
 
@@ -112,10 +72,10 @@ _FOLLOWED = {
 }
 
 
-def _relaxed(s: Mapping[str, Any]) -> Iterator[Row]:
+def _relaxed(result: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
     end = s["end"]
     yield (
-        "relaxed minimisation",
+        "",
         f"{s['steps_reached']} of {s['steps']} steps to stiffness factor {end['parameter']:.6g}, functional up to "
         f"{s['largest_functional']:.2g} (tolerance {s['tolerance']:g})",
     )
@@ -125,15 +85,118 @@ def _relaxed(s: Mapping[str, Any]) -> Iterator[Row]:
     yield "", f"{end['frequency_hz']:.6g} Hz, period {end['period_s']:.5g} s; {exact}"
     yield (
         "",
-        f"differs by up to {_percent(s['largest_frequency_difference'])} in frequency and "
-        f"{_percent(s['largest_shape_difference'])} in shape",
+        f"differs by up to {percent(s['largest_frequency_difference'])} in frequency and "
+        f"{percent(s['largest_shape_difference'])} in shape",
     )
-    yield "", ", ".join(f"{n} {'step' if n == 1 else 'steps'} {_FOLLOWED[k]}" for k, n in s["followed"].items())
+    yield "", ", ".join(f"{counted(n, 'step')} {_FOLLOWED[k]}" for k, n in s["followed"].items())
     if s["silent_jumps"]:
-        yield "", f"undetected jumps to another motion at {_few(f'{f:.4g}' for f in s['silent_jumps'])}"
+        yield "", f"undetected jumps to another motion at {few(f'{f:.4g}' for f in s['silent_jumps'])}"
     yield (
         "cost",
         f"{s['passages']} motions, processor time {s['processor_time_s']:.3g} s; shooting, including tongues, "
         f"{s['shooting_passages']} motions, {s['shooting_processor_time_s']:.3g} s "
         f"(ratio {s['cost_ratio']:.2g})",
     )
+    ended = None if result.relaxed is None else result.relaxed.outcome
+    if ended is not None and not ended.complete and ended != result.outcome:
+        yield "", ended.text
+
+
+def _expansion(_: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
+    frequency, initial = s["observed_order_frequency"], s["observed_order_initial"]
+    expected, uniform = s["expected_order_initial"], s["observed_order_uniform"]
+    series = f"{s['linear_frequency_hz']:.6g} Hz {s['first_order_hz']:+.4g} e {s['second_order_hz']:+.4g} e² Hz"
+    yield "", f"{series}, for factors e well below {s['factors_well_below']:.2g}"
+    first, second = s["frequency_hz"][0]
+    exact = s["exact_frequency_hz"][0]
+    head = f"{first:.6g} Hz at first order, {second:.6g} Hz at second"
+    if math.isfinite(exact):
+        off = s["initial_difference"][0]
+        head += f", exact {exact:.6g} Hz; initial vector off by {off[0]:.2g} and {off[1]:.2g}"
+    else:
+        head += "; no exact motion found near it"
+    yield f"at e = {s['factor'][0]:.4g}", head
+    yield "observed orders", f"frequency {frequency[0]:.2f} and {frequency[1]:.2f} (expected 2 and 3)"
+    at = f" at these factors, {s['orders_from']:.2g} to {s['orders_to']:.2g}"
+    yield (
+        "",
+        f"initial vector {initial[0]:.2f} and {initial[1]:.2f} (expected {expected[0]:.2f} and {expected[1]:.2f}{at})",
+    )
+    if s["asymptotic_well_below"] < POLE_MARGIN * s["orders_from"]:
+        pole = s["nearest_pole"]
+        yield (
+            "",
+            f"initial vector 2 and 3 for e well below {s['asymptotic_well_below']:.2g}: harmonic {pole['harmonic']} is "
+            f"close to mode {pole['mode']}; with divisors at the frequency of the motion {uniform[0]:.2f} and "
+            f"{uniform[1]:.2f}",
+        )
+
+
+def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> Iterator[Row]:
+    unit = summary["unit"]
+    for k, s in enumerate(summary["levels"]):
+        head = f"{_level(s['level'], unit)}: "
+        predicted = f"predicted {s['predicted_frequency_hz']:.6g} Hz, {s['predicted_amplitude_m']:.4g} m"
+        if not s["found"]:
+            yield "", f"{head}{predicted}; no exact motion found"
+            continue
+        kind = "stable" if s["stable"] else "unstable"
+        yield (
+            "",
+            f"{head}{predicted}; found {s['frequency_hz']:.6g} Hz, {s['amplitude_m']:.4g} m at {summary['probe']} "
+            f"({kind})",
+        )
+        if math.isfinite(s["level_for_amplitude"]):
+            off = s["level_for_amplitude"] / s["level"] - 1.0
+            yield (
+                "",
+                f"level predicted for the computed amplitude {_level(s['level_for_amplitude'], unit)} ({off:+.2%})",
+            )
+        yield "", f"peak of the response {s['peak_amplitude_m']:.4g} m at {s['peak_frequency_hz']:.6g} Hz"
+        curve = None if result.phase_resonance is None else result.phase_resonance.motions[k].curve
+        if curve is not None and not curve.outcome.complete:
+            yield "", f"response curve {curve.outcome}"
+    for k, s in enumerate(summary["levels"]):
+        if s["periods"]:
+            yield (
+                "" if k else "in time",
+                f"{_level(s['level'], unit)}: distance from the mode {s['departure_first_period']:.2g} in the first "
+                f"period, {s['departure_last_period']:.2g} in the last of {s['periods']}",
+            )
+        else:
+            yield "" if k else "in time", f"{_level(s['level'], unit)}: contacts chatter; not integrated in time"
+
+
+def _level(value: float, unit: str) -> str:
+    """A level of acceleration in g, others in SI."""
+    return f"{value / STANDARD_GRAVITY:.5g} g" if unit == "m/s^2" else f"{value:.5g} {unit}"
+
+
+def _spectrum(result: NormalModeResult, drift: float) -> str:
+    if drift <= SMALL_DRIFT:
+        return ""
+    return (
+        f"after {result.summary['motion_periods']} periods the state differs by {percent(drift)}: "
+        "the motion is unstable, and the spectral lines are broadened"
+    )
+
+
+def _solver(result: NormalModeResult, time: float) -> str:
+    over = "full-period" if "full_period" in result.summary else "half-period"
+    return f"{over} shooting, processor time {si(time, 's')}"
+
+
+TEXTS: Texts = {
+    "mode": _backbone,
+    "start": _end,
+    "end": _end,
+    "internal_resonances": _resonances,
+    "jumps": _jumps,
+    "full_period": _full_period,
+    "multiple_scales": _expansion,
+    "thesis": _relaxed,
+    "phase_resonance": _phase_resonance,
+    "motion_drift": _spectrum,
+    "largest_residual": lambda _, residual: f"{residual:.2g}",
+    "processor_time_s": _solver,
+}

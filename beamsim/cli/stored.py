@@ -1,24 +1,10 @@
-"""Table of a result of any kind; the commands ``info``, ``plot`` and ``export``."""
+"""The commands ``info``, ``plot`` and ``export``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from beamsim.kinds import KINDS, named
-
-if TYPE_CHECKING:
-    from beamsim.analyses.result import Result
-
-Row = tuple[str, str]
-
-
-def table_rows(kind: str, result: Result) -> Iterator[Row]:
-    """Label and text of every row of a result's table: the status first if it is not complete."""
-    if not result.complete:
-        yield "status", result.status
-    yield from named(KINDS[kind].rows)(result)
 
 
 def print_stored(path: Path, *, as_json: bool) -> None:
@@ -29,7 +15,7 @@ def print_stored(path: Path, *, as_json: bool) -> None:
     ResultFileError
         If the file cannot be read.
     """
-    from beamsim.cli.report import print_json, print_table
+    from beamsim.cli.report import print_json, print_table, table_rows
     from beamsim.store.results import open_result
     from beamsim.store.stored import kind_of
 

@@ -1,45 +1,48 @@
-"""The table of a sweep."""
+"""Texts of the table of a sweep."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
+from typing import Any
 
-from beamsim.analyses.sweep.result import ResponsePeak, SweepResult
-from beamsim.cli.report import Row, _si, margin_rows
+from beamsim.analyses.sweep.result import SweepResult
+from beamsim.cli.report import SHARED, Row, Texts, percent, si
 
 PEAKS_SHOWN = 6
 
 
-def sweep_rows(result: SweepResult) -> Iterator[Row]:
-    """Label and text of every row of the table."""
+def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
+    """Every curve, with the peaks of its first probe."""
     for curve in result.curves.values():
         first = next(iter(curve.displacement), "")
-        yield f"{curve.direction}, level {curve.level:.4g}", f"{curve.frequency_hz.size} points, peaks of {first}:"
-        curve_peaks = [p for p in result.peaks if p.curve == curve.name and p.probe == first]
-        for peak in curve_peaks[:PEAKS_SHOWN]:
-            yield "", _peak(peak)
-        for name, envelope in curve.force.items():
-            yield "", f"largest force of {name}: {_si(float(envelope.peak.max(initial=0.0)), 'N')}"
+        steady = ""
         if curve.steady is not None:
             kinds = curve.steady.kind
-            counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-            yield "", f"steady states: {counted}"
-    yield from margin_rows(result.summary.get("margins", {}))
-    frequencies = ", ".join(f"{f:.4g}" for f in result.modes.open_frequencies_hz[:4])
-    yield "natural frequencies", f"open {frequencies}, … Hz"
-    frequencies = ", ".join(f"{f:.4g}" for f in result.modes.closed_frequencies_hz[:4])
-    yield "", f"closed {frequencies}, … Hz"
-    work = result.work
-    yield (
-        "solver",
-        f"{work.cycles} cycles, {work.events} contact events, processor time {_si(work.processor_time_s, 's')}",
-    )
-    yield "wall time", _si(result.wall_time_s, "s")
+            steady = "; " + ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        points = f"{curve.frequency_hz.size} points{steady}"
+        yield "", f"{curve.name}: {curve.direction}, level {curve.level:.4g}, {points}; peaks of {first}:"
+        for peak in [p for p in peaks if p["curve"] == curve.name and p["probe"] == first][:PEAKS_SHOWN]:
+            yield "", f"  {_peak(peak)}"
 
 
-def _peak(peak: ResponsePeak) -> str:
-    name = peak.kind
-    if peak.order != 1.0:
-        name += f" of order {Fraction(peak.order).limit_denominator(12)}"
-    return f"{peak.frequency_hz:8.2f} Hz  {_si(peak.value_m, 'm'):>10}  {name}"
+def _peak(peak: Mapping[str, Any]) -> str:
+    order = "" if peak["order"] == 1.0 else f" of order {Fraction(peak['order']).limit_denominator(12)}"
+    return f"{peak['frequency_hz']:8.2f} Hz  {si(peak['value_m'], 'm'):>10}  {peak['kind']}{order}"
+
+
+def _contact(_: SweepResult, shares: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    return {f"{curve} {name}": percent(share) for curve, of in shares.items() for name, share in of.items()}
+
+
+def _solver(result: SweepResult, time: float) -> str:
+    s = result.summary
+    return f"{s['cycles']} cycles, {s['events']} contact events, processor time {si(time, 's')}"
+
+
+TEXTS: Texts = {
+    **SHARED,
+    "peaks": _curves,
+    "contact_share": _contact,
+    "processor_time_s": _solver,
+}

@@ -23,6 +23,7 @@ from beamsim.fields import (
     Members,
     PerName,
     Table,
+    described,
     members_of,
 )
 from beamsim.kinds import KINDS, named
@@ -58,7 +59,7 @@ def documentation() -> str:
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
         parts += [_markdown(section) for section in _merged(sections_of(cls, name, known))]
-        summary = [Row(quantity.name, quantity.unit, "attribute", quantity.meaning) for quantity in cls.SUMMARY]
+        summary = [Row(e.name, e.unit, "attribute", e.meaning) for e in (described(cls, e) for e in cls.SUMMARY)]
         if summary:
             parts.append(_markdown(Section("/summary", "The printed summary, also with `--json`.", summary)))
     return "\n".join(parts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics, SpectralLine, Spectrum
-from beamsim.fields import Attribute, Dataset, members_of
+from beamsim.fields import Attribute, Counter, Dataset, members_of
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.structures.stations import Stations
 
@@ -24,7 +23,7 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
     a beam, ``beam``; ``random_densities``, ``random_statistics`` and ``random_transmissibility`` of a random input.
     """
     out = CsvFolder(folder)
-    out.numbers("time_histories", dict(_channels(result)))
+    out.numbers("time_histories", _channels(result))
     columns, of_line = _names(Spectrum, Dataset), _names(SpectralLine, Dataset)
     out.rows(
         "spectra",
@@ -44,44 +43,24 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
             for line in s.lines
         ),
     )
-    names = list(result.snubbers)
-    out.rows(
-        "events",
-        ("time_s", "snubber", "closing"),
-        (
-            (time, names[which], int(closing))
-            for time, which, closing in zip(
-                result.events.time.tolist(), result.events.snubber, result.events.closing, strict=True
-            )
-        ),
-    )
+    events, names = _along(result.events, "event"), list(result.snubbers)
+    events["snubber"] = [names[index] for index in result.events.snubber]
+    out.rows("events", tuple(events), zip(*map(list, events.values()), strict=True))
     modes = result.modes
-    out.numbers(
-        "modes",
-        {
-            "mode": np.arange(1, modes.open_frequencies_hz.size + 1),
-            "open_frequency_hz": modes.open_frequencies_hz,
-            "closed_frequency_hz": modes.closed_frequencies_hz,
-            "damping_ratio": modes.damping_ratios,
-        },
-    )
-    out.numbers(
-        "mode_shapes",
-        {
-            **station_columns(modes.stations),
-            **{f"mode_{k}_per_sqrt_kg": shape for k, shape in enumerate(modes.shapes, 1)},
-        },
-    )
+    numbers = np.arange(1, modes.open_frequencies_hz.size + 1)
+    out.numbers("modes", {"mode": numbers, **_along(modes, "mode")})
+    shapes = {header(f"mode_{k}", _unit(modes, "shapes")): shape for k, shape in enumerate(modes.shapes, 1)}
+    out.numbers("mode_shapes", {**station_columns(modes.stations), **shapes})
     for name, body in result.bodies.items():
-        stress = body.peak_bending_stress
         out.numbers(
             name if len(modes.stations.parts) == 1 else f"body_{name}",
             {
-                "position_m": body.position,
-                **({} if stress is None else {"peak_bending_stress_pa": stress}),
-                "lowest_shape_m": body.extreme_shapes[0],
-                "highest_shape_m": body.extreme_shapes[1],
-                "static_shape_m": body.static_shape,
+                header("position", _unit(body, "position")): body.position,
+                **_along(body, "position"),
+                **{
+                    header(f"{which}_shape", _unit(body, "extreme_shapes")): shape
+                    for which, shape in zip(("lowest", "highest"), body.extreme_shapes, strict=True)
+                },
             },
         )
     if result.random is not None:
@@ -110,22 +89,37 @@ def _names(cls: type, kind: type) -> list[str]:
     return [member.name for member in members_of(cls) if isinstance(member.declaration, kind)]
 
 
-def _channels(result: RunResult) -> Iterator[tuple[str, NDArray[Any]]]:
+def _channels(result: RunResult) -> dict[str, NDArray[Any]]:
     """All quantities along the time of a run."""
-    yield "time_s", result.time
-    yield from _along_time("", result)
+    columns = {header("time", _unit(result, "time")): result.time, **_along(result, "time")}
     for kind, owners in (("probe", result.probes), ("snubber", result.snubbers), ("spring", result.springs)):
         for name, owner in owners.items():
-            yield from _along_time(f"{kind}_{name}_", owner)
-    yield from _along_time("energy_", result.energy)
+            columns |= _along(owner, "time", f"{kind}_{name}_")
+    return {**columns, **_along(result.energy, "time", "energy_")}
 
 
-def _along_time(prefix: str, owner: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+def _along(owner: Any, axis: str, prefix: str = "") -> dict[str, Any]:
+    """By header, the datasets of a dataclass that are along one axis alone, and not None."""
+    columns = {}
     for member in members_of(type(owner)):
-        declared = member.declaration
-        if isinstance(declared, Dataset) and declared.along == ("time",):
-            name = f"{prefix}{member.stored_name.replace('/', '_')}"
-            yield header(name, declared.unit), getattr(owner, member.name)
+        declared, values = member.declaration, getattr(owner, member.name)
+        if isinstance(declared, Dataset) and values is not None and _is_along(declared, axis):
+            flags = values.astype(int) if values.dtype == bool else values
+            columns[header(f"{prefix}{member.stored_name.replace('/', '_')}", declared.unit)] = flags
+    return columns
+
+
+def _is_along(declared: Dataset, axis: str) -> bool:
+    """Whether a dataset has this axis and no other."""
+    if len(declared.along) != 1:
+        return False
+    (along,) = declared.along
+    return axis == (along.name if isinstance(along, Counter) else along)
+
+
+def _unit(owner: Any, name: str) -> str:
+    """Unit of a field."""
+    return next(str(member.declaration.unit) for member in members_of(type(owner)) if member.name == name)
 
 
 def station_columns(stations: Stations) -> dict[str, Any]:

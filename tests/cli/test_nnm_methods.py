@@ -13,7 +13,7 @@ from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.orbits import orbit_motion
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.cli.app import app
-from beamsim.cli.nnm_report import nnm_rows
+from beamsim.cli.report import table_rows
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
@@ -82,7 +82,7 @@ def test_a_file_holds_the_whole_result(name, request, tmp_path):
     same(summary, {key: stored.summary[key] for key in summary}, "summary")
     assert "scenario" not in vars(stored)  # it is parsed when it is asked for
     assert stored.scenario == result.scenario
-    assert dict(nnm_rows(stored)) == dict(nnm_rows(result))
+    assert dict(table_rows("nnm", stored)) == dict(table_rows("nnm", result))
     assert list(nnm_figures(stored)) == list(nnm_figures(result))
 
 
@@ -212,8 +212,8 @@ def test_an_unstable_motion_drifts_from_its_period(compared):
     motion = orbit_motion(system, points[k].data.flow, modes[k].state, modes[k].period)
     assert motion.drift > 1e-6
     told = dataclasses.replace(compared, summary={**compared.summary, "motion_drift": motion.drift})
-    assert "the motion is unstable" in dict(nnm_rows(told))["spectrum"]
-    assert "spectrum" not in dict(nnm_rows(compared))
+    assert "the motion is unstable" in dict(table_rows("nnm", told))["spectrum"]
+    assert "spectrum" not in dict(table_rows("nnm", compared))
 
 
 def test_jumps_that_nothing_explains(beam):
@@ -223,7 +223,7 @@ def test_jumps_that_nothing_explains(beam):
         {"start": 0.3, "end": 0.4, "mode": None, "ratio": None},
     ]
     changed = dataclasses.replace(beam, summary={**beam.summary, "jumps": jumps})
-    text = [row for row in nnm_rows(changed) if "to 0." in row[1]]
+    text = [row for row in table_rows("nnm", changed) if "to 0." in row[1]]
     assert text[0] == ("jumps over tongues", "0.1 to 0.2 (5:1 with mode 2)")
     assert text[1] == ("", "0.3 to 0.4 (of high order, not traced)")
     assert all((j["ratio"] is None) == (j["mode"] is None) for j in beam.summary["jumps"])

@@ -12,7 +12,7 @@ import beamsim
 from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.app import app
-from beamsim.cli.phase_resonance import phase_resonance_rows
+from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
@@ -197,9 +197,9 @@ def test_pictures_and_table(held):
     assert {"nonlinear mode", "predicted", "phase resonance"} <= {line.get_label() for line in ax.lines}
     assert [text.get_text() for text in ax.texts] == ["0.8 g", "1.4 g"]  # at the curves' peaks
     assert figures["phase_resonance_level"].axes[0].get_ylabel() == "Level (g)"
-    rows = list(phase_resonance_rows(held.summary["phase_resonance"], held.phase_resonance))
-    assert [label for label, _ in rows if label] == ["phase resonance", "in time"]
-    assert "(stable)" in rows[0][1]
+    rows = dict(table_rows("nnm", held))
+    assert "(stable)" in rows["phase resonance"]
+    assert "in time" in rows
 
 
 def test_command(tmp_path):

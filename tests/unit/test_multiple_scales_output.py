@@ -5,7 +5,7 @@ import json
 import pytest
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.multiple_scales import expansion_rows
+from beamsim.cli.report import table_rows
 from beamsim.scenario import load_scenario
 
 
@@ -16,7 +16,8 @@ def test_comparison_of_a_chain():
         "snubbers": [{"mass": 5, "side": "below", "stiffness": 1, "gap": 0}],
     }
     scenario = load_scenario({"title": "Six", "chain": chain, "nnm": {"mode": 4, "method": "multiple_scales"}})
-    summary = json.loads(json.dumps(nnm(scenario).summary["multiple_scales"]))
+    result = nnm(scenario)
+    summary = json.loads(json.dumps(result.summary["multiple_scales"]))
     assert summary["observed_order_frequency"] == pytest.approx([2.0, 3.0], abs=0.1)
-    rows = dict(expansion_rows(summary))
+    rows = dict(table_rows("nnm", result))
     assert "frequency 2.0" in rows["observed orders"] or "frequency 1.9" in rows["observed orders"]

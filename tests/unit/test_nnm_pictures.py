@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.nnm_report import nnm_rows
+from beamsim.cli.report import table_rows
 from beamsim.plots.labels import put_names
 from beamsim.plots.mode_branches import plot_backbone, plot_frequency_energy
 from beamsim.plots.nnm import plot_configuration
@@ -89,7 +89,7 @@ def test_a_motion_that_goes_back_the_way_it_came_is_drawn_once(result):
 
 
 def test_rows_have_units(result):
-    rows = dict(nnm_rows(result))
+    rows = dict(table_rows("nnm", result))
     assert rows["start"] == "0.159155 Hz, 0.5 J"
     assert rows["internal resonances"].startswith("2:1 with mode 2 at 2.5")
     assert " J, " in rows["internal resonances"]

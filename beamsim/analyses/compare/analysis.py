@@ -50,10 +50,9 @@ def compare(
         scenario=result.scenario,
         outcome=COMPLETE,
         channels=channels,
-        summary=_summary(channels),
         warnings=tuple(warnings),
         wall_time_s=perf_counter() - begin,
-    )
+    ).with_summary(comparisons=[_compared(channel) for channel in channels])
 
 
 def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
@@ -222,31 +221,19 @@ def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -
     return float(np.sqrt(np.mean(difference**2)) / size) if size > 0 else float("nan")
 
 
-def _summary(channels: Sequence[ChannelComparison]) -> dict[str, Any]:
+def _compared(channel: ChannelComparison) -> dict[str, Any]:
+    """Summary of one channel."""
+    names = ("place", "quantity", "channel", "excitation_hz", "delay_s", "rms_difference")
+    harmonics = {
+        "order": channel.order,
+        "predicted": np.abs(channel.predicted),
+        "measured": np.abs(channel.measured),
+        "difference_db": channel.difference_db,
+        "phase_difference_deg": channel.phase_difference_deg,
+        "measured_noise": channel.measured_noise,
+    }
+    rows = zip(*(values.tolist() for values in harmonics.values()), strict=True)
     return {
-        "comparisons": [
-            {
-                "place": c.place,
-                "quantity": c.quantity,
-                "channel": c.channel,
-                "excitation_hz": c.excitation_hz,
-                "delay_s": c.delay_s,
-                "rms_difference": c.rms_difference,
-                "harmonics": [
-                    {
-                        "order": int(n),
-                        "predicted": float(abs(p)),
-                        "measured": float(abs(m)),
-                        "difference_db": float(d),
-                        "phase_difference_deg": float(a),
-                        "measured_noise": float(s),
-                    }
-                    for n, p, m, d, a, s in zip(
-                        c.order, c.predicted, c.measured, c.difference_db, c.phase_difference_deg, c.measured_noise,
-                        strict=True,
-                    )
-                ],
-            }
-            for c in channels
-        ]
-    }  # fmt: skip
+        **{name: getattr(channel, name) for name in names},
+        "harmonics": [dict(zip(harmonics, row, strict=True)) for row in rows],
+    }

@@ -70,7 +70,8 @@ class Comparison(Result):
     """Result of ``beamsim compare``."""
 
     SUMMARY = (
-        Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one"),
-    )
+        Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one",
+                 "channels"),
+    )  # fmt: skip
 
     channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, required=True)

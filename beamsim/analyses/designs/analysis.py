@@ -197,18 +197,15 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         margins=margins,
         limits=limits,
         failures=failures,
-        summary={
-            "analysis": plan.analysis,
-            "cases": len(plan.tasks),
-            "solved": len(good),
-            "failed": len(failed),
-            "responses": _extremes(plan, responses),
-            **({"margins": _worst_margins(plan, margins, where, limits)} if limits else {}),
-            "processor_time_s": float(sum(o.processor_time_s for o in outcomes.values())),
-        },
         warnings=plan.scenario.warnings,
         wall_time_s=wall_time_s,
         fingerprint=plan.fingerprint,
+    ).with_summary(
+        solved=len(good),
+        failed=len(failed),
+        responses=_extremes(plan, responses),
+        margins=_worst_margins(plan, margins, where, limits) if limits else None,
+        processor_time_s=float(sum(o.processor_time_s for o in outcomes.values())),
     )
 
 

@@ -80,15 +80,15 @@ class CaseFailure:
 
 
 _SUMMARY = (
-    Entry("analysis", "", "analysis of each case: run, or the kind of sweep"),
-    Entry("cases", "1", "number of cases"),
+    Entry("analysis", of="analysis"),
+    Entry("cases", "1", "number of cases", "cases", of="cases"),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
     Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; and "
-             "the number of cases beyond the limit"),
+             "the number of cases beyond the limit", "limits"),
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, "
-             "standard deviation and the 5 % and 95 % quantiles"),
-    Entry("processor_time_s", "s", "processor time of all cases"),
+             "standard deviation and the 5 % and 95 % quantiles", "responses"),
+    Entry("processor_time_s", "s", "processor time of all cases", "solver"),
 )  # fmt: skip
 
 

@@ -128,8 +128,7 @@ def _identify(
         warnings += nonlinear.warnings
     spent = clock.process_time() - processor
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
-    pad = _pad_modulus(section, estimate)
-    return IdentificationResult(
+    result = IdentificationResult(
         scenario=scenario,
         outcome=parts[0].but(*parts[1:]) if parts else COMPLETE,
         estimate=estimate,
@@ -141,12 +140,12 @@ def _identify(
         update=update,
         mac=mac,
         nonlinear=nonlinear,
-        pad_modulus=pad,
-        summary=_summary(estimate, table, without, sensitive, update, nonlinear, mac, pad, spent),
+        pad_modulus=_pad_modulus(section, estimate),
         warnings=tuple(warnings),
         processor_time_s=spent,
         wall_time_s=clock.perf_counter() - begin,
     )
+    return result.with_summary(**_summary(result))
 
 
 def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) -> None:
@@ -325,59 +324,20 @@ def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None)
     return estimate.stiffness * section.pad.height / section.pad.area
 
 
-def _summary(
-    estimate: StiffnessEstimate | None,
-    table: FrequencyTable | None,
-    without: FrequencyTable,
-    sensitive: list[Sensitivity],
-    update: ModelUpdate | None,
-    nonlinear: NonlinearEstimate | None,
-    mac: Floats | None,
-    pad: float,
-    spent: float,
-) -> dict[str, Any]:
+def _summary(result: IdentificationResult) -> dict[str, Any]:
+    """What does not repeat a field of the result."""
     summary: dict[str, Any] = {}
-    if estimate is not None and table is not None:
-        summary |= {
-            "stiffness_n_per_m": estimate.stiffness,
-            "standard_deviation_n_per_m": estimate.standard_deviation,
-            "total_standard_deviation_n_per_m": estimate.total_standard_deviation,
-            "coverage": estimate.coverage,
-            "interval_n_per_m": list(estimate.interval),
-            "interval_first_order_n_per_m": list(estimate.interval_first_order),
-            "monte_carlo_standard_deviation_n_per_m": estimate.monte_carlo_standard_deviation,
-            "monte_carlo_interval_n_per_m": list(estimate.monte_carlo_interval),
-            "snubber": estimate.snubber,
-            "method": estimate.method,
-            "fit_to": list(estimate.fit_to),
-            "stiffness_by_mode_n_per_m": estimate.individual.tolist(),
-            "reachable_hz": estimate.reach_hz.tolist(),
-            "residual": estimate.residual,
-            "frequencies_with_hz": table.predicted_hz.tolist(),
-            "measured_with_hz": table.measured_hz.tolist(),
-            "difference_with_percent": table.difference_percent.tolist(),
-            "pad_youngs_modulus_pa": pad,
-            "eigenvalue_solutions": estimate.eigenvalue_solutions,
-            "sensitivities": {s.parameter: s.relative for s in sensitive},
-        }
-    summary |= {
-        "frequencies_without_hz": without.predicted_hz.tolist(),
-        "measured_without_hz": without.measured_hz.tolist(),
-        "difference_without_percent": without.difference_percent.tolist(),
-    }
-    if mac is not None:
-        summary["mac"] = mac.tolist()
+    if result.estimate is not None:
+        summary["pad_youngs_modulus_pa"] = result.pad_modulus
+        summary["sensitivities"] = {s.parameter: s.relative for s in result.sensitivities}
+    update, nonlinear = result.update, result.nonlinear
     if update is not None:
         summary["updated"] = {p.parameter: _plain(p) for p in update.parameters} | dict(update.choices)
         summary["update_misfit"] = [update.misfit_before, update.misfit_after]
-        summary["update_eigenvalue_solutions"] = update.evaluations
     if nonlinear is not None:
         summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}
         summary["nonlinear_misfit"] = [nonlinear.misfit_before, nonlinear.misfit]
-        summary["nonlinear_degrees_of_freedom"] = nonlinear.degrees_of_freedom
-        summary["periodic_responses"] = nonlinear.responses
         summary["starts_agreeing"] = [nonlinear.starts_agreeing, nonlinear.starts]
-    summary["processor_time_s"] = spent
     return summary
 
 

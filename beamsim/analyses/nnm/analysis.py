@@ -25,7 +25,7 @@ from beamsim.analyses.nnm.orbits import (
     special_points,
 )
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
-from beamsim.analyses.nnm.phase_resonance import hold_mode, phase_resonance_summary
+from beamsim.analyses.nnm.phase_resonance import hold_mode
 from beamsim.analyses.nnm.relaxed import compare_relaxed
 from beamsim.analyses.nnm.result import (
     ExpansionComparison,
@@ -33,7 +33,7 @@ from beamsim.analyses.nnm.result import (
     PhaseResonanceResult,
     RelaxedComparison,
 )
-from beamsim.analyses.nnm.summary import expansion_summary, full_period_summary, nnm_summary, relaxed_summary
+from beamsim.analyses.nnm.summary import nnm_summary
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import OrbitBranch
 from beamsim.orbits.continuation import Settings, solve_at
@@ -114,19 +114,7 @@ def nnm(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
     outcome = _outcome(work, resonance)
-    summary = nnm_summary(
-        job, branches, followed.jumps, outcome.text, work.processor_time_s,
-        followed.problem.omega[job.mode] / (2 * np.pi), motion,
-    )  # fmt: skip
-    if full is not None:
-        summary["full_period"] = full_period_summary(branches)
-    if work.expansion is not None:
-        summary["multiple_scales"] = expansion_summary(work.expansion)
-    if work.relaxed is not None:
-        summary["thesis"] = relaxed_summary(work.relaxed)
-    if resonance is not None:
-        summary["phase_resonance"] = phase_resonance_summary(resonance)
-    return NormalModeResult(
+    result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,
         parameter=job.parameter,
@@ -142,10 +130,11 @@ def nnm(
         phase_resonance=resonance,
         expansion=work.expansion,
         relaxed=work.relaxed,
-        summary=summary,
         warnings=(*scenario.warnings, *system.warnings),
         wall_time_s=clock.perf_counter() - begin,
     )
+    linear = float(followed.problem.omega[job.mode] / (2 * np.pi))
+    return result.with_summary(**nnm_summary(result, linear, work.processor_time_s))
 
 
 @dataclass

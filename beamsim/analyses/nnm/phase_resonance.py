@@ -6,7 +6,7 @@ shooting (:mod:`beamsim.orbits.phase_resonance` holds both).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -464,40 +464,3 @@ def _peak(x: Floats) -> float:
     a, b, c = x[k - 1], x[k], x[(k + 1) % x.size]
     bend = a - 2 * b + c
     return float(b) if bend >= 0 else float(b - (c - a) ** 2 / (8 * bend))
-
-
-def phase_resonance_summary(result: PhaseResonanceResult) -> dict[str, Any]:
-    """Numbers for the table and for ``--json``."""
-    return {
-        "status": result.status,
-        "quantity": result.quantity,
-        "unit": result.unit,
-        "probe": result.probe,
-        "levels": list(_level_summaries(result)),
-    }
-
-
-def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
-    for m in result.motions:
-        peak, at = np.nan, np.nan
-        if m.curve is not None:
-            k = int(np.argmax(m.curve.peak_displacement[result.probe]))
-            peak, at = float(m.curve.peak_displacement[result.probe][k]), float(m.curve.frequency_hz[k])
-        yield {
-            "level": m.level,
-            "predicted_frequency_hz": m.predicted_frequency_hz,
-            "predicted_energy_j": m.predicted_energy,
-            "predicted_amplitude_m": m.predicted_amplitude[result.probe],
-            "found": m.found,
-            "frequency_hz": m.frequency_hz,
-            "amplitude_m": m.amplitude[result.probe],
-            "level_for_amplitude": m.level_for_amplitude,
-            "stable": m.stable,
-            "peak_frequency_hz": at,
-            "peak_amplitude_m": peak,
-            "curve": "" if m.curve is None else m.curve.status,
-            "periods": 0 if m.held is None else int(m.held.departure.size),
-            "departure_first_period": np.nan if m.held is None else float(m.held.departure[0]),
-            "departure_last_period": np.nan if m.held is None else float(m.held.departure[-1]),
-            "departure_largest": np.nan if m.held is None else float(m.held.departure.max()),
-        }

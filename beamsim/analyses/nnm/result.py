@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult, OrbitMotion
-from beamsim.analyses.result import Result
+from beamsim.analyses.result import PROCESSOR_TIME, STATUS, Result
 from beamsim.fields import (
     Counter,
     Entry,
@@ -246,30 +246,36 @@ class RelaxedComparison:
 # --- The result ------------------------------------------------------------------------------------------------------
 
 _SUMMARY = (
-    Entry("status", "", "complete, or why the computation stopped early"),
-    Entry("mode", "1", "number of the mode"),
-    Entry("continued_in", "", "stiffness_factor, energy or frequency"),
+    STATUS,
+    Entry("mode", of="mode", label="backbone"),
+    Entry("continued_in", of="parameter"),
     Entry("points", "1", "points of the backbone"),
     Entry("stable_points", "1", "those of them that are stable"),
-    Entry("start", "", "first point of the backbone: parameter, frequency, energy"),
-    Entry("end", "", "last point of the backbone: parameter, frequency, energy"),
+    Entry("start", "", "first point of the backbone: parameter, frequency, energy", "start"),
+    Entry("end", "", "last point of the backbone: parameter, frequency, energy", "end"),
     Entry("period_s", "s", "period of the last point"),
-    Entry("linear_frequency_hz", "Hz", "frequency of the linear mode"),
-    Entry("internal_resonances", "", "by tongue: mode, ratio, parameter where it leaves the backbone, points"),
-    Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known"),
-    Entry("grazings", "1", "grazing contacts along the backbone"),
+    Entry("linear_frequency_hz", "Hz", "frequency of the linear mode", "linear frequency"),
+    Entry("internal_resonances", "", "by tongue: mode, ratio, parameter where it leaves the backbone, points",
+             "internal resonances"),
+    Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known",
+             "jumps over tongues"),
+    Entry("grazings", "1", "grazing contacts along the backbone", "grazings"),
     Entry("full_period", "", "of full-period shooting: difference from half-period shooting, symmetry breakings and "
-             "branches of non-brake orbits"),
-    Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders"),
-    Entry("thesis", "", "of relaxed minimisation: steps, functional, differences from exact motions and cost"),
+             "branches of non-brake orbits", "full period"),
+    Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders",
+             "multiple scales"),
+    Entry("thesis", "", "of relaxed minimisation: steps, functional, differences from exact motions and cost",
+             "relaxed minimisation"),
     Entry("phase_resonance", "", "of forced motions at phase resonance: quantity, unit, probe, and level by level "
-             "what was predicted and found"),
+             "what was predicted and found", "phase resonance"),
     Entry("motion_frequency_hz", "Hz", "frequency of the motion that is drawn"),
-    Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative"),
-    Entry("motion_periods", "1", "number of these periods"),
-    Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone"),
+    Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative", "spectrum",
+             "motion.drift"),
+    Entry("motion_periods", "1", "number of these periods", of="motion.periods"),
+    Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone",
+             "largest residual"),
     Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),
-    Entry("processor_time_s", "s", "processor time of the solver alone"),
+    PROCESSOR_TIME,
 )  # fmt: skip
 
 

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult, OrbitMotion
-from beamsim.analyses.nnm.result import BranchJump, ExpansionComparison, RelaxedComparison
+from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.nnm.result import ExpansionComparison, NormalModeResult, PhaseResonanceResult, RelaxedComparison
 from beamsim.typing import Bools, Floats
 
-if TYPE_CHECKING:
-    from beamsim.analyses.nnm.paths import ModePath
 
-
-def nnm_summary(
-    job: ModePath,
-    branches: tuple[BranchResult, ...],
-    jumps: tuple[BranchJump, ...],
-    status: str,
-    processor_time_s: float,
-    linear_frequency_hz: float,
-    motion: OrbitMotion,
-) -> dict[str, Any]:
-    """The backbone with its tongues and jumps."""
-    backbone = branches[0]
+def nnm_summary(result: NormalModeResult, linear_frequency_hz: float, processor_time_s: float) -> dict[str, Any]:
+    """The backbone, what leaves it and what it is compared with; not what repeats a field of the result."""
+    backbone = result.backbone
     return {
-        "mode": job.mode + 1,
-        "continued_in": job.parameter,
         "points": int(backbone.parameter.size),
         "start": _end(backbone, 0),
         "end": _end(backbone, -1),
@@ -37,17 +25,19 @@ def nnm_summary(
         "smallest_share": float(backbone.share.min()),
         "internal_resonances": [
             {"mode": b.mode, "ratio": b.ratio, "parameter": float(b.parameter[0]), "points": int(b.parameter.size)}
-            for b in branches
-            if b.kind == "tongue"
+            for b in result.tongues
         ],
-        "jumps": [{"start": j.start, "end": j.end, "mode": j.mode or None, "ratio": j.ratio or None} for j in jumps],
+        "jumps": [
+            {"start": j.start, "end": j.end, "mode": j.mode or None, "ratio": j.ratio or None} for j in result.jumps
+        ],
         "grazings": sum(1 for event in backbone.special if event.kind == "grazing"),
-        "linear_frequency_hz": float(linear_frequency_hz),
-        "motion_frequency_hz": 1.0 / float(motion.time[-1]),
-        "motion_drift": motion.drift,
-        "motion_periods": motion.periods,
+        "linear_frequency_hz": linear_frequency_hz,
+        "motion_frequency_hz": 1.0 / float(result.motion.time[-1]),
         "processor_time_s": processor_time_s,
-        "status": status,
+        "full_period": None if result.half_period_difference is None else _full_period(result),
+        "multiple_scales": None if result.expansion is None else expansion_summary(result.expansion),
+        "thesis": None if result.relaxed is None else _relaxed(result.relaxed),
+        "phase_resonance": None if result.phase_resonance is None else _phase_resonance(result.phase_resonance),
     }
 
 
@@ -59,13 +49,13 @@ def _end(branch: BranchResult, index: int) -> dict[str, float]:
     }
 
 
-def full_period_summary(branches: tuple[BranchResult, ...]) -> dict[str, Any]:
+def _full_period(result: NormalModeResult) -> dict[str, Any]:
     """Difference of full-period from half-period shooting, and the non-brake orbits."""
     return {
-        "largest_difference": float(branches[0].half_period_difference.max(initial=0.0)),
+        "largest_difference": float(result.backbone.half_period_difference.max(initial=0.0)),
         "symmetry_breakings": [
             {"parameter": e.parameter, "frequency_hz": e.frequency_hz}
-            for e in branches[0].special
+            for e in result.backbone.special
             if e.kind == "symmetry_breaking"
         ],
         "never_at_rest": [
@@ -79,13 +69,12 @@ def full_period_summary(branches: tuple[BranchResult, ...]) -> dict[str, Any]:
                 "largest_least_kinetic": float(b.least_kinetic.max()),
                 "status": b.status,
             }
-            for b in branches
-            if b.kind == "non_brake"
+            for b in result.non_brake
         ],
     }
 
 
-def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
+def _relaxed(relaxed: RelaxedComparison) -> dict[str, Any]:
     """Relaxed minimisation: range, accuracy and cost."""
     known = np.isfinite(relaxed.frequency_difference)
     spent = float(relaxed.processor_time_s.sum())
@@ -148,3 +137,40 @@ def _order(orders: Floats, small: Bools) -> float:
     if np.any(known & small):
         return float(np.median(orders[known & small]))
     return float(orders[known][-1]) if np.any(known) else float("nan")
+
+
+def _phase_resonance(result: PhaseResonanceResult) -> dict[str, Any]:
+    """Forced motions at phase resonance, level by level."""
+    return {
+        "status": result.status,
+        "quantity": result.quantity,
+        "unit": result.unit,
+        "probe": result.probe,
+        "levels": list(_level_summaries(result)),
+    }
+
+
+def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
+    for m in result.motions:
+        peak, at = np.nan, np.nan
+        if m.curve is not None:
+            k = int(np.argmax(m.curve.peak_displacement[result.probe]))
+            peak, at = float(m.curve.peak_displacement[result.probe][k]), float(m.curve.frequency_hz[k])
+        yield {
+            "level": m.level,
+            "predicted_frequency_hz": m.predicted_frequency_hz,
+            "predicted_energy_j": m.predicted_energy,
+            "predicted_amplitude_m": m.predicted_amplitude[result.probe],
+            "found": m.found,
+            "frequency_hz": m.frequency_hz,
+            "amplitude_m": m.amplitude[result.probe],
+            "level_for_amplitude": m.level_for_amplitude,
+            "stable": m.stable,
+            "peak_frequency_hz": at,
+            "peak_amplitude_m": peak,
+            "curve": "" if m.curve is None else m.curve.status,
+            "periods": 0 if m.held is None else int(m.held.departure.size),
+            "departure_first_period": np.nan if m.held is None else float(m.held.departure[0]),
+            "departure_last_period": np.nan if m.held is None else float(m.held.departure[-1]),
+            "departure_largest": np.nan if m.held is None else float(m.held.departure.max()),
+        }

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult, SpecialPointResult
 from beamsim.analyses.interruption import Stop, never
-from beamsim.analyses.limits import margin_of
+from beamsim.analyses.limits import margins_of
 from beamsim.analyses.response.branches import (
     Budget,
     ShootingTracer,
@@ -104,7 +104,6 @@ def frequency_response(
         outcome=outcome,
         branches=tuple(branches),
         modes=model.system.modes,
-        summary=_summary(model, settings, outcome, branches, folds, clock.process_time() - processor),
         warnings=(*scenario.warnings, *model.system.warnings),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
@@ -117,7 +116,7 @@ def frequency_response(
         second_unit="" if second is None else second.unit,
         second_snubber="" if second is None else second.snubber,
         overlay=overlay,
-    )
+    ).with_summary(**_summary(model, branches, folds, clock.process_time() - processor))
 
 
 def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
@@ -252,15 +251,11 @@ def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
 
 def _summary(
     model: ResponseModel,
-    settings: Continuation,
-    outcome: Outcome,
     branches: list[BranchResult],
     folds: list[BranchResult],
     processor_time_s: float,
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
-        "parameter": model.followed.kind,
-        "method": settings.method.kind,  # type: ignore[union-attr]
         "points": int(sum(b.parameter.size for b in branches)),
         "branches": len(branches),
         "peaks": [
@@ -283,7 +278,6 @@ def _summary(
         ],
         "margins": _margins(model, branches),
         "processor_time_s": processor_time_s,
-        "status": outcome.text,
     }  # fmt: skip
     if model.second is not None:
         summary["second_parameter"] = model.second.kind
@@ -339,14 +333,4 @@ def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, An
             k = stable[int(np.argmax(values[stable]))]
             at = f"{name}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
             found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
-    return {
-        name: {
-            "limit": allowed,
-            "value": found[name][0],
-            "margin": margin_of(allowed, found[name][0]),
-            "at": found[name][1],
-            "exceeded": found[name][0] > allowed,
-        }
-        for name, allowed in limits.given.items()
-        if name in found
-    }
+    return margins_of(limits, found)

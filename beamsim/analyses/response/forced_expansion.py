@@ -7,13 +7,13 @@ everything small is made smaller by a common factor, at the same detuning agains
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.response.paths import periodic_forcing
-from beamsim.analyses.response.result import ForcedExpansionComparison
+from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
@@ -37,6 +37,36 @@ CURVE_HARMONICS = 48
 SAMPLES = 256  # of a period
 NEAR_TIP = 0.8  # of the largest amplitude: where orders are observed
 FARTHEST = 0.5  # from the expansion, against the motion, for an exact motion to belong to it
+
+
+def with_forced_expansion(result: FrequencyResponse) -> FrequencyResponse:
+    """The response curve with the expansion near its mode; see `compare_forced_expansion`."""
+    expansion = compare_forced_expansion(result.scenario)
+    summary = {**result.summary, "multiple_scales": [_summary(comparison) for comparison in expansion]}
+    return replace(result, expansion=expansion, summary=summary)
+
+
+def _summary(comparison: ForcedExpansionComparison) -> dict[str, Any]:
+    """Summary of one level."""
+    near = comparison.difference[:, 0] < np.inf  # False where no exact motion was found
+    return {
+        "level": comparison.level,
+        "mode": comparison.mode,
+        "linear_frequency_hz": comparison.linear_frequency_hz,
+        "points": int(comparison.frequency_hz.size),
+        "stable_points": int(comparison.stable.sum()),
+        "largest_first_order_m": {name: float(x.max()) for name, x in comparison.first.items()},
+        "factor": comparison.factor[near].tolist(),
+        "difference": comparison.difference[near].tolist(),
+        "observed_orders": [_last_order(comparison.orders[:, k]) for k in (0, 1)],
+        "stability_agrees": bool(near.any() and comparison.stability_agrees[near].all()),
+    }
+
+
+def _last_order(orders: Floats) -> float:
+    """The order between the two smallest factors."""
+    known = orders[np.isfinite(orders)]
+    return float(known[-1]) if known.size else float("nan")
 
 
 def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionComparison, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from beamsim.analyses.branch import BranchResult
-from beamsim.analyses.result import Result
+from beamsim.analyses.result import MARGINS, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.fields import (
     Counter,
@@ -73,20 +73,25 @@ class ForcedExpansionComparison:
 
 
 _SUMMARY = (
-    Entry("status", "", "complete, or why the computation stopped early"),
-    Entry("parameter", "", "what is followed: frequency, level, gap, stiffness or position"),
-    Entry("method", "", "shooting or harmonic_balance"),
+    STATUS,
+    Entry("parameter", of="parameter"),
+    Entry("method", of="method"),
     Entry("points", "1", "points of all branches"),
-    Entry("branches", "1", "number of branches"),
-    Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, stable or not"),
-    Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level"),
+    Entry("branches", "1", "number of branches", "branches"),
+    Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
+             "special points"),
+    Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, stable or not",
+             "peak displacement"),
     Entry("second_parameter", "", "what folds are followed in"),
-    Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency"),
-    Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded"),
-    Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out"),
-    Entry("multiple_scales", "", "by level, of the expansion: points, differences from exact motions, observed orders"),
-    Entry("processor_time_s", "s", "processor time of the solver alone"),
-)
+    Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency",
+             "folds"),
+    MARGINS,
+    Entry("multiple_scales", "", "by level, of the expansion: points, differences from exact motions, observed orders",
+             "multiple scales"),
+    Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out",
+             "neglected harmonics"),
+    PROCESSOR_TIME,
+)  # fmt: skip
 
 
 @declared

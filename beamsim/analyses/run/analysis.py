@@ -92,10 +92,10 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
         energy=motion.energy,
         modes=system.modes,
         work=motion.work,
-        summary=_with_margins(scenario, _summary(system, motion, spectra)),
         warnings=(*scenario.warnings, *system.warnings, *motion.warnings),
-        wall_time_s=clock.perf_counter() - begin,
     )
+    result = result.with_summary(**_summary(scenario, system, motion, spectra))
+    result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return _with_statistics(result, system) if scenario.excitation.kind in ("random", "sampled") else result
 
 
@@ -411,7 +411,10 @@ def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -
     return spectra
 
 
-def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[str, str], Spectrum]) -> dict[str, Any]:
+def _summary(
+    scenario: Scenario, system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[str, str], Spectrum]
+) -> dict[str, Any]:
+    """What does not repeat a field of the result."""
     probes = [p.name for p in system.probes]
     names = [s.name for s in system.snubbers]
     count = len(names)
@@ -419,8 +422,6 @@ def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[s
     low_a, _, high_a, _ = motion.extremes["acceleration"]
     closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(names))
     summary: dict[str, Any] = {
-        "status": motion.outcome.text,
-        "method": motion.method,
         "peak_displacement_m": _named(probes, np.maximum(np.abs(low), np.abs(high))),
         "min_displacement_m": _named(probes, low),
         "max_displacement_m": _named(probes, high),
@@ -432,16 +433,10 @@ def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[s
         "events": int(motion.events.time.size),
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.energy_error,
-        "processor_time_s": motion.work.processor_time_s,
         "static_force_n": {s.name: s.preload for s in system.snubbers},
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "gap_m": {s.name: s.gap for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
-        "open_frequencies_hz": system.modes.open_frequencies_hz.tolist(),
-        "closed_frequencies_hz": system.modes.closed_frequencies_hz.tolist(),
-        "kept_modes": system.modes.kept_modes,
-        "static_vectors": system.modes.static_vectors,
-        "reduction_error": system.modes.reduction_error,
         "spectral_lines": [
             {
                 "probe": s.probe,
@@ -471,12 +466,8 @@ def _summary(system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[s
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
-    return summary
-
-
-def _with_margins(scenario: Scenario, summary: dict[str, Any]) -> dict[str, Any]:
-    limits = margins(scenario.limits, summary)
-    return {**summary, "margins": limits} if limits else summary
+    compared = margins(scenario.limits, summary)
+    return {**summary, "margins": compared} if compared else summary
 
 
 def _named(names: list[str], values: Floats) -> dict[str, float]:

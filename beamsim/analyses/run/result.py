@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from beamsim.analyses.result import Result
+from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.fields import (
     Counter,
     Entry,
@@ -213,8 +213,8 @@ def _spectrum_rank(result: Mapping[str, Any], spectrum: Spectrum) -> tuple[int, 
 
 
 _SUMMARY = (
-    Entry("status", "", "complete, or why the computation stopped early"),
-    Entry("method", "", "exact, or the name of the time stepper"),
+    STATUS,
+    Entry("method", of="method", label="method"),
     Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
     Entry("peak_displacement_m", "m", "largest magnitude of a probe's relative displacement", "peak displacement"),
     Entry("min_displacement_m", "m", "smallest relative displacement of a probe"),
@@ -236,16 +236,12 @@ _SUMMARY = (
              "largest bending stress"),
     Entry("largest_bending_stress_position_m", "m", "where that is"),
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
-    Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits"),
+    MARGINS,
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
-    Entry("open_frequencies_hz", "Hz", "natural frequencies with every contact open", "natural frequencies"),
-    Entry("closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
-    Entry("kept_modes", "1", "number of modes kept by the reduction"),
-    Entry("static_vectors", "1", "number of static vectors kept by the reduction"),
-    Entry("reduction_error", "1", "estimated relative error of the reduction", "reduction"),
+    *MODES,
     Entry("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
              "integral of |power in|", "energy balance error"),
-    Entry("processor_time_s", "s", "processor time of the solver alone", "solver"),
+    PROCESSOR_TIME._replace(of="work.processor_time_s"),
     Entry("random", "", "of a random or sampled input, by signal: rms, crest factor, kurtosis and more"),
 )  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.limits import margin_of
+from beamsim.analyses.limits import margins_of
 from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
@@ -96,13 +96,12 @@ def sweep(
             peaks=peaks,
             modes=system.modes,
             work=work,
-            summary=_summary(scenario, system, outcome.text, curves, peaks, work, truncation),
             levels=dict(computed),
             histories=dict(histories),
             truncation=truncation,
             warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario)),
             wall_time_s=clock.perf_counter() - begin,
-        )
+        ).with_summary(**_summary(scenario, curves))
 
     for index, level in enumerate(levels):
         if resume is not None and index in resume.levels and resume.levels[index].outcome.complete:
@@ -162,15 +161,9 @@ def _peaks(curve: SweepCurve) -> Iterator[ResponsePeak]:
         yield from find_peaks(curve, probe)
 
 
-def _summary(
-    scenario: Scenario,
-    system: StructuralSystem,
-    status: str,
-    curves: dict[str, SweepCurve],
-    peaks: tuple[ResponsePeak, ...],
-    work: SweepWork,
-    truncation: float,
-) -> dict[str, Any]:
+def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
+    """What does not repeat a field of the result."""
+
     def largest(values: str) -> dict[str, dict[str, float]]:
         return {
             curve.name: {
@@ -180,24 +173,6 @@ def _summary(
         }
 
     return {
-        "status": status,
-        "peaks": [
-            {
-                "frequency_hz": p.frequency_hz,
-                "value_m": p.value_m,
-                "kind": p.kind,
-                "direction": p.direction,
-                "level": p.level,
-                "order": p.order,
-                "probe": p.probe,
-                "curve": p.curve,
-            }
-            for p in peaks
-        ],
-        "cycles": work.cycles,
-        "processor_time_s": work.processor_time_s,
-        "events": work.events,
-        "truncation": truncation,
         "peak_displacement_m": largest("displacement"),
         "peak_acceleration_m_s2": largest("acceleration"),
         "peak_force_n": largest("force"),
@@ -207,11 +182,6 @@ def _summary(
             }
             for curve in curves.values()
         },
-        "open_frequencies_hz": system.modes.open_frequencies_hz.tolist(),
-        "closed_frequencies_hz": system.modes.closed_frequencies_hz.tolist(),
-        "kept_modes": system.modes.kept_modes,
-        "static_vectors": system.modes.static_vectors,
-        "reduction_error": system.modes.reduction_error,
         "margins": _margins(scenario, curves),
     }
 
@@ -248,15 +218,4 @@ def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
             k = int(np.nanargmax(values))
             at = f"{snubber}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
             largest[limit] = max(largest.get(limit, (-1.0, "")), (float(values[k]), at))
-    margins = {}
-    for name, allowed in scenario.limits.given.items():
-        if name in largest:
-            value, at = largest[name]
-            margins[name] = {
-                "limit": allowed,
-                "value": value,
-                "margin": margin_of(allowed, value),
-                "at": at,
-                "exceeded": value > allowed,
-            }
-    return margins
+    return margins_of(scenario.limits, largest)

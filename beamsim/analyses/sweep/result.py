@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.result import Result
+from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.fields import (
     Counter,
     Entry,
@@ -214,23 +214,22 @@ def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
 
 
 _SUMMARY = (
-    Entry("status", "", "complete, or why the computation stopped early"),
-    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks"),
-    Entry("cycles", "1", "cycles of the excitation computed"),
-    Entry("events", "1", "contact events, breakpoints of piecewise-linear springs included"),
-    Entry("processor_time_s", "s", "processor time of the solver alone"),
-    Entry("truncation", "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"),
-    Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement"),
-    Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration"),
-    Entry("peak_force_n", "N", "by curve, largest contact force of a snubber"),
-    Entry("contact_share", "1", "by curve, mean share of the time in contact of a snubber"),
-    Entry("open_frequencies_hz", "Hz", "natural frequencies with every contact open"),
-    Entry("closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
-    Entry("kept_modes", "1", "number of modes kept by the reduction"),
-    Entry("static_vectors", "1", "number of static vectors kept by the reduction"),
-    Entry("reduction_error", "1", "estimated relative error of the reduction"),
-    Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded"),
-)
+    STATUS,
+    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", "curves", "peaks",
+             ("frequency_hz", "value_m", "kind", "direction", "level", "order", "probe", "curve")),
+    Entry("cycles", of="work.cycles"),
+    Entry("events", of="work.events"),
+    Entry("truncation", of="truncation"),
+    Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement",
+             "peak displacement"),
+    Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration",
+             "peak acceleration"),
+    Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
+    Entry("contact_share", "1", "by curve, mean share of the time in contact of a snubber", "time in contact"),
+    MARGINS,
+    *MODES,
+    PROCESSOR_TIME._replace(of="work.processor_time_s"),
+)  # fmt: skip
 
 
 @declared

@@ -1,0 +1,35 @@
+"""Texts of the table of ``beamsim compare``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.compare.result import ChannelComparison, Comparison
+from beamsim.cli.report import Row, Texts, percent, si
+from beamsim.plots.style import scale_for
+
+
+def _channels(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
+    for c in comparison.channels:
+        yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}"
+        if math.isfinite(c.rms_difference):
+            yield "  histories", f"differ by {percent(c.rms_difference)} rms after {_delay(c)}"
+        scale = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
+        for n, p, m, d, a in zip(
+            c.order, c.predicted, c.measured, c.difference_db, c.phase_difference_deg, strict=True
+        ):
+            text = f"predicted {abs(p) * scale.factor:9.4g}, measured {abs(m) * scale.factor:9.4g} {scale.unit}"
+            phase = f", {a:+.1f} deg" if math.isfinite(a) else ""
+            yield f"  harmonic {n}", f"{text}, difference {d:+.2f} dB{phase}"
+
+
+def _delay(c: ChannelComparison) -> str:
+    periods = abs(c.delay_s) * (c.excitation_hz if math.isfinite(c.excitation_hz) else 1.0)
+    return "no delay" if periods < 1e-9 else f"a delay of {si(c.delay_s, 's')}"
+
+
+TEXTS: Texts = {"comparisons": _channels}

@@ -1,0 +1,99 @@
+"""Texts of the table of a continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.branch import special_name
+from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.cli.report import SHARED, Row, Texts, percent, si
+
+SHOWN = 12  # special points of a branch
+MOST_BRANCHES = 12
+
+
+def _branches(result: FrequencyResponse, count: int) -> Iterator[Row]:
+    for b in result.branches[:MOST_BRANCHES]:
+        points = f"{b.parameter.size} points, {int(b.stable.sum())} of them stable"
+        yield "", f"{_branch(b.level, b.period_multiple)}: {points}; {b.status}"
+    if count > MOST_BRANCHES:
+        yield "", f"and {count - MOST_BRANCHES} more in the file"
+
+
+def _branch(level: float, period_multiple: int) -> str:
+    known = "" if np.isnan(level) else f"level {level:.4g}, "
+    return f"{known}period {period_multiple}"
+
+
+def _special_points(result: FrequencyResponse, points: Sequence[dict[str, Any]]) -> Iterator[Row]:
+    """Those of motions of the excitation's own period."""
+    own_period = [point for point in points if point["period_multiple"] == 1]
+    for event in own_period[:SHOWN]:
+        yield "", f"{_special_point(event)} {result.unit}{_at_level(event)}"
+    if len(own_period) > SHOWN:
+        yield "", f"and {len(own_period) - SHOWN} more in the file"
+
+
+def _at_level(item: dict[str, Any]) -> str:
+    return "" if np.isnan(item["level"]) else f", level {item['level']:.4g}"
+
+
+def _special_point(event: dict[str, Any]) -> str:
+    snubber = f" of {event['snubber']}" if event["snubber"] else ""
+    return f"{special_name(event['kind'])}{snubber} at {event['parameter']:.8g}"
+
+
+def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
+    for peak in peaks:
+        at = f"{peak['parameter']:.6g} {result.unit}{_at_level(peak)}"
+        yield "", f"{peak['probe']}  {si(peak['value_m'], 'm', 5)} at {at} ({peak['kind']})"
+    for curve in result.overlay.values():
+        how = "swept" if curve.steady is None else "stepped"
+        yield "overlay", f"{how} {curve.direction}, level {curve.level:.4g} {curve.source}".rstrip()
+
+
+def _folds(result: FrequencyResponse, curves: Sequence[dict[str, Any]]) -> Iterator[Row]:
+    for curve in curves:
+        reach = curve["status"]
+        if curve["points"]:
+            extent = f"{curve['smallest_parameter']:.5g} to {curve['largest_parameter']:.5g} {result.second_unit}"
+            grazing = f", {curve['touching']} grazing" if curve["touching"] else ""
+            reach = (
+                f"{result.second_parameter} {extent}, {curve['smallest_hz']:.5g} to {curve['largest_hz']:.5g} Hz, "
+                f"{curve['points']} points{grazing}"
+            )
+        yield "", f"from {curve['start_hz']:.6g} Hz: {reach}"
+
+
+def _expansion(_: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> Iterator[Row]:
+    for s in levels:
+        points = f"{s['points']} points, {s['stable_points']} of them stable"
+        yield "", f"level {s['level']:.4g}: mode {s['mode']}, {points}"
+        if not s["factor"]:
+            yield "", "no exact motion was found near the expansion for any factor on springs, damping and force"
+            continue
+        factor, (leading, first) = s["factor"][0], s["difference"][0]
+        at = "at factor 1" if factor == 1.0 else f"at a factor of {factor:.2g}, the largest sufficiently small one"
+        yield "", f"differs by {leading:.2g} (leading) and {first:.2g} (first order) {at}"
+        orders = s["observed_orders"]
+        agrees = "agrees" if s["stability_agrees"] else "differs somewhere"
+        yield "", f"observed orders {orders[0]:.2f} and {orders[1]:.2f} (expected 1 and 2); stability {agrees}"
+
+
+def _solver(result: FrequencyResponse, time: float) -> str:
+    return f"{result.method.replace('_', ' ')}, processor time {si(time, 's')}"
+
+
+TEXTS: Texts = {
+    **SHARED,
+    "branches": _branches,
+    "special_points": _special_points,
+    "peaks": _peaks,
+    "fold_curves": _folds,
+    "multiple_scales": _expansion,
+    "neglected_harmonics": lambda _, share: f"at most {percent(share, 2)} of the motion",
+    "processor_time_s": _solver,
+}

@@ -1,0 +1,97 @@
+"""Texts of the table of ``beamsim run``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+from beamsim.analyses.run.result import RunResult
+from beamsim.cli.report import SHARED, Texts, counted, percent, si
+
+LINES_SHOWN = 6
+
+
+def _method(result: RunResult, method: str) -> str:
+    return f"{method}, {result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
+
+
+def _displacement(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
+    low, high = result.summary["min_displacement_m"], result.summary["max_displacement_m"]
+    return {
+        name: f"{si(peak, 'm')} (from {si(low[name], 'm')} to {si(high[name], 'm')})" for name, peak in peaks.items()
+    }
+
+
+def _contact(result: RunResult, shares: Mapping[str, float]) -> dict[str, str]:
+    contacts = result.summary["contacts"]
+    return {name: f"{percent(share)}, {counted(contacts[name], 'contact')}" for name, share in shares.items()}
+
+
+def _spring_force(result: RunResult, forces: Mapping[str, float]) -> dict[str, str]:
+    stretch = result.summary["peak_stretch_m"]
+    return {name: f"{si(force, 'N')} at an elongation of {si(stretch[name], 'm')}" for name, force in forces.items()}
+
+
+def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
+    s = result.summary
+    texts = {}
+    for name, gap in gaps.items():
+        static = s["static_force_n"][name]
+        at_equilibrium = "" if static is None or math.isnan(static) else f"{si(static, 'N')} at equilibrium, "
+        texts[name] = (
+            f"gap {si(gap, 'm')}, {at_equilibrium}{si(s['blocked_force_n'][name], 'N')} blocked, "
+            f"stiffness ratio {s['stiffness_ratio'][name]:.4g}"
+        )
+    return texts
+
+
+def _stress(result: RunResult, stress: float) -> str:
+    s = result.summary
+    body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
+    return f"{si(stress, 'Pa')} at {body}x = {si(s['largest_bending_stress_position_m'], 'm')}"
+
+
+def _spectral_lines(_: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The strongest lines of the first probe: order (or Hz) and level, in order of frequency."""
+    first = next((line["probe"] for line in lines), None)
+    return {
+        f"{first} {quantity.replace('_', ' ')}": ", ".join(_strongest(lines, first, quantity)) or "none"
+        for quantity in dict.fromkeys(line["quantity"] for line in lines)
+    }
+
+
+def _strongest(lines: Sequence[Mapping[str, Any]], probe: str | None, quantity: str) -> Iterator[str]:
+    matching = [k for k in lines if (k["probe"], k["quantity"]) == (probe, quantity) and k["kind"] != "mean"]
+    strongest = sorted(matching, key=lambda line: -line["amplitude"])[:LINES_SHOWN]
+    for line in sorted(strongest, key=lambda line: float(line["frequency_hz"])):
+        yield f"{_order(line)} ({line['amplitude_db']:.0f} dB)"
+
+
+def _order(line: Mapping[str, Any]) -> str:
+    order = line["order"]
+    if order is None or not math.isfinite(order):
+        return f"{line['frequency_hz']:.4g} Hz"
+    return f"{order:.3f}" if line["kind"] == "other" else str(Fraction(order).limit_denominator(12))
+
+
+def _solver(result: RunResult, time: float) -> str:
+    s = result.summary
+    bends = s.get("breakpoints_passed", 0)
+    passed = f", {counted(bends, 'breakpoint')} of springs passed" if bends else ""
+    return f"{counted(s['events'], 'event')}{passed}, processor time {si(time, 's')}"
+
+
+TEXTS: Texts = {
+    **SHARED,
+    "method": _method,
+    "peak_displacement_m": _displacement,
+    "contact_share": _contact,
+    "peak_spring_force_n": _spring_force,
+    "gap_m": _preload,
+    "largest_bending_stress_pa": _stress,
+    "spectral_lines": _spectral_lines,
+    "energy_error": lambda _, error: f"{error:.2g}",
+    "processor_time_s": _solver,
+}
