@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate, StiffnessEstimate
+from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
 from beamsim.cli.report import Row, Texts, counted, percent, si
 
 SENSITIVITIES_SHOWN = 6
@@ -18,7 +18,8 @@ def _newtons(value: float) -> str:
 
 
 def _updated(result: IdentificationResult, _: Any) -> Iterator[Row]:
-    assert result.update is not None
+    if result.update is None:
+        return
     for parameter in result.update.parameters:
         yield "", _parameter(parameter)
     for path, choice in result.update.choices.items():
@@ -36,7 +37,9 @@ def _parameter(p: ParameterEstimate) -> str:
     return text + (" at its bound" if p.at_bound else "")
 
 
-def _frequencies(table: FrequencyTable) -> Iterator[str]:
+def _frequencies(table: FrequencyTable | None) -> Iterator[str]:
+    if table is None:
+        return
     for mode, measured, predicted, difference in zip(
         table.mode, table.measured_hz, table.predicted_hz, table.difference_percent, strict=True
     ):
@@ -62,7 +65,8 @@ def _stiffness(result: IdentificationResult, stiffness: float) -> str:
 def _standard_deviation(result: IdentificationResult, deviation: float) -> str:
     if not math.isfinite(deviation):
         return ""
-    source = "" if _estimate(result).uncertainty_from == "given" else ", from the scatter of the modes"
+    scatter = result.estimate is not None and result.estimate.uncertainty_from != "given"
+    source = ", from the scatter of the modes" if scatter else ""
     return f"{_newtons(deviation)}{source}"
 
 
@@ -76,8 +80,8 @@ def _monte_carlo(result: IdentificationResult, deviation: float) -> str:
     s = result.summary
     if not math.isfinite(s["standard_deviation_n_per_m"]):
         return ""
-    interval = _range(s["monte_carlo_interval_n_per_m"])
-    return f"{_newtons(deviation)}, {interval} ({counted(_estimate(result).monte_carlo_samples, 'sample')})"
+    samples = "" if result.estimate is None else f" ({counted(result.estimate.monte_carlo_samples, 'sample')})"
+    return f"{_newtons(deviation)}, {_range(s['monte_carlo_interval_n_per_m'])}{samples}"
 
 
 def _range(interval: Sequence[float]) -> str:
@@ -104,11 +108,6 @@ def _reach(result: IdentificationResult, ranges: Sequence[Sequence[float]]) -> I
         yield "", f"mode {mode}: {low:.5g} Hz (free) to {high:.5g} Hz (pinned)"
 
 
-def _estimate(result: IdentificationResult) -> StiffnessEstimate:
-    assert result.estimate is not None
-    return result.estimate
-
-
 def _sensitivities(result: IdentificationResult, _: Any) -> Iterator[Row]:
     for s in result.sensitivities[:SENSITIVITIES_SHOWN]:
         part = f", uncertainty of k {percent(s.contribution, 2)}" if math.isfinite(s.contribution) else ""
@@ -116,8 +115,7 @@ def _sensitivities(result: IdentificationResult, _: Any) -> Iterator[Row]:
 
 
 def _estimated(result: IdentificationResult, _: Mapping[str, Any]) -> Iterator[Row]:
-    assert result.nonlinear is not None
-    for parameter in result.nonlinear.parameters:
+    for parameter in () if result.nonlinear is None else result.nonlinear.parameters:
         yield "", _parameter(parameter)
 
 
