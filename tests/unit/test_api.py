@@ -29,11 +29,13 @@ def test_every_verb_and_every_reader_is_there():
 @pytest.mark.parametrize("name", KINDS)
 def test_everything_that_belongs_to_a_kind_is_there(name):
     kind = KINDS[name]
-    for place in (kind.analysis, kind.result, kind.plots, kind.rows):
+    for place in (kind.analysis, kind.result, kind.plots):
         assert callable(named(place)), place
     for place in (kind.analysis, kind.result):
         assert getattr(beamsim, place.partition(":")[2]) is named(place)
         assert place.partition(":")[2] in beamsim.__all__  # type checkers know those alone
+    entries = {entry.name for entry in named(kind.result).SUMMARY if entry.label}
+    assert set(named(kind.texts)) <= entries | {"margins", "open_frequencies_hz", "reduction_error"}
     assert kind.commands == "beamsim.cli.app" or callable(named(f"{kind.commands}:register"))
 
 
