@@ -42,7 +42,15 @@ from beamsim.scenario.nnm import (
 from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, RelaxedMinimisationMethod, ShootingMethod
 from beamsim.scenario.place import AtPlace, ConstantForce, PlacedForce, Probe
 from beamsim.scenario.quantities import Rate
-from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
+from beamsim.scenario.run import (
+    BodiesStart,
+    ModeStart,
+    PolynomialStart,
+    Reduction,
+    ReleasedForceStart,
+    Run,
+    SpectrumSettings,
+)
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.snubber import (
     BodySnubber,
@@ -70,6 +78,7 @@ __all__ = [
     "AppliedTo",
     "AtPlace",
     "Beam",
+    "BodiesStart",
     "Body",
     "BodySnubber",
     "Chain",

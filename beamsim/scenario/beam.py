@@ -386,6 +386,18 @@ class StiffnessBeam(BeamBody):
             return None
         return self.youngs_modulus * self.extreme_fibre / self.bending_stiffness
 
+    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+        """Half of what the bending stress needs; too few elements."""
+        given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
+        missing = [name for name, value in given.items() if value is None]
+        if len(missing) == 1:
+            (alone,) = given.keys() - missing
+            yield (
+                f"{path_text((*where, alone))} has no effect without {missing[0]}: the bending stress needs both; "
+                f"give {missing[0]} too, or leave {alone} out"
+            )
+        yield from super().doubts(where, highest_hz)
+
 
 def by_stiffness(value: Any) -> bool:
     """Whether a raw beam is given by its bending stiffness."""

@@ -22,7 +22,7 @@ from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
 from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
-from beamsim.scenario.run import ModeStart, PolynomialStart, Run
+from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
 from beamsim.scenario.sweep import Sweep, SweptSine
 from beamsim.scenario.whole import ScenarioParts
 
@@ -214,19 +214,29 @@ def _start(scenario: _Checked) -> Found:
     start = None if scenario.run is None else scenario.run.start
     if isinstance(start, ModeStart):
         yield from _mode_number(scenario, ("run", "start", "mode"), start.mode)
-    if not isinstance(start, PolynomialStart):
+    at: Path = ("run", "start")
+    if isinstance(start, PolynomialStart):
+        if len(scenario.all_bodies) > 1:
+            yield _problem(
+                at,
+                f"gives one shape, and there are {len(scenario.all_bodies)} bodies",
+                f"name the body: start: {{bodies: {{{next(iter(scenario.all_bodies))}: {{displacement: [...]}}}}}}",
+            )
+            return
+        given = dict.fromkeys(scenario.all_bodies, start)
+    elif isinstance(start, BodiesStart):
+        at = (*at, "bodies")
+        given = start.bodies
+    else:
         return
-    if len(scenario.all_bodies) > 1:
-        yield _problem(
-            ("run", "start"),
-            f"gives one shape, and there are {len(scenario.all_bodies)} bodies",
-            "start from static_equilibrium, rest, {mode: 1, amplitude: 1 mm} or {released_force: ...}",
-        )
-        return
-    for name, body in scenario.all_bodies.items():
+    for name, shape in given.items():
+        path = (*at, name) if isinstance(start, BodiesStart) else at
+        if name not in scenario.all_bodies:
+            yield _problem(path, "is an unknown body", suggestion(name, scenario.all_bodies, "the bodies are"))
+            continue
+        body, where = scenario.all_bodies[name], scenario.body_path(name)
         for quantity in ("displacement", "velocity"):
-            numbers = getattr(start, quantity)
-            yield from _guarded(body.start_problems(scenario.body_path(name), ("run", "start", quantity), numbers))
+            yield from _guarded(body.start_problems(where, (*path, quantity), getattr(shape, quantity)))
 
 
 def _mode_number(scenario: _Checked, at: Path, mode: int) -> Found:

@@ -54,7 +54,11 @@ def limit_problems(scenario: ScenarioParts, limits: Limits) -> Iterator[Problem]
         if all(body.body_kind == "chain" for body in bodies):
             yield Problem("limits.bending_stress", "applies to a beam, but the structure is a chain", "leave it out")
         else:
-            yield Problem("limits.bending_stress", "needs a beam whose section is known", "give its extreme_fibre")
+            yield Problem(
+                "limits.bending_stress",
+                "needs a beam whose section is known",
+                "give its extreme_fibre and youngs_modulus",
+            )
     for name in ("peak_force", "gap"):
         if getattr(limits, name) is not None and not scenario.all_snubbers:
             yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")

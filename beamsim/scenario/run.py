@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Tag
+from pydantic import Field, Tag
 
 from beamsim.scenario.base import Schema, Variants, fail
 from beamsim.scenario.place import PlacedForce
-from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration, Frequency, Modes, PositiveNumber
+from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration, Frequency, Modes, Name, PositiveNumber
 
 
 class PolynomialStart(Schema):
@@ -23,6 +23,13 @@ class PolynomialStart(Schema):
         """Reject an empty initial state."""
         if not self.displacement and not self.velocity:
             raise fail("is an empty initial state", "give displacement, velocity or both, or write start: rest")
+
+
+class BodiesStart(Schema):
+    """Start from given shapes and velocities of several bodies; those not named begin without either."""
+
+    bodies: Annotated[dict[Name, PolynomialStart], Field(min_length=1)]
+    """Displacement and velocity by name of the body."""
 
 
 class ModeStart(Schema):
@@ -49,6 +56,7 @@ def _choose_start(value: Any) -> str | None:
         return "<text>"
     for tag, schema, keys in (
         ("<polynomial>", PolynomialStart, ("displacement", "velocity")),
+        ("<bodies>", BodiesStart, ("bodies",)),
         ("<mode>", ModeStart, ("mode", "amplitude")),
         ("<released_force>", ReleasedForceStart, ("released_force",)),
     ):
@@ -60,6 +68,7 @@ def _choose_start(value: Any) -> str | None:
 Start = Annotated[
     Annotated[Literal["static_equilibrium", "rest"], Tag("<text>")]
     | Annotated[PolynomialStart, Tag("<polynomial>")]
+    | Annotated[BodiesStart, Tag("<bodies>")]
     | Annotated[ModeStart, Tag("<mode>")]
     | Annotated[ReleasedForceStart, Tag("<released_force>")],
     Variants(

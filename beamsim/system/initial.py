@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.run import ModeStart, PolynomialStart, ReleasedForceStart
+from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, ReleasedForceStart
 from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
 
 # A projected initial shape further off than this is worth a warning.
 _PROJECTION_TOLERANCE = 1e-6
+_FIELDS = ("displacement", "velocity")
 
 
 def initial_state(
@@ -59,8 +62,9 @@ def initial_state(
     elif isinstance(start, ModeStart):
         q = _mode_shape(parts, start.mode, start.amplitude)
     elif isinstance(start, PolynomialStart):
-        q = _given_field(parts, start.displacement, "displacement", warnings)
-        v = _given_field(parts, start.velocity, "velocity", warnings)
+        q, v = (_given_field(parts, {parts.structure.name: start}, name, warnings) for name in _FIELDS)
+    elif isinstance(start, BodiesStart):
+        q, v = (_given_field(parts, start.bodies, name, warnings) for name in _FIELDS)
     return np.concatenate([q, v]), warnings
 
 
@@ -80,14 +84,20 @@ def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:
     return q
 
 
-def _given_field(parts: Parts, numbers: tuple[float, ...], quantity: str, warnings: list[str]) -> Floats:
-    """Coordinates of a field given by numbers: a polynomial in x along a beam, one number a mass of a chain."""
-    if not any(numbers):
-        return np.zeros(parts.basis.size)
-    q, error = parts.structure.project(parts.basis, numbers, quantity)
-    if error > _PROJECTION_TOLERANCE:
-        warnings.append(
-            f"run.start.{quantity} is met by the reduced model to a relative error of {error:.2g} only: "
-            "it breaks the supports' conditions or needs more modes (reduction: {modes: all})"
-        )
-    return q
+def _given_field(parts: Parts, given: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]) -> Floats:
+    """Coordinates of fields given body by body: a polynomial in x along a beam, one number a mass of a chain."""
+    field = np.zeros(parts.basis.size)
+    blocks = zip(parts.structure.parts, parts.basis.blocks, strict=True)
+    bodies = [(part.structure, basis, columns) for part, (basis, columns) in blocks]
+    for body, basis, columns in bodies or [(parts.structure, parts.basis, np.arange(parts.basis.size))]:
+        numbers = getattr(given[body.name], quantity) if body.name in given else ()
+        if not any(numbers):
+            continue
+        field[columns], error = body.project(basis, numbers, quantity)
+        if error > _PROJECTION_TOLERANCE:
+            where = f"bodies.{body.name}.{quantity}" if bodies else quantity
+            warnings.append(
+                f"run.start.{where} is met by the reduced model to a relative error of {error:.2g} only: "
+                "it breaks the supports' conditions or needs more modes (reduction: {modes: all})"
+            )
+    return field

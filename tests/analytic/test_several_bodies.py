@@ -193,6 +193,22 @@ def test_two_chains_are_one_chain_with_a_spring_of_nothing():
         )  # fmt: skip
 
 
+def test_given_initial_states_belong_to_one_body_each():
+    """A body that starts by itself moves as it does alone; the other stays where it is."""
+    shape = {"displacement": [0, 0, 3e-3, -2e-3], "velocity": [0, 0, 0.1]}
+    changes = ["snubbers=[]", "excitation={kind: none}", "run.duration=0.05", "run.sample_rate=2 kHz", "probes=null"]
+    two = load_scenario(EXAMPLE, [*changes, f"run.start={{bodies: {{outer: {shape}}}}}", "reduction.modes=all"])
+    both = beamsim.run(two)
+    alone_data = yaml.safe_load(two.to_yaml())
+    alone_data["bodies"] = {"outer": alone_data["bodies"]["outer"]}
+    alone = beamsim.run(load_scenario({**alone_data, "run": {**alone_data["run"], "start": shape}}))
+    probe = next(iter(alone.probes))
+    moved = both.probes[f"outer_{probe}"].displacement
+    np.testing.assert_allclose(moved, alone.probes[probe].displacement, rtol=0, atol=1e-9 * np.abs(moved).max())
+    assert np.abs(moved).max() > 1e-4
+    assert not np.any(both.probes[f"inner_{probe}"].displacement)
+
+
 def test_result_file_holds_every_body(tmp_path):
     result = beamsim.run(load_scenario(EXAMPLE, ["run.duration=0.05 s", "bodies.outer.youngs_modulus=70 GPa"]))
     again = open_run(write_run(result, tmp_path / "two.h5"))
@@ -230,7 +246,12 @@ def test_a_beam_by_its_stiffness_moves_like_one_by_its_section():
         ("snubbers[0].between=[{body: inner, position: 0.1}]", "snubbers[0].between names 1 place"),
         ("bodies.inner.kind=plate", "bodies.inner"),
         ("bodies.inner.length=-1", "bodies.inner.length = -1 must be positive"),
-        ("run.start={displacement: [0, 0, 1]}", "run.start gives one shape, and there are 2 bodies"),
+        ("run.start={displacement: [0, 0, 1]}", "start gives one shape, and there are 2 bodies; name the body: start:"),
+        ("run.start={bodies: {iner: {velocity: [0, 0, 1]}}}", "run.start.bodies.iner is an unknown body; did you mean"),
+        (
+            "run.start={bodies: {inner: {velocity: [1]}}}",
+            "run.start.bodies.inner.velocity = [1] has the deflection vel",
+        ),
         ("beam={length: 1, width: 1, thickness: 0.1, youngs_modulus: 7e10, density: 2700}", "and beam exclude each"),
         ("identify_stiffness={snubber: tip, measured_with: [10]}", "identify_stiffness identifies a snubber on one"),
     ],

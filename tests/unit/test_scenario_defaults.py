@@ -32,6 +32,17 @@ BEAM = "beam: {length: 1, width: 0.02, thickness: 0.02, youngs_modulus: 70e9, de
 CHAIN = "chain: {masses: [1, 1], springs: [1, 1, 1]}\n"
 
 
+def test_half_of_what_a_bending_stress_needs_is_doubted():
+    """`extreme_fibre` without the modulus of that fibre gave no stress and no word."""
+    panel = {"length": 1, "bending_stiffness": 210, "mass_per_length": 3, "extreme_fibre": "6 mm"}
+    (warning,) = load_scenario({"beam": panel}).warnings
+    assert "beam.extreme_fibre has no effect without youngs_modulus" in warning
+    assert load_scenario({"beam": {**panel, "youngs_modulus": "70 GPa"}}).warnings == ()
+    panel.pop("extreme_fibre")
+    (warning,) = load_scenario({"beam": {**panel, "youngs_modulus": "70 GPa"}}).warnings
+    assert "beam.youngs_modulus has no effect without extreme_fibre" in warning
+
+
 def test_the_least_scenario():
     scenario = load_scenario(BEAM)
     assert (scenario.beam.supports.left, scenario.beam.supports.right) == ("clamped", "free")
