@@ -1,4 +1,4 @@
-"""From a scenario to the modes of its structure as a snubber sees them."""
+"""Modes of the structure of a scenario at a snubber."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-# Modes kept of a model too large for all of them, beyond those wanted; the static vector stands for the others.
+# Modes of a large model that are kept beyond those requested; a static vector represents the others.
 _EXTRA_MODES = 60
 
 
-def snubber_point(scenario: Scenario, name: str, wanted: int = 1) -> SpringPoint:
+def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
     """The structure's modes at a snubber, every contact open: all of the finite-element model's.
 
-    A model with more degrees of freedom than `DENSE_LIMIT` gives `wanted` + 60 modes and the static vector of the
+    A model with more degrees of freedom than `DENSE_LIMIT` gives `requested` + 60 modes and the static vector of the
     snubber, which carries the static compliance of the rest.
     """
     model = assemble(scenario)
@@ -34,7 +34,7 @@ def snubber_point(scenario: Scenario, name: str, wanted: int = 1) -> SpringPoint
         modes = natural_modes(model)
         omega, vectors = modes.omega, modes.vectors
     else:
-        basis = reduce_model(model, [LoadPattern(row, site.coordinate)], count=wanted + _EXTRA_MODES)
+        basis = reduce_model(model, [LoadPattern(row, site.coordinate)], count=requested + _EXTRA_MODES)
         omega, vectors = basis.omega, basis.vectors
     return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
 

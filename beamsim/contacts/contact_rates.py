@@ -1,4 +1,4 @@
-r"""Contacts along a parameter of one snubber, with their exact derivatives by it.
+r"""Contacts as functions of a parameter of one snubber, with their exact derivatives.
 
 The dashpot of a damping ratio follows, :math:`c = 2 \xi k / \Omega`, with :math:`\Omega` the first natural frequency
 with the snubber closed. From its mode v, :math:`\partial\Omega^2/\partial k = (\phi^T v)^2` and
@@ -33,11 +33,11 @@ class MovedContact:
 
     Parameters
     ----------
-    contacts : as they are.
+    contacts : the unchanged contacts.
     omega_squared : (n,) diagonal stiffness of the open structure, rad^2/s^2.
     index : of the snubber.
     quantity : "gap" (m), "stiffness" (N/m) or "position" (m).
-    damping_ratio : of the snubber's dashpot; None where the dashpot is given as such (or there is none).
+    damping_ratio : of the snubber's dashpot; None if the dashpot is given by its coefficient, or there is none.
     rigid : number of rigid-body coordinates.
     shape_at : for positions, the deflection (n,) for a unit of each coordinate, and its derivative.
     """
@@ -51,7 +51,7 @@ class MovedContact:
     shape_at: Callable[[float], tuple[Floats, Floats]] | None = None
 
     def __call__(self, value: float) -> tuple[Contacts, ContactRates]:
-        """The contacts at a value, and their derivatives by it.
+        """The contacts at a value of the parameter, and their derivatives by it.
 
         Raises
         ------

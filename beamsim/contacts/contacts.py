@@ -22,12 +22,12 @@ class PhaseArrays(NamedTuple):
     sign: Any  # (m,)
     gap: Any  # (m,)
     on_ground: Any  # (m,) bool
-    start: Any  # (m,) phase from which the right one is looked for
-    first: Any  # (m,) of the contact's internal states among all of them
+    start: Any  # (m,) phase from which the search for the current one starts
+    first: Any  # (m,) index of the contact's first internal state among those of all contacts
     states: Any  # (m,) number of its internal states
     touching: Any  # (m, P) bool
     force: Any  # (m, P, 3 + R) the force's row
-    dynamics: Any  # (m, P, R, 3 + R) rows of the internal states' rates
+    dynamics: Any  # (m, P, R, 3 + R) rows of the rates of the internal states
     stored: Any  # (m, P, 1 + R) energy at zero penetration, J, and what internal states store, N/m
     losses: Any  # (m, P, R) power lost with the square of the internal states' rates, N s/m
     guards: Any  # (m, P) number of guards
@@ -41,14 +41,14 @@ class PhaseArrays(NamedTuple):
 
 @dataclass(frozen=True)
 class Watched:
-    """Functions looked at in one contact state: g guards, then the internal states after events that reset them."""
+    """Functions monitored in one contact state: g guards, then the internal states after events that reset them."""
 
-    contact: Ints  # (w,) whose function it is
+    contact: Ints  # (w,) contact that each function belongs to
     row: Floats  # (w, 3) factors of the penetration, its rate, and 1
     internal: Floats  # (w, r) factors of all internal states
     guards: int  # g
     following: Ints  # (g, m) phases after each guard's event
-    reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 where they go on
+    reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Contacts:
     shape: Floats  # (m, n) deflection at the contact for a unit of each coordinate
     sign: Floats  # (m,) +1 below the structure (resists negative deflection), -1 above
     gap: Floats  # (m,) m; clearance positive, prestress negative
-    on_ground: Bools  # (m,) feels the absolute deflection, shape @ q + d(t)
+    on_ground: Bools  # (m,) whether it depends on the absolute deflection, shape @ q + d(t)
     laws: tuple[ContactLaw, ...]  # (m,)
 
     @property
@@ -71,12 +71,12 @@ class Contacts:
 
     @cached_property
     def internal_states(self) -> int:
-        """r, of all contacts together; contact after contact behind (q, q') in the state vector."""
+        """r, number of internal states of all contacts; they follow (q, q') in the state vector, contact by contact."""
         return sum(law.internal_states for law in self.laws)
 
     @cached_property
     def stiffness(self) -> Floats:
-        """(m,) N/m, of laws made of one stiffness and one dashpot; ValueError where there are others."""
+        """(m,) N/m, of laws made of one stiffness and one dashpot; ValueError if there are others."""
         return self._numbers("stiffness")
 
     @cached_property
@@ -91,7 +91,7 @@ class Contacts:
 
     @property
     def slow(self) -> tuple[Floats, Floats]:
-        """(m,) stiffness, N/m, and dashpot, N s/m, of slow motions in contact; nan for a law that states none."""
+        """(m,) stiffness, N/m, and dashpot, N s/m, for slow motion in contact; nan for a law that gives none."""
         return np.array([law.stiffness for law in self.laws]), np.array([law.dashpot for law in self.laws])
 
     @property
@@ -101,20 +101,20 @@ class Contacts:
 
     @property
     def one_sided(self) -> bool:
-        """Whether every law is a sum of one-sided springs: no internal states, no phase that ends by its force."""
+        """Whether every law is a sum of one-sided springs: no internal states, and no phase that ends at zero force."""
         return all(law.parts is not None for law in self.laws)
 
     def one_sided_parts(self) -> Contacts:
-        """The same forces from one-sided springs alone, the parts of a contact in its place.
+        """The same forces by one-sided springs alone; each contact is replaced by its parts.
 
-        Raises ValueError where a law is no such sum (see `one_sided`).
+        Raises ValueError if a law is not such a sum (see `one_sided`).
         """
         if not self.one_sided:
             raise ValueError("a contact law with internal states is not a sum of one-sided springs")
         return self.split()
 
     def split(self) -> Contacts:
-        """Laws that are sums of one-sided springs as so many contacts; the others as they are."""
+        """One contact for each part of a law that is a sum of one-sided springs; other laws are unchanged."""
         if all(law.family is not None for law in self.laws):
             return self
         owner: list[int] = []
@@ -136,17 +136,17 @@ class Contacts:
 
     @property
     def clearances(self) -> Floats:
-        """Gaps of all one-sided springs, m: a piecewise-linear law has one a breakpoint."""
+        """Gaps of all one-sided springs, m: one per breakpoint of a piecewise-linear law."""
         return self.split().gap
 
     def take(self, which: slice) -> Contacts:
-        """Some of them."""
+        """A selection of the contacts."""
         return Contacts(
             self.shape[which], self.sign[which], self.gap[which], self.on_ground[which], self.laws[which]
         )  # fmt: skip
 
     def with_others(self, others: Contacts) -> Contacts:
-        """These and then the others."""
+        """These contacts followed by the others."""
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
@@ -154,7 +154,7 @@ class Contacts:
         )  # fmt: skip
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
-        """Another stiffness and dashpot for one law that is made of these."""
+        """The contacts with another stiffness and dashpot of one contact, whose law is made of these."""
         law = self.laws[contact].with_numbers(stiffness, dashpot)
         return replace(self, laws=(*self.laws[:contact], law, *self.laws[contact + 1 :]))
 
@@ -170,7 +170,7 @@ class Contacts:
 
     @property
     def start(self) -> Ints:
-        """(m,) phases from which those of a given motion are looked for."""
+        """(m,) phases from which the search for those of a given motion starts."""
         return self.arrays.start.copy()  # type: ignore[no-any-return]
 
     def touching(self, phases: Ints) -> Bools:
@@ -178,15 +178,15 @@ class Contacts:
         return np.asarray(self.arrays.touching[np.arange(self.count), phases])
 
     def after(self, phases: Ints, contact: int, following: int) -> Ints:
-        """The phases once a contact has changed its own."""
+        """The phases after one contact has changed its phase."""
         phases = phases.copy()
         phases[contact] = following
         return phases
 
     def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
-        """Penetration at which a contact goes from one phase to another, m, and whether it has more of it beyond.
+        """Penetration at which a contact changes from one phase to another, m, and whether it is larger afterwards.
 
-        Where the border is not one of the penetration alone: zero, and whether the contact touches beyond.
+        If the border does not depend on the penetration alone: zero, and whether the contact touches afterwards.
         """
         a = self.arrays
         guards = a.next[contact, before, : a.guards[contact, before]]
@@ -197,12 +197,12 @@ class Contacts:
 
     def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
         """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
-        own = self.arrays.force[np.arange(self.count), phases]
+        rows = self.arrays.force[np.arange(self.count), phases]
         internal = np.zeros((self.count, self.internal_states))
         for j in np.flatnonzero(self.arrays.states):
             first, r = self.arrays.first[j], self.arrays.states[j]
-            internal[j, first : first + r] = own[j, 3 : 3 + r]
-        return own[:, :3], internal
+            internal[j, first : first + r] = rows[j, 3 : 3 + r]
+        return rows[:, :3], internal
 
     def own_internal(self, internal: Floats) -> Floats:
         """(nt, m, R) internal states of each contact from all of them (nt, r)."""
@@ -221,36 +221,39 @@ class Contacts:
     def stored_energy(self, phases: Ints, penetration: Floats, internal: Floats) -> Floats:
         """(nt,) energy stored in all contacts, J; arrays as for `forces`."""
         contact, p = np.arange(self.count), self.own_internal(internal)
-        row, own = self.arrays.force[contact, phases], self.arrays.stored[contact, phases]
+        row, stored = self.arrays.force[contact, phases], self.arrays.stored[contact, phases]
         by_penetration = 0.5 * row[..., 0] * penetration + row[..., 2] + np.sum(row[..., 3:] * p, axis=-1)
-        energy = by_penetration * penetration + own[..., 0] + 0.5 * np.sum(own[..., 1:] * p**2, axis=-1)
+        energy = by_penetration * penetration + stored[..., 0] + 0.5 * np.sum(stored[..., 1:] * p**2, axis=-1)
         return np.asarray(energy.sum(axis=1))
 
     def losses(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Power lost in given phases (m,): (m,) per square of the penetration's rate, (r,) of the internal states'."""
+        """Dissipated power in given phases: (m,) per squared penetration rate, (r,) per squared rate of a state."""
         a, contact = self.arrays, np.arange(self.count)
-        own = a.losses[contact, phases]
-        inside = [own[j, : a.states[j]] for j in np.flatnonzero(a.states)]
-        return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *inside])
+        losses = a.losses[contact, phases]
+        internal = [losses[j, : a.states[j]] for j in np.flatnonzero(a.states)]
+        return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *internal])
 
     def internal_rates(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Rates of all internal states in given phases: (r, r) factors of themselves, and (r, m, 3) of each contact's
-        penetration, its rate, and 1."""
+        """Rates of all internal states in given phases.
+
+        Returns (r, r) factors of the states themselves, and (r, m, 3) factors of each contact's penetration, its rate,
+        and 1.
+        """
         a, r = self.arrays, self.internal_states
-        own, drive = np.zeros((r, r)), np.zeros((r, self.count, 3))
+        dynamics, drive = np.zeros((r, r)), np.zeros((r, self.count, 3))
         for j in np.flatnonzero(a.states):
             first, count = a.first[j], a.states[j]
             rows = a.dynamics[j, phases[j], :count]
-            own[first : first + count, first : first + count] = rows[:, 3 : 3 + count]
+            dynamics[first : first + count, first : first + count] = rows[:, 3 : 3 + count]
             drive[first : first + count, j] = rows[:, :3]
-        return own, drive
+        return dynamics, drive
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
         return any(law.phases[k].coupled for law, k in zip(self.laws, phases, strict=True))
 
     def watched(self, phases: Ints) -> Watched:
-        """What ends a contact state: the guards of its phases, contact after contact."""
+        """What ends a contact state: the guards of its phases, contact by contact."""
         a, r = self.arrays, self.internal_states
         contact, rows, internal, following, reset = [], [], [], [], []
         resetting: list[tuple[int, Floats]] = []

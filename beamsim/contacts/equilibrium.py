@@ -3,13 +3,13 @@ r"""Static equilibrium: the minimum of a convex, piecewise quadratic energy.
 .. math:: E(q) = \tfrac12 q^T K q + \tfrac12 \sum_i k_i [\delta_i(q)]_+^2 - f^T q,
           \qquad \delta_i = -g_i - s_i \phi_i q .
 
-Eliminating the flexible coordinates leaves the contact forces N >= 0, the minimum of a strictly convex
-quadratic function under the balance of the rigid-body modes, :math:`\Phi_R^T s N + f_R = 0`, whose multipliers
-are the rigid-body coordinates. An active-set method finds which contacts push; a linear solve for that set
-then gives the forces to machine precision.
+Eliminating the flexible coordinates leaves the contact forces N >= 0, which minimise a strictly convex quadratic
+function subject to the balance of the rigid-body modes, :math:`\Phi_R^T s N + f_R = 0`; its multipliers are the
+rigid-body coordinates. An active-set method finds the closed contacts, and a linear solve for this set gives the forces
+to machine precision.
 
-Cubic springs, and one-sided ones of negative stiffness (a piecewise-linear spring that softens; the energy as a whole
-is convex still), have no such dual: Newton's method on the energy itself takes over.
+Cubic springs, and one-sided springs of negative stiffness (a piecewise-linear spring that softens; the total energy is
+still convex), have no such dual: they are solved by Newton's method on the energy.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from beamsim.typing import Bools, Floats, Ints
 
 # Relative size of what counts as round-off in loads and gaps.
 _ROUND_OFF = 1e-10
-# Method of multipliers for the balance of rigid-body modes: weight of each pass (contacts' compliance = 1). It has to
-# grow because soft contacts, alone against the load, converge as one over weight times their share of the stiffness.
+# Method of multipliers for the balance of rigid-body modes: weight of each pass (compliance of the contacts = 1). It
+# has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
@@ -34,7 +34,7 @@ FLOATS = "the structure floats: it has rigid-body motions that no support or clo
 
 @dataclass(frozen=True)
 class Springs:
-    """One-sided springs as statics sees them."""
+    """One-sided springs, as far as statics needs them."""
 
     shape: Floats  # (m, n)
     sign: Floats  # (m,) +1 below, -1 above
@@ -42,7 +42,7 @@ class Springs:
     gap: Floats  # (m,) m
 
     def take(self, index: Ints | Bools) -> Springs:
-        """Some of them."""
+        """A selection of the springs."""
         return Springs(self.shape[index], self.sign[index], self.stiffness[index], self.gap[index])
 
 
@@ -52,7 +52,7 @@ class CubicSprings:
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    on_ground: Bools | None = None  # (nc,) feels the base's displacement d(t); None: all of them
+    on_ground: Bools | None = None  # (nc,) whether the stretch includes the base's displacement d(t); None: all
 
     @property
     def count(self) -> int:
@@ -71,7 +71,7 @@ class Equilibrium:
 
     q: Floats | None  # (n,)
     force: Floats  # (m,) N, contact forces (nan without equilibrium)
-    reason: str = ""  # empty where q exists and is the only one
+    reason: str = ""  # empty if q exists and is unique
 
 
 def find_equilibrium(
@@ -84,20 +84,20 @@ def find_equilibrium(
     stiffness : (n,) diagonal of K, the first `rigid` entries zero, rad^2/s^2.
     rigid : number of rigid-body coordinates.
     springs : the one-sided springs.
-    loads : (L, n) constant loads, summed here (kept apart to tell balance from round-off).
-    cubic : cubic springs, if any (then Newton's method finishes what the linear springs begin).
+    loads : (L, n) constant loads; kept separate so that a balance can be distinguished from round-off.
+    cubic : cubic springs, if any (Newton's method then starts from the equilibrium of the linear springs).
 
     Raises
     ------
     NotTrustedError
-        If round-off keeps the contact conditions from being met (a relative 1e-9).
+        If the contact conditions are not met within round-off (a relative 1e-9).
     """
     if np.any(springs.stiffness < 0):
         return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, Equilibrium(None, springs.gap))
-    found = _by_forces(stiffness, rigid, springs, loads)
-    if cubic is None or cubic.count == 0 or (found.q is not None and not np.any(cubic.shape @ found.q)):
-        return found
-    return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, found)
+    linear = _by_forces(stiffness, rigid, springs, loads)
+    if cubic is None or cubic.count == 0 or (linear.q is not None and not np.any(cubic.shape @ linear.q)):
+        return linear
+    return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, linear)
 
 
 def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -> Equilibrium:
@@ -114,7 +114,7 @@ def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -
     flexible = np.zeros_like(stiffness)
     flexible[rigid:] = 1.0 / stiffness[rigid:]
     compliance = (normal * flexible) @ normal.T + np.diag(1.0 / springs.stiffness)
-    clearance = springs.gap + normal @ (flexible * load)  # where the flexible coordinates would put each contact
+    clearance = springs.gap + normal @ (flexible * load)  # with the flexible coordinates under the load alone
     force, drift = _contact_forces(compliance, clearance, away, push)
     q = flexible * (load + normal.T @ force)
     q[:rigid] = drift
@@ -128,7 +128,7 @@ def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -
 
 
 def _balanced(away: Floats, push: Floats) -> bool:
-    """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid motion grows without bound)."""
+    """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid-body motion has no bound)."""
     size = float(np.linalg.norm(push))
     if size == 0.0:
         return True
@@ -141,7 +141,7 @@ def _balanced(away: Floats, push: Floats) -> bool:
 
 
 def _held(away: Floats, closed: Bools, touching: Bools) -> bool:
-    """Whether no rigid-body motion leaves every closed contact alone and no touching one is pressed."""
+    """Whether no rigid-body motion leaves all closed contacts unchanged without compressing a touching one."""
     loose = _loose(away[closed])
     if loose.shape[0] == 0:
         return True
@@ -149,7 +149,7 @@ def _held(away: Floats, closed: Bools, touching: Bools) -> bool:
     stops = stops[np.linalg.norm(stops, axis=1) > 1e-12]
     if stops.shape[0] == 0 or np.linalg.matrix_rank(stops) < loose.shape[0]:
         return False
-    # Stiemke: only d = 0 satisfies stops @ d >= 0 when the rows balance with all weights positive.
+    # Stiemke: only d = 0 satisfies stops @ d >= 0 if a combination of the rows with positive weights is zero.
     stops = stops / np.linalg.norm(stops, axis=1)[:, None]
     target = -stops.sum(axis=0)
     weights = nonnegative_least_squares(stops.T, target)
@@ -160,14 +160,14 @@ def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: F
     """Forces N and rigid coordinates d with N >= 0, gap >= 0, N gap = 0 and away^T N + push = 0.
 
     gap = compliance @ N + clearance + away @ d (the spring's own compliance included). With rigid-body coordinates this
-    is the method of multipliers: each pass finds N >= 0 by non-negative least squares with the balance as
-    a penalty, and d grows by what the balance lacks. The contacts that push settle after
-    a few passes; a direct solve for them then meets all conditions to round-off, which ends it.
+    is the method of multipliers: each pass finds N >= 0 by non-negative least squares with the balance as a penalty,
+    and d is corrected by the residual of the balance. The set of closed contacts settles after a few passes; a direct
+    solve for this set then meets all conditions to round-off, which ends the iteration.
     """
     m, rigid = away.shape
     if m == 0:
         return np.zeros(0), np.zeros(rigid)
-    # Contacts in units of their own compliance, rigid-body coordinates in units of the contacts' reach.
+    # Forces are scaled by the compliance of each contact, rigid-body coordinates by the deflection at the contacts.
     s = 1.0 / np.sqrt(np.diag(compliance))
     t = np.linalg.norm(away * s[:, None], axis=0)
     t = 1.0 / np.where(t > 0, t, 1.0)
@@ -187,9 +187,9 @@ def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: F
 def _meet_conditions(
     compliance: Floats, clearance: Floats, away: Floats, push: Floats, closed: Bools, drift: Floats
 ) -> tuple[Floats, Floats] | None:
-    """N and d for a closed set, None where they break a contact condition by more than round-off.
+    """N and d for a closed set, None if they violate a contact condition by more than round-off.
 
-    Where the closed contacts leave a rigid-body motion free, d follows the given drift along it.
+    If the closed contacts leave a rigid-body motion free, d follows the given drift along it.
     """
     m, rigid = away.shape
     c = int(closed.sum())
@@ -214,7 +214,7 @@ def _meet_conditions(
 
 
 def _loose(away: Floats) -> Floats:
-    """(l, r) orthonormal rigid-body motions that leave the given contacts alone."""
+    """(l, r) orthonormal rigid-body motions without deflection at the given contacts."""
     if away.shape[0] == 0:
         return np.eye(away.shape[1])
     _, s, vt = np.linalg.svd(away)
@@ -224,9 +224,9 @@ def _loose(away: Floats) -> Floats:
 def _by_newton(
     stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings | None, start: Equilibrium
 ) -> Equilibrium:
-    """Levenberg-damped Newton on the energy with every spring in it (smooth up to the contacts).
+    """Levenberg-damped Newton's method on the energy of all springs (smooth except at the contacts).
 
-    The minimum of a convex energy is the only one unless a direction leads on from it without a slope.
+    The minimum of a convex energy is unique unless the energy is constant in some direction from it.
     """
     normal = springs.sign[:, None] * springs.shape
     bent, third = (np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else (cubic.shape, cubic.stiffness)
@@ -269,20 +269,20 @@ def _by_newton(
             damping *= 10
     gradient, _, size = derivatives(q)
     nothing = np.full(springs.stiffness.size, np.nan)
-    left = float(np.abs(gradient).max(initial=0.0))
-    # far away the forces of a softened spring's parts cancel: what they leave is compared with what does not grow
+    residual = float(np.abs(gradient).max(initial=0.0))
+    # far away the forces of the parts of a softening spring cancel: their sum is compared with loads that do not grow
     given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
-    if left > 1e-9 * size or (np.any(springs.stiffness < 0) and left > 1e-6 * given):
+    if residual > 1e-9 * size or (np.any(springs.stiffness < 0) and residual > 1e-6 * given):
         return Equilibrium(None, nothing, start.reason or UNBALANCED)
-    if np.any(springs.stiffness < 0) and not _only_one(stiffness, springs, bent, q, largest):
+    if np.any(springs.stiffness < 0) and not _unique(stiffness, springs, bent, q, largest):
         return Equilibrium(None, nothing, FLOATS)
     return Equilibrium(q, springs.stiffness * np.maximum(-springs.gap - normal @ q, 0.0))
 
 
-def _only_one(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, largest: float) -> bool:
-    """Whether a minimum of the convex energy is the only one: every direction from it meets a spring.
+def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, largest: float) -> bool:
+    """Whether a minimum of the convex energy is unique: every direction from it stretches a spring.
 
-    Contacts that just touch count as closed where that softens the structure, and as stops where it stiffens it.
+    Contacts that just touch count as closed if that softens the structure, and as stops if it stiffens it.
     """
     normal = springs.sign[:, None] * springs.shape
     clear = springs.gap + normal @ q

@@ -10,8 +10,8 @@ from beamsim.typing import Floats
 def nonnegative_least_squares(a: Floats, b: Floats) -> Floats:
     """argmin ||a x - b|| over x >= 0, by the active-set method; inactive unknowns come out exactly zero.
 
-    Each pass strictly lowers the residual and no set of unknowns returns, so it ends; the bound on
-    the passes only guards against round-off.
+    Each pass strictly lowers the residual, so no set of unknowns occurs twice and the method ends; the bound on the
+    number of passes only guards against round-off.
     """
     rows, count = a.shape
     x = np.zeros(count)
@@ -30,7 +30,7 @@ def nonnegative_least_squares(a: Floats, b: Floats) -> Floats:
             trial = np.zeros(count)
             trial[passive] = np.linalg.lstsq(a[:, passive], b, rcond=None)[0]
             if trial[entering] <= 0 and x[entering] == 0:
-                # Only round-off made it look profitable: leave it out for good.
+                # Its gradient is round-off: it is excluded from now on.
                 passive[entering] = False
                 tolerance[entering] = np.inf
                 trial = x

@@ -1,4 +1,4 @@
-"""Snubbers: where they act, their dashpots, and the gaps that preloads ask for."""
+"""Snubbers: where they act, their dashpots, and the gaps that follow from preloads."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ LAWS = {"kelvin_voigt": kelvin_voigt, "no_tension": no_tension}  # by their name
 def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
     """c = 2 xi k / Omega, N s/m, Omega the first natural frequency with only this snubber closed.
 
-    If that is a rigid-body mode (frequency zero), the first one that is not counts. Raises ValueError
-    where there is none.
+    Rigid-body modes (frequency zero) are skipped. Raises ValueError if there is no other mode.
     """
     closed = closed_frequencies(omega, shape[None, :], np.array([stiffness]), rigid)
     moving = closed[closed > 0]
@@ -77,14 +76,14 @@ def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rig
 
 
 def resists(snubber: Any) -> str:
-    """Which way it resists: "below" or "above", between two masses "approach" or "separation"."""
+    """The motion it resists: "below" or "above", between two masses "approach" or "separation"."""
     return str(getattr(snubber, "side", "") or snubber.resists)
 
 
 def springs_of(contacts: Contacts) -> Springs:
-    """What holds the contacts at rest: one-sided springs, those of piecewise-linear laws part by part."""
-    still = tuple(law if law.parts is not None else kelvin_voigt(law.stiffness) for law in contacts.laws)
-    parts = replace(contacts, laws=still).one_sided_parts()
+    """The static part of the contacts: one-sided springs, one per part of a piecewise-linear law."""
+    static = tuple(law if law.parts is not None else kelvin_voigt(law.stiffness) for law in contacts.laws)
+    parts = replace(contacts, laws=static).one_sided_parts()
     return Springs(parts.shape, parts.sign, parts.stiffness, parts.gap)
 
 
@@ -96,11 +95,11 @@ def resolve_preloads(
     loads: Floats,
     cubic: CubicSprings,
 ) -> Contacts:
-    """Contacts whose gaps give the preloads asked for (of the first of them), as contact forces at static equilibrium.
+    """Contacts whose gaps give the specified preloads (of the first of them) as contact forces at static equilibrium.
 
-    At that equilibrium a preloaded snubber is a constant push s phi P, so the others decide the shape; its gap then
-    follows from P = k (-gap - s w). Raises ScenarioError where no such equilibrium exists: on
-    a structure that only the stops hold, the loads fix the contact forces and no gap changes them.
+    At that equilibrium a preloaded snubber is a constant force s phi P, so the other contacts determine the shape; its
+    gap then follows from P = k (-gap - s w). Raises ScenarioError if no such equilibrium exists: on a structure that
+    only the stops hold, the loads determine the contact forces and no gap changes them.
     """
     preload = [item.preload for _, _, item in located]
     given = np.array([p is not None for p in preload], dtype=bool)
@@ -109,22 +108,22 @@ def resolve_preloads(
     others = contacts.count - given.size
     given = np.append(given, np.zeros(others, dtype=bool))
     force = np.append([0.0 if p is None else p for p in preload], np.zeros(others))
-    pushes = (contacts.sign * force)[:, None] * contacts.shape
-    springs = springs_of(contacts)  # those asked for come first
+    forces = (contacts.sign * force)[:, None] * contacts.shape
+    springs = springs_of(contacts)  # those of the snubbers come first
     rest = springs.take(~np.append(given, np.zeros(springs.stiffness.size - given.size, dtype=bool)))
-    found = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, pushes[given]]), cubic)
-    if found.q is None:
+    equilibrium = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, forces[given]]), cubic)
+    if equilibrium.q is None:
         raise ScenarioError(
             [
                 Problem(
                     f"{path_text(located[i].path)}.preload",
-                    f"= {force[i]:g} N cannot be reached: with it, {found.reason}",
+                    f"= {force[i]:g} N cannot be reached: with it, {equilibrium.reason}",
                     "give a gap instead, hold the structure, or balance the loads",
                 )
                 for i in np.flatnonzero(given).tolist()
             ]
         )
-    w = contacts.shape @ found.q
+    w = contacts.shape @ equilibrium.q
     gap = np.where(
         given,
         -contacts.sign * w

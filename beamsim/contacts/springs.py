@@ -1,14 +1,14 @@
-r"""Springs of a chain beside those in its row, as the linear model, statics and the exact flow see them.
+r"""Springs of a chain other than those of its row, as used by the linear model, statics and the exact flow.
 
-A piecewise-linear force is, with its slope :math:`k_0` about zero stretch x, breakpoints :math:`b_i` and the changes of
-slope :math:`\Delta_i` met there on the way out from zero,
+With the slope :math:`k_0` about zero stretch x, breakpoints :math:`b_i` and the changes of slope :math:`\Delta_i` at
+them going away from zero, a piecewise-linear force is
 
 .. math:: F(x) = k_0 x + \sum_{b_i > 0} \Delta_i [x - b_i]_+ - \sum_{b_i < 0} \Delta_i [b_i - x]_+ ,
 
-a linear spring, which belongs to the structure, and a contact law with a phase for each segment (as one-sided springs
-with clearances, their stiffness is negative where the spring softens). So its motion has a closed form between
-breakpoints, and they are found as contacts are. The slope in every state that occurs
-is one of those given, which are not negative: the strain energy stays convex.
+a linear spring, which belongs to the structure, and a contact law with one phase per segment (written as one-sided
+springs with clearances, their stiffness is negative where the spring softens). The motion therefore has a closed form
+between breakpoints, which are located like contact events. The slope of every segment is not negative, so the strain
+energy is convex.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ class SpringInfo:
 
     name: str
     kind: str  # "cubic" or "piecewise_linear"
-    masses: tuple[int, ...]  # the one it ties to the ground, or the two it joins
+    masses: tuple[int, ...]  # the mass that it connects to the ground, or the two masses that it joins
     shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
-    law: ContactLaw | None  # of a piecewise-linear one: the force beside the linear part, by its stretch
+    law: ContactLaw | None  # of a piecewise-linear spring: the force apart from the linear part, by the stretch
 
     @property
     def on_ground(self) -> bool:
-        """Whether it feels the absolute displacement."""
+        """Whether it depends on the absolute displacement."""
         return len(self.masses) == 1
 
     def force(self, stretch: Floats) -> Floats:
@@ -60,9 +60,9 @@ class SpringInfo:
 def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringInfo, ...]:
     """The nonlinear springs; ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
 
-    Raises ScenarioError where breakpoints do not increase: a design that varies them is not checked where it is read.
+    Raises ScenarioError if breakpoints do not increase, as cases of a study that varies them may.
     """
-    found: list[SpringInfo] = []
+    infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
     for row, (path, _, spring) in zip(shape, springs, strict=True):
         masses = tuple(sorted(spring.masses)) if hasattr(spring, "masses") else (spring.mass,)
@@ -79,12 +79,12 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             numbers = (0.0, float(spring.slope_at_rest), law)
-        found.append(SpringInfo(spring.name, spring.kind, masses, row, *numbers))
-    return tuple(found)
+        infos.append(SpringInfo(spring.name, spring.kind, masses, row, *numbers))
+    return tuple(infos)
 
 
 def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
-    """The cubic ones among them."""
+    """The cubic springs among them."""
     cubic = [s for s in springs if s.kind == "cubic"]
     return CubicSprings(
         np.array([s.shape for s in cubic]).reshape(-1, size),
@@ -94,13 +94,13 @@ def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
 
 
 def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
-    """The piecewise-linear ones, each a contact whose penetration is the stretch."""
-    found = [s for s in springs if s.law is not None]
-    count = len(found)
+    """The piecewise-linear springs as contacts whose penetration is the stretch."""
+    piecewise = [s for s in springs if s.law is not None]
+    count = len(piecewise)
     return Contacts(
-        shape=np.array([s.shape for s in found]).reshape(count, size),
+        shape=np.array([s.shape for s in piecewise]).reshape(count, size),
         sign=-np.ones(count),
         gap=np.zeros(count),
-        on_ground=np.array([s.on_ground for s in found], dtype=bool),
-        laws=tuple(s.law for s in found if s.law is not None),
+        on_ground=np.array([s.on_ground for s in piecewise], dtype=bool),
+        laws=tuple(s.law for s in piecewise if s.law is not None),
     )

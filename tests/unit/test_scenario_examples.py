@@ -37,7 +37,8 @@ def test_loads_without_doubts_and_round_trips(path):
     assert again == scenario
     assert hash(again) == hash(scenario)
     assert again.to_yaml() == scenario.to_yaml()
-    assert scenario.warnings == ()
+    # the outer panel's fibre has no modulus, so that it gives no stress
+    assert len(scenario.warnings) == (path.stem == "two_panels")
     assert scenario.source == path.stem
 
 
