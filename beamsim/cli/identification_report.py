@@ -89,8 +89,8 @@ def _range(interval: Sequence[float]) -> str:
 
 
 def _total(result: IdentificationResult, deviation: float) -> str:
-    own = result.summary["standard_deviation_n_per_m"]
-    added = deviation > own or (math.isnan(own) and math.isfinite(deviation))
+    of_test = result.summary["standard_deviation_n_per_m"]
+    added = deviation > of_test or (math.isnan(of_test) and math.isfinite(deviation))
     return f"{_newtons(deviation)} standard deviation" if added else ""
 
 

@@ -37,20 +37,23 @@ _TEXT = h5py.string_dtype("utf-8")
 
 
 def write(group: h5py.Group, value: Any, names: Sequence[Any] = (), *, on: str = "", cls: Any = None) -> None:
-    """Write the declared fields of ``value`` into ``group``; ``names`` are what contains it, the nearest first.
+    """Write the declared fields of ``value`` into ``group``.
 
-    ``on`` is the dataset that carries the attributes, where it is not the group; ``cls`` the class whose fields are
-    written, where it is a base of that of the value.
+    Parameters
+    ----------
+    names : dataclasses or mappings that contain the value, the innermost first; they fill ``{field}`` in texts.
+    on : dataset that carries the attributes, if it is not the group.
+    cls : class whose fields are written, if it is a base class of the value's.
     """
     names, cls = (value, *names), cls or type(value)
     for member in sorted(members_of(cls), key=_rank):
-        found = getattr(value, member.name)
-        if found is not None:
-            _write_member(group, member, found, names, on)
+        field = getattr(value, member.name)
+        if field is not None:
+            _write_member(group, member, field, names, on)
 
 
 def _rank(member: Member) -> int:
-    """Axes before what is along them, attributes after the datasets that may carry them."""
+    """Order of writing: axes before the datasets along them, attributes after the datasets that may carry them."""
     declaration = member.declaration
     if isinstance(declaration, Dataset) and declaration.scale:
         return 0
@@ -68,11 +71,11 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
                 owner.attrs.update(_attributes(member, declared, value))
         case PerName(folder=folder, values=declared):
             for index, (name, item) in enumerate(value.items()):
-                own = _labelled(group, folder, name, index, names)
+                home = _labelled(group, folder, name, index, names)
                 if np.ndim(item):
-                    _write_array(group, own, declared.name or member.name, declared, item, names)
+                    _write_array(group, home, declared.name or member.name, declared, item, names)
                 else:
-                    own.attrs[declared.name or member.name] = item
+                    home.attrs[declared.name or member.name] = item
         case Group() as declared:
             write(group.require_group(declared.path) if declared.path else group, value, names, on=declared.on)
         case Members() as declared:
@@ -86,38 +89,38 @@ def _write_member(group: h5py.Group, member: Member, value: Any, names: Sequence
 def _write_members(group: h5py.Group, declared: Members, value: Any, names: Sequence[Any]) -> None:
     for index, (key, item) in enumerate(_items(value)):
         if declared.labelled:
-            own = _labelled(group, declared.folder, key, index, names)
+            home = _labelled(group, declared.folder, key, index, names)
         else:
             link = declared.pattern.format(key if key is not None else declared.start + index)
             parts = declared.parts(item) if declared.parts else (link,)
-            own = group.require_group("/".join([*filter(None, [declared.folder]), *map(group_name, parts)]))
+            home = group.require_group("/".join([*filter(None, [declared.folder]), *map(group_name, parts)]))
             if declared.indexed:
-                own.attrs["index"] = index
-        write(own, item, names)
+                home.attrs["index"] = index
+        write(home, item, names)
 
 
 def _write_arrays(group: h5py.Group, declared: Arrays, value: Any, names: Sequence[Any]) -> None:
     items = _items(value)
-    own = group.require_group(declared.folder) if items or declared.listed else group
+    home = group.require_group(declared.folder) if items or declared.listed else group
     for called, item in items:
-        write(own, item, ({"link": _link(called)}, *names), on=_link(called))
+        write(home, item, ({"link": _link(called)}, *names), on=_link(called))
     if declared.listed:
-        own.attrs[declared.listed] = json.dumps([called for called, _ in items], ensure_ascii=False)
+        home.attrs[declared.listed] = json.dumps([called for called, _ in items], ensure_ascii=False)
 
 
 def _link(name: str) -> str:
-    """Where the array of a name is in its folder: in the groups that the name says, separated by slashes."""
+    """Path of an array in its folder; slashes in its name separate groups."""
     *parents, last = name.split("/")
     return "/".join([*map(group_name, parents), last])
 
 
 def _items(value: Any) -> list[tuple[Any, Any]]:
-    """Members with what they are called by."""
+    """Pairs of key and member."""
     return list(value.items()) if isinstance(value, Mapping) else [(_key(item), item) for item in value]
 
 
 def _key(item: Any) -> Any:
-    """What a member of a tuple is called by; None where it is numbered."""
+    """Key of a member of a tuple; None if members are numbered."""
     name = _key_field(type(item))
     return getattr(item, name) if name else None
 
@@ -127,33 +130,33 @@ def _key_field(cls: type) -> str:
 
 
 def _labelled(group: h5py.Group, folder: str, name: str, index: int, names: Sequence[Any]) -> h5py.Group:
-    """The group ``<folder>/<name>`` with its attributes; of several bodies, the one it is on."""
+    """The group ``<folder>/<name>`` with its attributes, among them the body if there are several."""
     path = f"{folder}/{group_name(name)}" if folder else group_name(name)
     if path in group:
         return group[path]
-    own = group.create_group(path)
-    own.attrs.update({"name": name, "index": index})
+    home = group.create_group(path)
+    home.attrs.update({"name": name, "index": index})
     scenario = getattr(names[-1], "scenario", None)
     body = scenario.bodies_of_places.get(folder, {}).get(name) if scenario else None
     if body:
-        own.attrs["body"] = body
-    return own
+        home.attrs["body"] = body
+    return home
 
 
 def _write_table(group: h5py.Group, declared: Table, rows: Sequence[Any], member: Member, names: Sequence[Any]) -> None:
     if not rows and not declared.empty:
         return
-    own = group.require_group(declared.path) if declared.path else group
+    home = group.require_group(declared.path) if declared.path else group
     size = len(rows)
-    scale = None if declared.rows is None else _counted(own, declared.rows, size)
+    scale = None if declared.rows is None else _counted(home, declared.rows, size)
     for column in sorted(members_of(_item_of(member.annotation)), key=_rank):
         cells = _column([getattr(row, column.name) for row in rows], column)
-        dataset = _put(own, column.stored_name, column.declaration, cells, names)
+        dataset = _put(home, column.stored_name, column.declaration, cells, names)
         if column.declaration.scale:
             scale = dataset
             continue
         dataset.dims[0].attach_scale(scale)
-        _attach(own, dataset, column.declaration.along, names, first=1)
+        _attach(home, dataset, column.declaration.along, names, first=1)
 
 
 def _column(values: list[Any], column: Member) -> Any:
@@ -167,7 +170,7 @@ def _column(values: list[Any], column: Member) -> Any:
 def _write_array(
     group: h5py.Group, home: h5py.Group, name: str, declared: Dataset, value: Any, names: Sequence[Any]
 ) -> None:
-    """Write one dataset into ``home``, or the two of a complex number; axes that only count belong to ``group``."""
+    """Write one dataset into ``home``, or the two of a complex number; counted axes are in ``group``."""
     unit, meaning = declared.unit, declared.meaning
     if declared.phase:
         parts = [(name, np.abs(value), unit, meaning)]
@@ -213,7 +216,7 @@ def _attach(group: h5py.Group, dataset: h5py.Dataset, along: Along, names: Seque
 
 
 def _named_axes(dataset: h5py.Dataset, axes: Axes, names: Sequence[Any]) -> tuple[str | Counter, ...]:
-    """The axes of a dataset, which is made one where it is called like one of them."""
+    """The axes of a dataset; a dataset with the name of one of them becomes that axis."""
     link = dataset.name.rpartition("/")[2]
     along: tuple[str, ...] = getattr(names[-1], axes.field)
     auxiliary: tuple[str, ...] = getattr(names[-1], axes.auxiliary) if axes.auxiliary else ()
@@ -226,7 +229,7 @@ def _named_axes(dataset: h5py.Dataset, axes: Axes, names: Sequence[Any]) -> tupl
 
 
 def _counted(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
-    """The axis of a counter in ``group``, made when it is first needed."""
+    """The axis of a counter in ``group``, created on first use."""
     if counter.name in group:
         return group[counter.name]
     labels = np.arange(counter.start, counter.start + size) if not counter.labels else counter.labels
@@ -238,7 +241,7 @@ def _counted(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
 
 
 def _axis(dataset: h5py.Dataset, name: str) -> h5py.Dataset:
-    """The nearest axis of a name: in the group of the dataset or one around it."""
+    """The axis of this name in the group of the dataset, or in the nearest group around it that has one."""
     group = dataset.parent
     while name not in group or not isinstance(group[name], h5py.Dataset) or not group[name].is_scale:
         if group.name == "/":
@@ -265,34 +268,34 @@ def _attributes(member: Member, declared: Attribute, value: Any) -> dict[str, An
 
 
 def read(cls: type, group: h5py.Group, names: Sequence[Any] = (), *, key: Any = None, on: str = "") -> dict[str, Any]:
-    """The declared fields of a ``cls`` as they are in ``group``, by name; ``names`` as in `write`.
+    """The declared fields of a ``cls`` read from ``group``, by name; ``names`` as in `write`.
 
     Raises
     ------
     KeyError
-        Where one is missing that has no default.
+        If a field without a default is missing.
     """
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for member in sorted(members_of(cls), key=_reading_rank):
         if member.derived:
             continue
         if isinstance(member.declaration, Key):
-            found[member.name] = _converted(key, member.annotation)
+            fields[member.name] = _converted(key, member.annotation)
             continue
         try:
-            found[member.name] = _read_member(group, member, (found, *names), key, on)
+            fields[member.name] = _read_member(group, member, (fields, *names), key, on)
         except _MissingError as missing:
             if member.optional:
-                found[member.name] = None
+                fields[member.name] = None
             elif member.default is not None:
-                found[member.name] = member.default()
+                fields[member.name] = member.default()
             else:
                 raise KeyError(str(missing)) from None
-    return found
+    return fields
 
 
 class _MissingError(Exception):
-    """What a field needs is not in the file."""
+    """The file lacks a field."""
 
 
 def _reading_rank(member: Member) -> int:
@@ -316,8 +319,8 @@ def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], key: A
         case Group() as declared:
             if (declared.path and declared.path not in group) or (declared.on and declared.on not in group):
                 raise _MissingError(f"{group.name}: no {declared.path or declared.on}")
-            own, around = group[declared.path] if declared.path else group, (declared.given, *names)
-            return member.annotation(**declared.given, **read(member.annotation, own, around, key=key, on=declared.on))
+            home, around = group[declared.path] if declared.path else group, (declared.given, *names)
+            return member.annotation(**declared.given, **read(member.annotation, home, around, key=key, on=declared.on))
         case Members() as declared:
             return _read_members(group, member, declared, names)
         case Arrays() as declared:
@@ -329,57 +332,59 @@ def _read_member(group: h5py.Group, member: Member, names: Sequence[Any], key: A
 
 def _read_per_name(group: h5py.Group, member: Member, declared: PerName, names: Sequence[Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
-    own = member._replace(declaration=declared.values, annotation=_item_of(member.annotation))
+    item = member._replace(declaration=declared.values, annotation=_item_of(member.annotation))
     for place in ordered(group, declared.folder):
-        if own.annotation in (int, float, bool, str):
-            values[_true_name(place)] = _converted(place.attrs[own.stored_name], own.annotation)
+        if item.annotation in (int, float, bool, str):
+            values[_true_name(place)] = _converted(place.attrs[item.stored_name], item.annotation)
         else:
             try:
-                values[_true_name(place)] = _read_array(place, own, declared.values, names)
+                values[_true_name(place)] = _read_array(place, item, declared.values, names)
             except _MissingError:
-                continue  # what not all of them have
+                continue  # not all places have it
     return values
 
 
 def _read_members(group: h5py.Group, member: Member, declared: Members, names: Sequence[Any]) -> Any:
     cls = _item_of(member.annotation)
     folder = group.get(declared.folder) if declared.folder else group
-    found = []
-    for link, own in _candidates(folder, declared) if folder is not None else ():
-        called = _true_name(own) if declared.labelled else link
-        found.append((called, cls(**declared.given, **read(cls, own, (declared.given, *names), key=called))))
-    if not found and declared.required:
+    members = []
+    for link, home in _candidates(folder, declared) if folder is not None else ():
+        called = _true_name(home) if declared.labelled else link
+        members.append((called, cls(**declared.given, **read(cls, home, (declared.given, *names), key=called))))
+    if not members and declared.required:
         raise KeyError(f"{group.name}{declared.folder} is missing")
     if declared.order is not None:
-        found.sort(key=lambda entry: declared.order(names[0], entry[1]))  # type: ignore[misc]
+        members.sort(key=lambda entry: declared.order(names[0], entry[1]))  # type: ignore[misc]
     if get_origin(member.annotation) is tuple:
-        return tuple(item for _, item in found)
+        return tuple(item for _, item in members)
     kind = get_args(member.annotation)[0]
-    keys = [declared.key(item) if declared.key else _converted(called, kind) for called, item in found]
-    return dict(zip(keys, (item for _, item in found), strict=True))
+    keys = [declared.key(item) if declared.key else _converted(called, kind) for called, item in members]
+    return dict(zip(keys, (item for _, item in members), strict=True))
 
 
 def _read_arrays(group: h5py.Group, member: Member, declared: Arrays, names: Sequence[Any]) -> Any:
-    cls, own = _item_of(member.annotation), group.get(declared.folder, {})
-    called = json.loads(own.attrs[declared.listed]) if declared.listed else [_true_name(item) for item in own.values()]
+    cls, home = _item_of(member.annotation), group.get(declared.folder, {})
+    called = (
+        json.loads(home.attrs[declared.listed]) if declared.listed else [_true_name(item) for item in home.values()]
+    )
     links = {name: _link(name) for name in called}
-    items = [cls(**read(cls, own, ({"link": link}, *names), key=name, on=link)) for name, link in links.items()]
+    items = [cls(**read(cls, home, ({"link": link}, *names), key=name, on=link)) for name, link in links.items()]
     return tuple(items) if get_origin(member.annotation) is tuple else dict(zip(links, items, strict=True))
 
 
 def _candidates(folder: h5py.Group, declared: Members) -> Iterator[tuple[str, h5py.Group]]:
-    """Members' groups and what the pattern says they are called by, in order."""
+    """Groups of the members with their keys by the pattern, in order."""
     pattern = re.compile(re.escape(declared.pattern).replace(r"\{\}", "(.+)"))
     groups = _groups_below(folder) if declared.parts else (g for g in folder.values() if isinstance(g, h5py.Group))
-    found = []
-    for own in groups:
-        link = own.name.rpartition("/")[2]
+    matching = []
+    for home in groups:
+        link = home.name.rpartition("/")[2]
         match = pattern.fullmatch(link)
-        if match and (not declared.having or declared.having in own.attrs or declared.having in own):
-            found.append((match[1], own))
+        if match and (not declared.having or declared.having in home.attrs or declared.having in home):
+            matching.append((match[1], home))
     if declared.labelled or declared.indexed:
-        return iter(sorted(found, key=lambda entry: _index(entry[1])))
-    return iter(sorted(found, key=lambda entry: (int(entry[0]), "") if entry[0].isdigit() else (-1, entry[0])))
+        return iter(sorted(matching, key=lambda entry: _index(entry[1])))
+    return iter(sorted(matching, key=lambda entry: (int(entry[0]), "") if entry[0].isdigit() else (-1, entry[0])))
 
 
 def _groups_below(group: h5py.Group) -> Iterator[h5py.Group]:
@@ -391,19 +396,19 @@ def _groups_below(group: h5py.Group) -> Iterator[h5py.Group]:
 
 def ordered(group: h5py.Group, folder: str) -> list[h5py.Group]:
     """The groups of a folder in the order of their indices."""
-    own = group.get(folder, {}) if folder else group
-    return sorted((item for item in own.values() if isinstance(item, h5py.Group)), key=_index)
+    home = group.get(folder, {}) if folder else group
+    return sorted((item for item in home.values() if isinstance(item, h5py.Group)), key=_index)
 
 
 def _index(group: h5py.Group) -> int:
-    """The number that orders a group among its like; that of the first group in it where it has none."""
+    """Index of a group in its folder; without one, the smallest index of the groups in it."""
     if "index" in group.attrs:
         return int(group.attrs["index"])
     return min((_index(item) for item in group.values() if isinstance(item, h5py.Group)), default=0)
 
 
 def _true_name(group: h5py.Group | h5py.Dataset) -> str:
-    """The name a group or dataset is called by, which its link may spell differently."""
+    """Name of a group or dataset; its link may be spelt differently."""
     if "name" in group.attrs:
         return str(group.attrs["name"])
     inner = [item for item in group.values() if isinstance(item, h5py.Group) and "name" in item.attrs]
@@ -416,15 +421,15 @@ def _read_table(group: h5py.Group, member: Member, declared: Table) -> tuple[Any
         if declared.empty:
             raise _MissingError(f"{group.name}: no {declared.path}")
         return ()
-    own = group[declared.path] if declared.path else group
+    home = group[declared.path] if declared.path else group
     columns = {}
     for column in members_of(cls):
         if not column.derived:
-            dataset = own.get(column.stored_name)
+            dataset = home.get(column.stored_name)
             if dataset is None and column.default is not None:
                 continue  # not in files written before the field was added
             if dataset is None:
-                raise KeyError(f"{own.name}/{column.stored_name} is missing")
+                raise KeyError(f"{home.name}/{column.stored_name} is missing")
             values = _words(dataset) if _is_text(dataset) else dataset[()].tolist()
             columns[column.name] = [_converted(value, column.annotation) for value in values]
     return tuple(cls(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
@@ -461,7 +466,7 @@ def _decoded(value: Any, member: Member, declared: Attribute) -> Any:
 
 
 def _converted(value: Any, annotation: Any, null: Any = math.nan) -> Any:
-    """A value from a file as its annotation has it."""
+    """A value from a file, converted to the annotated type."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is tuple:
         kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else inner

@@ -25,7 +25,7 @@ from beamsim.store.tables import ExportTable, tables_of, values_of
 
 
 def export_target(folder: Path, stem: str, form: str) -> Path:
-    """Where a folder of tables or a file goes: ``<stem>_csv``, ``<stem>.uff`` or ``<stem>.mat``."""
+    """Path of the folder of tables or of the file: ``<stem>_csv``, ``<stem>.uff`` or ``<stem>.mat``."""
     return folder / (f"{stem}_csv" if form == "csv" else f"{stem}.{form}")
 
 
@@ -40,7 +40,7 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     Raises
     ------
     ResultFileError
-        When the format is unknown or cannot hold the result, or a file cannot be read or written.
+        If the format is unknown or cannot hold the result, or a file cannot be read or written.
     """
     if form not in FORMATS:
         raise ResultFileError(f"no format {form!r}; choose one of {', '.join(FORMATS)}")
@@ -86,7 +86,7 @@ def _columns(table: ExportTable) -> Iterator[tuple[str, str, str]]:
 
 
 def _rows(table: ExportTable) -> Iterator[tuple[Any, ...]]:
-    """Long form: a row a combination of the axes' values."""
+    """One row for each combination of values of the axes."""
     shape = tuple(axis.values.size for axis in table.axes)
     grid = np.meshgrid(*(np.arange(size) for size in shape), indexing="ij") if shape else []
     columns = [axis.values[index.ravel()] for axis, index in zip(table.axes, grid, strict=True)]
@@ -104,18 +104,18 @@ def _native(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
 
 
 def _attributes(file: h5py.File) -> Iterator[tuple[str, str, Any]]:
-    """Attributes of all groups, of scalar datasets too; the scenario and the summary have files of their own."""
+    """Attributes of all groups and scalar datasets; the scenario and the summary are in separate files."""
     yield from (("/", name, value) for name, value in _native(file).items() if name != "scenario")
-    found: list[tuple[str, str, Any]] = []
+    listed: list[tuple[str, str, Any]] = []
 
     def note(name: str, item: Any) -> None:
         if name != "summary" and (isinstance(item, h5py.Group) or not item.shape):
             for key, value in _native(item).items():
                 values = value.tolist() if isinstance(value, np.ndarray) else value
-                found.extend((f"/{name}", f"{key}/{at}" if at else key, v) for at, v in flat(values))
+                listed.extend((f"/{name}", f"{key}/{at}" if at else key, v) for at, v in flat(values))
 
     file.visititems(note)
-    yield from found
+    yield from listed
 
 
 def _export_mat(path: Path, target: Path) -> list[Path]:
@@ -162,7 +162,7 @@ def _struct(group: h5py.Group) -> dict[str, Any]:
 
 
 class _Header(LazyScenario, Result):
-    """What every result file says of itself."""
+    """Fields of every result file."""
 
 
 def _export_uff(path: Path, target: Path) -> list[Path]:

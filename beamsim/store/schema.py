@@ -1,6 +1,6 @@
-"""What all result files agree on: the version of the layout, links made of names, the summary as attributes.
+"""Conventions of all result files: version of the layout, links made from names, the summary as attributes.
 
-What is in the files is declared by the results (`beamsim.fields`) and listed in docs/result_files.md.
+The contents are declared by the results (`beamsim.fields`) and listed in docs/result_files.md.
 
 ``/summary`` has no datasets, only attributes under the names of the summary. Numbers and texts are
 native attributes; everything else (per-probe values, lists, truth values, nothing) is a JSON text, and the
@@ -28,7 +28,7 @@ def group_name(name: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Nothing but Python's own types; numbers that are not finite become None, ready for strict JSON."""
+    """A value made of built-in types for strict JSON; numbers that are not finite become None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
