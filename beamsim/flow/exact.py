@@ -51,7 +51,7 @@ class ExactFlow:
             channels.append(self.forcing.base_displacement)
         self.first_observer = len(channels)
         channels.extend(self.observers)
-        self.sources = compile_sources(tuple(channels))
+        self.sources = compile_sources(tuple(channels), self.duration)
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))

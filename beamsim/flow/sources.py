@@ -24,7 +24,7 @@ class Sources:
     exponent: Complexes  # (F,) 1/s
     power: Ints  # (F,)
     channel: Ints  # (F,) -1 for the constant source
-    longest_piece: float  # s; infinite when there is a single piece
+    longest_piece: float  # s, the last one included, which ends with the motion
 
     @property
     def count(self) -> int:
@@ -40,8 +40,8 @@ class Sources:
         return last
 
 
-def compile_sources(channels: tuple[Signal, ...]) -> Sources:
-    """Merge the channels' breakpoints and list their basis functions."""
+def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> Sources:
+    """Merge the channels' breakpoints and list their basis functions, for a motion of a duration, s."""
     start = np.unique(np.concatenate([np.zeros(1)] + [c.start for c in channels]))
     start = start[start >= 0.0]
     exponent, power, channel = [0j], [0], [-1]
@@ -57,7 +57,7 @@ def compile_sources(channels: tuple[Signal, ...]) -> Sources:
             power += list(range(degree + 1))
             channel += [index] * (degree + 1)
             columns.append(c[:, i, : degree + 1])
-    longest = float(np.max(np.diff(start))) if start.size > 1 else np.inf
+    longest = float(np.max(np.minimum(np.append(start[1:], np.inf), duration) - start))
     return Sources(
         start,
         np.ascontiguousarray(np.concatenate(columns, axis=1)),
