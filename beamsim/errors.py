@@ -51,6 +51,10 @@ class BeamsimError(Exception):
     exit_code: int = ExitCode.BUG
 
 
+class CacheWarning(UserWarning):
+    """Compiled code cannot be kept where it usually is."""
+
+
 class ScenarioError(BeamsimError):
     """The scenario or the use of the command is wrong; holds every problem found, with its place."""
 

@@ -18,6 +18,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+UNGUARDED = 97  # exit code of a worker that was about to start workers itself
 _AHEAD = 3  # tasks queued per worker, so that none is idle
 
 
@@ -35,21 +36,28 @@ def on_this_machine(
     workers: int,
     prepare: Callable[[Item | None], None],
 ) -> Iterator[Result]:
-    """Yield ``function(item)`` for every item, computed by processes.
+    """Yield ``function(item)`` for every item, computed by processes; a single worker is the calling process itself.
 
     First, one worker calls ``prepare`` with the first item (which fills the cache of the compiler for all) while the
     others call it with None.
 
     Raises
     ------
+    ScenarioError
+        If workers cannot start because they import the calling script, which starts workers again.
     NotTrustedError
         If a worker process ends unexpectedly.
     """
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import get_context
+    from multiprocessing import current_process, get_context
 
     workers = max(1, min(workers, len(items)))
+    if workers == 1:
+        yield from map(function, items)
+        return
+    if getattr(current_process(), "_inheriting", False):  # a worker importing a script without a guard
+        raise SystemExit(UNGUARDED)
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
         done = False
@@ -67,15 +75,24 @@ def on_this_machine(
                 yield from (future.result() for future in ready)
             done = True
         except BrokenProcessPool:
+            if any(process.exitcode == UNGUARDED for process in _processes(pool)):
+                raise ScenarioError(
+                    "worker processes cannot start: they import the calling script, which starts workers again; put "
+                    'the call under `if __name__ == "__main__":`, or use workers=1'
+                ) from None
             raise NotTrustedError(
                 "a worker process ended unexpectedly (killed, or out of memory); continue with --resume, perhaps with "
                 "fewer --workers"
             ) from None
         finally:
             if not done:
-                for process in list((getattr(pool, "_processes", None) or {}).values()):
+                for process in _processes(pool):
                     process.terminate()  # without waiting for a long case
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _processes(pool: Any) -> list[Any]:
+    return list((getattr(pool, "_processes", None) or {}).values())
 
 
 def on_cluster(

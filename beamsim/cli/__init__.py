@@ -16,6 +16,7 @@ def main() -> None:
     import os
     import signal
     import sys
+    import warnings
 
     # the matrices are small: more threads would make the linear algebra slower
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -25,6 +26,7 @@ def main() -> None:
         sys.exit(128 + number)  # an exception, so that temporary files are removed
 
     signal.signal(signal.SIGTERM, stop)
+    warnings.showwarning = show_warning
     if sys.platform == "win32":
         use_utf8(sys.stdout, sys.stderr)
     try:
@@ -33,6 +35,28 @@ def main() -> None:
         app(prog_name="beamsim")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: Any = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning of this package in one line, any other with its place in the source."""
+    import sys
+    import warnings
+
+    from beamsim.errors import CacheWarning
+
+    place = warnings.formatwarning(message, category, filename, lineno, line)
+    print(
+        f"beamsim: warning: {message}" if issubclass(category, CacheWarning) else place.rstrip(),
+        file=file or sys.stderr,
+        flush=True,
+    )
 
 
 def use_utf8(*streams: Any) -> None:

@@ -13,7 +13,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from beamsim.flow.compiled import njit
 
 EPS = 2.220446049250313e-16
 

@@ -10,8 +10,8 @@ window, and the time counts from its start.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from beamsim.flow.compiled import njit
 from beamsim.flow.kernels import (
     _combine,
     _crossing,

@@ -21,8 +21,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from beamsim.flow.compiled import njit
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
 
 

@@ -18,8 +18,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from beamsim.flow.compiled import njit
 from beamsim.flow.kernels import EPS, _combine, _exp
 
 MOST_POWERS = 48  # of a forced response's polynomial

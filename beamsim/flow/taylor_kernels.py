@@ -17,7 +17,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from beamsim.flow.compiled import njit
 
 ORDER = 26
 LOOKS = 24  # times in a step at which the gaps are evaluated

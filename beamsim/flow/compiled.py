@@ -1,0 +1,97 @@
+"""Compilation of the kernels, and where compiled code is kept.
+
+Numba keeps it beside the sources, else in the user's cache folder, and refuses to compile where it can write neither.
+Then it goes to a temporary folder of the user, else nowhere: every process compiles it again.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from beamsim.errors import CacheWarning
+
+_REMEDY = "set NUMBA_CACHE_DIR to a folder that can be written"
+
+
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """`numba.njit` for functions of this package; ``cache=True`` keeps the compiled code where that is possible."""
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        try:
+            dispatcher = numba.njit(**options)(function)
+        except RuntimeError as error:
+            if "cannot cache function" not in str(error):
+                raise
+            dispatcher = numba.njit(**{**options, "cache": use_temporary_folder()})(function)
+        _tolerate_failures(dispatcher)
+        return dispatcher
+
+    return compiled
+
+
+@cache
+def use_temporary_folder() -> bool:
+    """Let Numba keep compiled code in a private temporary folder, also in worker processes; whether there is one."""
+    user = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    try:
+        folder = Path(tempfile.gettempdir()) / f"beamsim-{user}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if not _is_private(folder):
+            raise PermissionError(f"{folder} belongs to another user")
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        _warn("nowhere: every process compiles for half a minute")
+        return False
+    config: Any = numba.config
+    config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    _warn(f"in {folder}")
+    return True
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether nobody else can write to a folder, whose contents will be executed."""
+    if not hasattr(os, "getuid"):  # temporary folders are private on Windows
+        return True
+    state = folder.lstat()
+    return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022
+
+
+def _warn(place: str) -> None:
+    text = f"neither the package's folder nor the home folder can be written: compiled code is kept {place}; {_REMEDY}"
+    warnings.warn(text, CacheWarning, stacklevel=2)
+
+
+@cache
+def _warn_once(reason: str) -> None:
+    warnings.warn(f"compiled code cannot be kept ({reason}); {_REMEDY}", CacheWarning, stacklevel=2)
+
+
+def _tolerate_failures(dispatcher: Any) -> None:
+    """Compile instead of failing where cached code cannot be read or written (a full disk, a damaged file)."""
+    files: Any = getattr(dispatcher, "_cache", None)
+    if not getattr(files, "cache_path", None):  # nothing is kept
+        return
+    load, save = files.load_overload, files.save_overload
+
+    def load_overload(*arguments: Any) -> Any:
+        try:
+            return load(*arguments)
+        except Exception:  # a damaged file may raise anything
+            return None
+
+    def save_overload(*arguments: Any) -> None:
+        try:
+            save(*arguments)
+        except Exception as error:  # what is on the disk may be damaged, too
+            _warn_once(str(getattr(error, "strerror", "") or error or type(error).__name__))
+
+    files.load_overload, files.save_overload = load_overload, save_overload

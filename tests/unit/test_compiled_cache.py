@@ -1,0 +1,108 @@
+"""Where compiled code is kept if neither the package's folder nor the home folder can be written."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import beamsim
+
+PACKAGE = Path(beamsim.__file__).parent
+NOWHERE = "/dev/null/nowhere"  # cannot be made, not even by an administrator
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs /dev/null")
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """A copy of the package in which no folder for compiled code can be made."""
+    shutil.copytree(PACKAGE, tmp_path / "site/beamsim", ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in (tmp_path / "site/beamsim").rglob("*/"):
+        if folder.is_dir():
+            (folder / "__pycache__").touch()
+    return tmp_path / "site"
+
+
+def python(site, code, **environment):
+    kept = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    where = {"PYTHONPATH": str(site), "HOME": NOWHERE, "XDG_CACHE_HOME": NOWHERE, "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env={**kept, **where, **environment},
+        cwd=site,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+SAY = "import sys; from beamsim.cli import show_warning; import warnings; warnings.showwarning = show_warning; "
+COMPILE = (
+    "import os, beamsim.flow.orbit_kernels, beamsim.flow.sweep_kernels, beamsim.flow.taylor_kernels; "
+    "print(beamsim.flow.__file__, os.environ.get('NUMBA_CACHE_DIR'))"
+)
+
+
+def test_a_private_temporary_folder(installed, tmp_path):
+    (tmp_path / "temporary").mkdir()
+    done = python(installed, SAY + COMPILE, TMPDIR=str(tmp_path / "temporary"))
+    assert done.returncode == 0, done.stderr
+    assert str(installed) in done.stdout
+    (folder,) = (tmp_path / "temporary").iterdir()
+    assert str(folder) in done.stdout
+    assert folder.stat().st_mode & 0o077 == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("beamsim: warning: neither the package's folder nor the home folder can be written")
+    assert str(folder) in line
+    assert "NUMBA_CACHE_DIR" in line
+
+
+def test_a_folder_of_somebody_else_is_not_used(installed, tmp_path):
+    """Compiled code is executed: a folder that others can write is refused."""
+    folder = tmp_path / f"beamsim-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
+    done = python(installed, SAY + COMPILE, TMPDIR=str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert "every process compiles" in line
+    assert not list(folder.iterdir())
+
+
+def test_nowhere(installed):
+    """No folder at all: the kernels are compiled in memory, and work."""
+    add = "from beamsim.flow.compiled import njit\nf = njit(cache=True)(eval('lambda x: x + 1'))\nprint(f(1))"
+    code = "import tempfile; tempfile.tempdir = '/dev/null/nowhere'\n" + SAY + "\n" + COMPILE
+    done = python(installed, code + "\n" + add)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "2"
+    (line,) = done.stderr.splitlines()
+    assert "every process compiles" in line
+
+
+def test_a_cache_that_cannot_be_written_later(tmp_path, monkeypatch):
+    """A full disk while compiled code is saved, and a damaged file, cost a compilation and no more."""
+    from beamsim.errors import CacheWarning
+    from beamsim.flow import compiled
+
+    source = tmp_path / "kernel_of_test.py"
+    source.write_text("from beamsim.flow.compiled import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import kernel_of_test
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(kernel_of_test.twice._cache, "_save_overload", full)
+    compiled._warn_once.cache_clear()
+    with pytest.warns(CacheWarning, match="No space left on device"):
+        assert kernel_of_test.twice(2) == 4
+
+    def damaged(*_):
+        raise EOFError
+
+    monkeypatch.setattr(kernel_of_test.twice._cache, "_load_overload", damaged)
+    assert kernel_of_test.twice(2.5) == 5.0  # warned once
