@@ -180,6 +180,11 @@ class OutcomeCode(Enum):
         "(sweep.method.largest_error = {allowed:g} %)",
         "use more harmonics, or the shooting method",
     )
+    DERIVATIVE_UNKNOWN = (
+        OutcomeKind.UNTRUSTED,
+        "no steady vibration was found close to the estimate of {parameters}: no standard deviation is known",
+        "start from other values, or leave out tests with irregular motion",
+    )
     FAILED = OutcomeKind.FAILED, "{reason}", ""
 
     def __init__(self, kind: OutcomeKind, message: str, remedy: str) -> None:

@@ -8,10 +8,12 @@ import pytest
 from beamsim.analyses.compare.measured import MeasuredSignal, best_phase, harmonics_of
 from beamsim.analyses.identify import steady
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
-from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.identify.model_updating import inverse_information
+from beamsim.analyses.identify.nonlinear_fit import _NonlinearFit, fit_nonlinear
+from beamsim.analyses.identify.steady import NoSteadyVibrationError, steady_vibration
 from beamsim.analyses.run.analysis import run
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.contact_change import with_changed_contacts
@@ -268,7 +270,7 @@ def test_a_linear_identification_gives_the_starting_stiffness(vibrations):
 
 def test_the_jacobian_is_that_of_the_residuals(vibrations):
     from beamsim.analyses.identify.model_updating import sought_numbers
-    from beamsim.analyses.identify.nonlinear_fit import _NonlinearFit, _tests
+    from beamsim.analyses.identify.nonlinear_fit import _tests
 
     scenario = case(vibrations)
     nonlinear = scenario.identify_stiffness.nonlinear
@@ -286,3 +288,36 @@ def test_the_jacobian_is_that_of_the_residuals(vibrations):
         step[i] = 3e-4
         difference = (fit.residuals(x + step) - fit.residuals(x - step)) / 6e-4
         assert jacobian[:, i] == pytest.approx(difference, abs=2e-3 * abs(difference).max())
+
+
+def test_a_derivative_that_fails_is_an_outcome(vibrations, monkeypatch):
+    """No steady vibration beside the estimate of the gap: its deviation is unknown, not zero."""
+    predict, jacobian, at = _NonlinearFit.predict, _NonlinearFit.jacobian, []
+
+    def remembering(fit, x, *, central=False):
+        at[:] = [x[1]] if central else []
+        return jacobian(fit, x, central=central)
+
+    def failing(fit, theta):
+        if at and theta[1] != at[0]:
+            raise NoSteadyVibrationError
+        return predict(fit, theta)
+
+    monkeypatch.setattr(_NonlinearFit, "jacobian", remembering)
+    monkeypatch.setattr(_NonlinearFit, "predict", failing)
+    scenario = case([65.0, 78.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"))
+    result = identify_stiffness(scenario, [signal(f, vibrations[f], noise=0.01) for f in (65.0, 78.0)])
+    assert result.outcome.code is OutcomeCode.DERIVATIVE_UNKNOWN
+    assert result.outcome.numbers["parameters"] == ("snubbers.tip.gap",)
+    assert not result.outcome.trusted
+    assert all(np.isnan(p.standard_deviation) and np.isnan(p.interval).all() for p in result.nonlinear.parameters)
+
+
+def test_what_the_measurements_do_not_determine_has_no_deviation():
+    """A parameter without influence, and two of which only the sum counts."""
+    J = np.array([[1.0, 2.0, 0.0, 0.5], [0.3, 0.6, 0.0, 1.0], [-1.0, -2.0, 0.0, 2.0]])
+    deviation = np.sqrt(np.diag(inverse_information(J)))
+    assert np.isnan(deviation).tolist() == [True, True, True, False]
+    alone = J[:, [0, 3]]
+    np.testing.assert_allclose(deviation[3], np.sqrt(np.linalg.inv(alone.T @ alone)[1, 1]), rtol=1e-12)
+    np.testing.assert_allclose(inverse_information(alone), np.linalg.inv(alone.T @ alone), rtol=1e-12)

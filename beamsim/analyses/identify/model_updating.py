@@ -31,6 +31,8 @@ Place = tuple[str | int, ...]
 
 _WIDEST_FACTOR = 100.0  # without bounds, the search range is this factor on either side of the scenario's value
 _CONFOUNDED = 0.995  # correlation above which two parameters count as indistinguishable
+_NULL = 1e-14  # ratio of eigenvalues below which a combination of parameters has no influence
+_PART_OF_NULL = 1e-12  # square of a parameter's part in such a combination above which it is not determined
 _SINGULAR = 1e-6  # ratio of singular values below which a combination is not determined
 _AT_BOUND = 1e-6
 _PROFILE_POINTS = 13
@@ -167,15 +169,32 @@ def covariance_of(jacobian: Floats, misfit: float, measurements: int, sigma_know
     count = jacobian.shape[1]
     if count == 0:
         return np.zeros((0, 0)), False
-    information = jacobian.T @ jacobian
-    with np.errstate(all="ignore"):
-        covariance = np.linalg.pinv(information, rcond=1e-14, hermitian=True)
+    covariance = inverse_information(jacobian)
     if not sigma_known:
         freedom = measurements - count
         if freedom <= 0:
             return np.full((count, count), np.nan), False
         covariance = covariance * (misfit / freedom)
     return np.asarray(covariance), True
+
+
+def inverse_information(jacobian: Floats) -> Floats:
+    """(p, p) inverse of ``jacobian.T @ jacobian``, nan for parameters that the residuals do not determine.
+
+    These are parameters without influence, and those of a combination without influence. If a derivative is not known
+    (nan), no variance is.
+    """
+    if not np.all(np.isfinite(jacobian)):
+        return np.full((jacobian.shape[1],) * 2, np.nan)
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    scaled = jacobian / size
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    null = values <= _NULL * values[-1]
+    inverse = np.asarray((vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T / np.outer(size, size))
+    undetermined = (vectors[:, null] ** 2).sum(axis=1) > _PART_OF_NULL
+    inverse[undetermined, :] = inverse[:, undetermined] = np.nan
+    return inverse
 
 
 def confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> list[str]:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
-from beamsim.analyses.identify.model_updating import Sought, confounded, sought_numbers
+from beamsim.analyses.identify.model_updating import Sought, confounded, inverse_information, sought_numbers
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, ProfileLikelihood, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.errors import Problem, ScenarioError
@@ -112,7 +112,7 @@ def fit_nonlinear(
     fit.residuals(x)
     freedom = measured + sum(1 for number in numbers if np.isfinite(number.prior)) - x.size
     scale, warnings = _scatter(fit, misfit, freedom)
-    covariance = _covariance(jacobian, len(numbers)) * scale
+    covariance = inverse_information(_without_phases(jacobian, len(numbers))) * scale
     deviation = np.sqrt(np.diag(covariance))
     z = NormalDist().inv_cdf(0.5 + section.coverage / 2)
     parameters = tuple(_estimate(fit, i, float(x[i]), float(deviation[i]), z) for i in range(len(numbers)))
@@ -125,9 +125,14 @@ def fit_nonlinear(
     profiles = _profiles(fit, x, covariance, misfit, scale) if nonlinear.profiles else ()
     with np.errstate(all="ignore"):
         correlation = covariance / np.outer(deviation, deviation)
-    limited = best.status == 0  # of least_squares: it ran out of evaluations
+    without = [n.parameter for n, column in zip(numbers, jacobian.T, strict=False) if np.any(np.isnan(column))]
+    outcomes = []
+    if best.status == 0:  # of least_squares: it ran out of evaluations
+        outcomes.append(Outcome.of(OutcomeCode.FIT_LIMIT, evaluations=_MOST_EVALUATIONS))
+    if without:
+        outcomes.append(Outcome.of(OutcomeCode.DERIVATIVE_UNKNOWN, parameters=without))
     return NonlinearEstimate(
-        outcome=Outcome.of(OutcomeCode.FIT_LIMIT, evaluations=_MOST_EVALUATIONS) if limited else COMPLETE,
+        outcome=outcomes[0].but(*outcomes[1:]) if outcomes else COMPLETE,
         parameters=parameters,
         correlation=np.asarray(correlation),
         tests=tuple(
@@ -378,7 +383,11 @@ class _NonlinearFit:
         return self.compare(x, self.last)
 
     def jacobian(self, x: Floats, *, central: bool = False) -> Floats:
-        """Derivatives of the residuals: finite differences for parameters, exact for phases."""
+        """Derivatives of the residuals: finite differences for parameters, exact for phases.
+
+        A parameter without a steady vibration on either side has no derivative: nan in the ``central`` differences from
+        which deviations follow; zero in those of a step of the search, which then keeps the parameter.
+        """
         count = len(self.numbers)
         base = self.last if not central else self.predict(x[:count])
         here = self.compare(x, base)
@@ -403,8 +412,8 @@ class _NonlinearFit:
             elif there:
                 ((sign, moved_residuals),) = there.items()
                 out[:, i] = sign * (moved_residuals - here) / _STEP
-            else:  # no steady vibration on either side: keep this parameter
-                out[:, i] = 0.0
+            else:
+                out[:, i] = np.nan if central else 0.0
         self._guesses = kept
         column = count
         for t, test in enumerate(self.tests):
@@ -457,15 +466,6 @@ def _without_phases(jacobian: Floats, count: int) -> Floats:
         return columns
     q, _ = np.linalg.qr(phases)
     return np.asarray(columns - q @ (q.T @ columns))
-
-
-def _covariance(jacobian: Floats, count: int) -> Floats:
-    reduced = _without_phases(jacobian, count)
-    size = np.linalg.norm(reduced, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    return np.asarray(
-        np.linalg.pinv(reduced.T @ reduced / np.outer(size, size), rcond=1e-14, hermitian=True) / np.outer(size, size)
-    )
 
 
 def _scatter(fit: _NonlinearFit, misfit: float, freedom: int) -> tuple[float, list[str]]:
