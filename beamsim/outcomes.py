@@ -73,6 +73,12 @@ class OutcomeCode(Enum):
         "stopped[ at {place}] after {seconds:g} s, the maximum time",
         "[raise {limit}]",
     )
+    SEARCH_FAILED = (
+        OutcomeKind.STOPPED,
+        "the search for special points ({kinds}) failed in {steps} of the steps, first at {place}: some of them, and a "
+        "change of stability there, may be missing",
+        "follow a smaller range around it",
+    )
     LEFT_RANGE = OutcomeKind.STOPPED, "stopped at {place}, a factor of {ratio:g} from where it started", ""
     NOT_COVERED = OutcomeKind.STOPPED, "range not covered[ at level {level:.4g}]: {ranges}[ {unit}]", ""
     CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not started: the fold is too close to a corner of the curve", ""
@@ -285,6 +291,10 @@ class Outcome:
 
     def __str__(self) -> str:
         return self.text
+
+    def all_of(self, code: OutcomeCode) -> list[Outcome]:
+        """This outcome and its parts, as far as they have a code."""
+        return [*([self] if self.code is code else []), *(found for part in self.parts for found in part.all_of(code))]
 
     def but(self, *parts: Outcome, **numbers: Any) -> Self:
         """A copy with other or additional numbers, and with additional parts."""

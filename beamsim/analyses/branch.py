@@ -20,14 +20,8 @@ from beamsim.fields import (
 from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Complexes, Floats
 
-_NAMES = {"neimark_sacker": "Neimark–Sacker"}  # where more than a space stands for the underscore
 _POINT = (Counter("point", "number of the point along the branch"),)
 _COORDINATES = (*_POINT, "coordinate")
-
-
-def special_name(kind: str) -> str:
-    """What a kind of special point is called in tables and pictures."""
-    return _NAMES.get(kind, kind.replace("_", " "))
 
 
 @declared

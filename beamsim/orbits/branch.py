@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -84,6 +85,39 @@ class SpecialPoint:
     time: float = np.nan  # s, for a grazing: when in the period
     top: bool = True  # the penetration just reaches the border from below (else from above)
     level: float = 0.0  # m, penetration at the border of two phases of the contact's law
+
+
+def special_name(kind: str) -> str:
+    """What a kind of special point is called in messages, tables and plots."""
+    return "Neimark–Sacker" if kind == "neimark_sacker" else kind.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class FailedSearch:
+    """A step of a branch in which the search for a kind of special point ended in an error."""
+
+    kind: SpecialKind
+    parameter: float  # at the beginning of the step
+
+
+@contextmanager
+def recorded(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | None) -> Iterator[None]:
+    """Append to ``failed`` what ends in a numerical error, or raise it where there is no list."""
+    try:
+        yield
+    except (ArithmeticError, np.linalg.LinAlgError):
+        if failed is None:
+            raise
+        failed.append(FailedSearch(kind, step.parameter))
+
+
+def with_failed_searches(outcome: Outcome, failed: Sequence[FailedSearch]) -> Outcome:
+    """The outcome of a branch, with the searches that failed along it."""
+    if not failed:
+        return outcome
+    kinds = ", ".join(dict.fromkeys(special_name(search.kind) for search in failed))
+    steps = len({search.parameter for search in failed})
+    return outcome.but(Outcome.of(OutcomeCode.SEARCH_FAILED, kinds=kinds, steps=steps, parameter=failed[0].parameter))
 
 
 @dataclass(frozen=True)

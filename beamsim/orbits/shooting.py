@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
-from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
+from beamsim.orbits.branch import BranchPoint, FailedSearch, Orbit, SpecialPoint, recorded
 from beamsim.orbits.continuation import Settings, between, correct, follow_orbits, locate, solve_at
 from beamsim.orbits.grazing import cyclic, grazings
 from beamsim.orbits.paths import DampingPath
@@ -239,51 +239,64 @@ def _neimark_sacker_test(problem: ForcedOrbits) -> Callable[[BranchPoint], float
     return test
 
 
-def special_points(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+def special_points(
+    problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch] | None = None
+) -> list[SpecialPoint]:
     """Folds, period doublings, Neimark–Sacker points, branch points and grazings between two neighbours.
 
     A change of stability at a corner of the branch (grazing) is no bifurcation of a smooth family and is left to the
-    grazing point.
+    grazing point. A search that ends in a numerical error is appended to ``failed``, and the others go on; without a
+    list the error is raised.
     """
     special: list[SpecialPoint] = []
     smooth = problem.same_events(a, b)
     pieces = [(a, b)]
     if not smooth:
-        touching = list(grazings(problem, a, b, settings))
-        special += touching
+        with recorded("grazing", a, failed):
+            special.extend(grazings(problem, a, b, settings))
         # between the corners the branch is smooth again
         w0 = a.u / a.scale
         chord = b.u / a.scale - w0
-        inner = sorted(touching, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
-        ends = [a, *[g.point for g in inner], b]
-        pieces = list(itertools.pairwise(ends))
-    doubling, torus = _period_doubling_test(problem), _neimark_sacker_test(problem)
-    for left, right in itertools.chain.from_iterable(
-        _parts(problem, x, y, settings, (x is not a, y is not b)) for x, y in pieces
-    ):
+        inner = sorted(special, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
+        pieces = list(itertools.pairwise([a, *[g.point for g in inner], b]))
+    parts: list[tuple[BranchPoint, BranchPoint]] = []
+    for x, y in pieces:
+        with recorded("neimark_sacker", a, failed):
+            parts += _parts(problem, x, y, settings, (x is not a, y is not b))
+    for left, right in parts:
         if left.tangent[-1] * right.tangent[-1] < 0:
-            fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
-            if fold is not None:
-                special.append(SpecialPoint("fold", fold.parameter, fold))
+            with recorded("fold", a, failed):
+                fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
+                if fold is not None:
+                    special.append(SpecialPoint("fold", fold.parameter, fold))
         if smooth and left.orientation * right.orientation < 0:
-            branching = locate(problem, left, right, lambda p: p.orientation, settings)
-            if branching is not None:
-                special.append(SpecialPoint("branch_point", branching.parameter, branching))
-        (flips, turns, outside), (flips_right, turns_right, outside_right) = (
-            _outside(problem.multipliers(p)) for p in (left, right)
-        )
-        if (flips - flips_right) % 2:
-            point = locate(problem, left, right, doubling, settings)
-            if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
-                special.append(SpecialPoint("period_doubling", point.parameter, point))
-        if turns != turns_right or outside != outside_right:
-            point = locate(problem, left, right, torus, settings)
-            if point is not None:
-                mu = problem.multipliers(point)
-                circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
-                if np.any(circle & (np.abs(mu.imag) > 0.1 * AT_BOUNDARY)):
-                    special.append(SpecialPoint("neimark_sacker", point.parameter, point))
+            with recorded("branch_point", a, failed):
+                branching = locate(problem, left, right, lambda p: p.orientation, settings)
+                if branching is not None:
+                    special.append(SpecialPoint("branch_point", branching.parameter, branching))
+        with recorded("period_doubling", a, failed):  # or Neimark–Sacker point
+            special += _changes_of_stability(problem, left, right, settings)
     return special
+
+
+def _changes_of_stability(
+    problem: ForcedOrbits, left: BranchPoint, right: BranchPoint, settings: Settings
+) -> Iterator[SpecialPoint]:
+    """Period doublings and Neimark–Sacker points between two motions with the same contacts."""
+    (flips, turns, outside), (flips_right, turns_right, outside_right) = (
+        _outside(problem.multipliers(p)) for p in (left, right)
+    )
+    if (flips - flips_right) % 2:
+        point = locate(problem, left, right, _period_doubling_test(problem), settings)
+        if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
+            yield SpecialPoint("period_doubling", point.parameter, point)
+    if turns != turns_right or outside != outside_right:
+        point = locate(problem, left, right, _neimark_sacker_test(problem), settings)
+        if point is not None:
+            mu = problem.multipliers(point)
+            circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
+            if np.any(circle & (np.abs(mu.imag) > 0.1 * AT_BOUNDARY)):
+                yield SpecialPoint("neimark_sacker", point.parameter, point)
 
 
 def _outside(mu: Complexes) -> tuple[int, int, int]:

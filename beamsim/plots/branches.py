@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import special_name
+from beamsim.orbits.branch import special_name
 from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:

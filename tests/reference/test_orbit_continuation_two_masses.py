@@ -302,3 +302,25 @@ def test_it_is_fast(flow_of):
     assert any(stable)
     assert not all(stable)
     assert time.process_time() - begin < 1.0
+
+
+def test_located_grazings_survive_a_failing_search(flow_of, monkeypatch):
+    """Multipliers that cannot be computed hide bifurcations, but not the grazing; the failures are recorded."""
+    problem = ForcedOrbits(flow_of(0.5))
+    start = find_orbit(problem)
+    branch = follow_orbits(problem, start, 0.4, 0.8)
+    a, b = next((a, b) for a, b in itertools.pairwise(branch) if not problem.same_events(a, b))
+    (grazing,) = (s for s in special_points(problem, a, b, branch.settings) if s.kind == "grazing")
+
+    def failing(point):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(problem, "multipliers", failing)
+    with pytest.raises(np.linalg.LinAlgError):
+        special_points(problem, a, b, branch.settings)
+    failed = []
+    (kept,) = special_points(problem, a, b, branch.settings, failed)
+    assert kept.kind == "grazing"
+    assert kept.parameter == grazing.parameter
+    assert failed
+    assert {search.parameter for search in failed} == {a.parameter}

@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from beamsim.analyses.response.analysis import _outcome
 from beamsim.analyses.response.branches import Budget, covered, missing, progress_that_grows, reach_of, trace_range
-from beamsim.orbits.branch import BranchPoint
+from beamsim.analyses.response.paths import FollowedParameter
+from beamsim.orbits.branch import BranchPoint, recorded
 from beamsim.orbits.continuation import Settings
 from beamsim.outcomes import Outcome, OutcomeCode
 
@@ -56,7 +58,7 @@ class Lines:
         outcome = a_corner(end) if inside else Outcome.of(OutcomeCode.REACHED_END, parameter=end)
         return Walk(points[: settings.most_points], outcome)
 
-    def special(self, a, b, settings):
+    def special(self, a, b, settings, failed):
         return []
 
 
@@ -134,3 +136,27 @@ def test_gaps_and_reach():
     assert reach_of(2.0, 3.0, beyond=True) == (2.0 / 1.5, 3.0)
     assert reach_of(3.0, 2.0, beyond=True) == (2.0, 4.5)
     assert reach_of(3.0, 2.0, beyond=False) == (2.0, 3.0)
+
+
+def test_a_search_that_fails_is_told_with_the_branch():
+    """The branch says which special points may be missing, and keeps its own outcome and points."""
+
+    class Failing(Lines):
+        def special(self, a, b, settings, failed):
+            if a.parameter < 0.5 <= b.parameter:
+                with recorded("neimark_sacker", a, failed):
+                    raise np.linalg.LinAlgError
+            return []
+
+    (whole,) = trace_range(Lines((0.0, 1.0)), 0.0, 1.0, Budget(1000, np.inf))
+    (branch,) = trace_range(Failing((0.0, 1.0)), 0.0, 1.0, Budget(1000, np.inf))
+    assert whole.outcome.complete
+    assert len(branch.points) == len(whole.points)
+    assert branch.outcome.code is OutcomeCode.REACHED_END
+    assert not branch.outcome.complete
+    (failed,) = branch.outcome.all_of(OutcomeCode.SEARCH_FAILED)
+    assert failed.numbers["kinds"] == "Neimark–Sacker"
+    assert 0.4 < failed.numbers["parameter"] < 0.5
+    model = SimpleNamespace(followed=FollowedParameter("level", 0.0, 1.0, "N"))
+    assert _outcome(model, [whole], None).complete
+    assert "first at 0.45 N" in _outcome(model, [branch], None).text

@@ -161,12 +161,15 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], level: float | Non
     """Complete, or what was not reached and why."""
     f = model.followed
     gaps = missing([t for t in traced if t.problem.multiple == 1], f.inward(f.first), f.inward(f.last))
+    failed = [f.shown(part) for t in traced for part in t.outcome.all_of(OutcomeCode.SEARCH_FAILED)]
     if not gaps:
-        return COMPLETE
+        return failed[0].but(*failed[1:]) if failed else COMPLETE
     ranges = [(float(f.outward(a)), float(f.outward(b))) for a, b in gaps]
     why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
     of = {} if level is None else {"level": level}
-    return Outcome.of(OutcomeCode.NOT_COVERED, f.shown(why), ranges=ranges, unit=f.unit, **of)
+    why = f.shown(why)
+    failed = [part for part in failed if part not in why.all_of(OutcomeCode.SEARCH_FAILED)]
+    return Outcome.of(OutcomeCode.NOT_COVERED, why, *failed, ranges=ranges, unit=f.unit, **of)
 
 
 def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: FollowedParameter) -> Outcome:

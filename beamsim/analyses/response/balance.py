@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.response.branches import first_orbit
 from beamsim.errors import locating
 from beamsim.orbits.balance_stability import BalancedOrbits
-from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import special_points
@@ -38,12 +38,12 @@ class BalanceTracer:
         """What goes on from a motion."""
         return Branch(self.problem, start, *self.reach, settings)
 
-    def special(self, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+    def special(
+        self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
+    ) -> list[SpecialPoint]:
         """Folds, period doublings, Neimark–Sacker and branch points; sums of harmonics have no corners."""
-        try:
-            return special_points(self.problem, a, b, settings)  # type: ignore[arg-type]  # has what it asks for
-        except (ArithmeticError, np.linalg.LinAlgError):
-            return []
+        problem: Any = self.problem  # has what shooting's search asks for
+        return special_points(problem, a, b, settings, failed)
 
 
 def balance_tracer(model: ResponseModel, harmonics: int, level: float, reach: tuple[float, float]) -> BalanceTracer:

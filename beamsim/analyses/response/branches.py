@@ -16,7 +16,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, never
-from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import (
+    INTERRUPTED,
+    BranchPoint,
+    FailedSearch,
+    OrbitBranch,
+    SpecialPoint,
+    with_failed_searches,
+)
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.shooting import (
     ForcedOrbits,
@@ -78,8 +85,10 @@ class Tracer(Protocol):
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
         """What goes on from a motion."""
 
-    def special(self, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
-        """Special points between two neighbours."""
+    def special(
+        self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
+    ) -> list[SpecialPoint]:
+        """Special points between two neighbours; searches that fail are appended."""
 
 
 def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
@@ -119,9 +128,11 @@ class ShootingTracer:
         """What goes on from a motion."""
         return follow_orbits(self.problem, start, *self.reach, settings)
 
-    def special(self, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
+    def special(
+        self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
+    ) -> list[SpecialPoint]:
         """Special points between two neighbours."""
-        return _special(self.problem, a, b, settings)
+        return special_points(self.problem, a, b, settings, failed)
 
 
 def progress_that_grows(report: Report | None) -> Report:
@@ -235,10 +246,11 @@ def _follow(
     branch = tracer.branch(start, Settings(most_points=budget.left))
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
+    failed: list[FailedSearch] = []
     close, outcome = 0, None
     for point in branch:
         if points:
-            found = along(points[-1], point, tracer.special(points[-1], point, branch.settings))
+            found = along(points[-1], point, tracer.special(points[-1], point, branch.settings, failed))
             special += found
             points += [s.point for s in found]
         points.append(point)
@@ -251,7 +263,7 @@ def _follow(
         if spent := budget.spent():
             outcome = spent.but(parameter=point.parameter)
             break
-    return points, outcome or branch.outcome, special
+    return points, with_failed_searches(outcome or branch.outcome, failed), special
 
 
 def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
@@ -259,13 +271,6 @@ def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[S
     w = a.u / a.scale
     chord = b.u / a.scale - w
     return sorted(special, key=lambda s: float((s.point.u / a.scale - w) @ chord))
-
-
-def _special(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
-    try:
-        return special_points(problem, a, b, settings)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return []
 
 
 def _coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
@@ -330,6 +335,7 @@ def _doubled_branch(
     branch = follow_orbits(problem, start, *reach, Settings(most_points=min(MOST_POINTS_ASIDE, budget.left)))
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
+    failed: list[FailedSearch] = []
     last: Floats | None = None
     outcome = None
     for point in branch:
@@ -340,7 +346,7 @@ def _doubled_branch(
             break
         last = unlike
         if points:
-            found = along(points[-1], point, _special(problem, points[-1], point, branch.settings))
+            found = along(points[-1], point, special_points(problem, points[-1], point, branch.settings, failed))
             special += found
             points += [s.point for s in found]
         points.append(point)
@@ -348,7 +354,8 @@ def _doubled_branch(
         if spent := budget.spent():
             outcome = spent.but(parameter=point.parameter)
             break
-    return OrbitBranch(problem, tuple(points), outcome or branch.outcome, tuple(special))
+    outcome = with_failed_searches(outcome or branch.outcome, failed)
+    return OrbitBranch(problem, tuple(points), outcome, tuple(special))
 
 
 def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
