@@ -283,7 +283,7 @@ def locate(
         f = test(point)
         if not np.isfinite(f):
             return best
-        if abs(f) < best_value:
+        if abs(f) <= best_value:  # of equal ones, such as signs, the latest
             best, best_value = point, abs(f)
         if f * f1 > 0:
             x3, f3 = x1, f1

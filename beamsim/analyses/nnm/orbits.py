@@ -88,7 +88,7 @@ def special_points(system: StructuralSystem, job: ModePath, branches: ModeBranch
     names, orbits = system.contact_names, branches.problem
     cut, settings = {jump.start for jump in branches.jumps}, Settings(iterations=10)
     for a, b in pairwise(branches.backbone.points):
-        if job.shown(a.parameter) in cut or orbits.same_events(a, b):
+        if job.shown(a.parameter) in cut:
             continue
         for located in mode_points(orbits, a, b, settings):
             period = orbits.split(located.point.u)[1]
