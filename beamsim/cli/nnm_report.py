@@ -9,6 +9,7 @@ from typing import Any
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.report import Row, Texts, counted, few, percent, si
+from beamsim.orbits.branch import special_name
 
 SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
 POLE_MARGIN = 3.0  # a pole further away than this multiple of the largest small factor does not affect the orders
@@ -45,6 +46,15 @@ def _jumps(result: NormalModeResult, jumps: Sequence[Mapping[str, Any]]) -> Iter
         spans = few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in same_cause)
         why = f"{ratio}:1 with mode {mode}" if ratio and mode else "of high order, not traced"
         yield "", f"{spans} ({why})"
+
+
+def _special_points(result: NormalModeResult, points: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+    """Places by kind."""
+    _, unit = _PARAMETERS[result.parameter]
+    at = "" if unit else "stiffness factor "
+    for kind in dict.fromkeys(point["kind"] for point in points):
+        places = few(f"{point['parameter']:.6g}{unit}" for point in points if point["kind"] == kind)
+        yield "", f"{special_name(kind)} at {at}{places}"
 
 
 def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
@@ -192,6 +202,7 @@ TEXTS: Texts = {
     "end": _end,
     "internal_resonances": _resonances,
     "jumps": _jumps,
+    "special_points": _special_points,
     "full_period": _full_period,
     "multiple_scales": _expansion,
     "thesis": _relaxed,

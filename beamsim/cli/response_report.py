@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import special_name
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.cli.report import SHARED, Row, Texts, percent, si
+from beamsim.orbits.branch import special_name
 
 SHOWN = 12  # special points of a branch
 MOST_BRANCHES = 12

@@ -26,6 +26,7 @@ ROUND_OFF = 1e-14  # smallest change of a share that means anything
 MOST_BISECTIONS = 60
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
 FEWEST_IN_A_RING = 5  # points of a closed curve
+RANK_LOST = 1e-5  # smallest singular value of the Jacobian against its largest at a crossing of branches
 RING = 0.1  # of a step, how far beside it the first point may lie that it goes over
 FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
@@ -299,6 +300,24 @@ def locate(
             share = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
         share = min(max(share, smallest), 1.0 - smallest)
     return best
+
+
+def branch_point_between(
+    problem: ContinuationProblem, a: BranchPoint, b: BranchPoint, settings: Settings
+) -> BranchPoint | None:
+    """The point between two neighbours where branches cross; None where there is none.
+
+    The sign of the determinant changes there, but also from one branch to another that a step has jumped to: only where
+    branches cross does the Jacobian lose rank.
+    """
+    if a.orientation * b.orientation >= 0:
+        return None
+    point = locate(problem, a, b, lambda p: p.orientation, settings)
+    if point is None:
+        return None
+    scale, size = problem.scale(point.u)
+    values = np.linalg.svd(problem.residual(point.u)[1] * scale / size[:, None], compute_uv=False)
+    return point if values[-1] < RANK_LOST * values[0] else None
 
 
 def _astray(a: BranchPoint, b: BranchPoint) -> float:

@@ -21,8 +21,8 @@ import numpy as np
 
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.orbits.branch import BranchPoint, Orbit, SpecialPoint
-from beamsim.orbits.continuation import Settings, locate
+from beamsim.orbits.branch import BranchPoint, FailedSearch, Orbit, SpecialPoint, recorded
+from beamsim.orbits.continuation import Settings, branch_point_between, locate
 from beamsim.orbits.grazing import grazings
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Complexes, Floats
@@ -214,18 +214,26 @@ def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats 
     return orbits.unknowns(q, 2 * np.pi / float(omega[mode]), value)
 
 
-def mode_points(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings) -> list[SpecialPoint]:
-    """Folds, branch points (internal resonances among them) and grazings between two neighbours."""
+def mode_points(
+    orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch] | None = None
+) -> list[SpecialPoint]:
+    """Folds, branch points (internal resonances among them) and grazings between two neighbours.
+
+    ``failed`` as for :func:`beamsim.orbits.shooting.special_points`.
+    """
     special: list[SpecialPoint] = []
     smooth = orbits.same_events(a, b)
     if not smooth:
-        special += list(grazings(orbits, a, b, settings))
+        with recorded("grazing", a, failed):
+            special.extend(grazings(orbits, a, b, settings))
     if a.tangent[-1] * b.tangent[-1] < 0:
-        fold = locate(orbits, a, b, lambda p: float(p.tangent[-1]), settings)
-        if fold is not None and abs(fold.tangent[-1]) < 1e-6:
-            special.append(SpecialPoint("fold", fold.parameter, fold))
-    if smooth and a.orientation * b.orientation < 0:
-        branching = locate(orbits, a, b, lambda p: p.orientation, settings)
-        if branching is not None:
-            special.append(SpecialPoint("branch_point", branching.parameter, branching))
+        with recorded("fold", a, failed):
+            fold = locate(orbits, a, b, lambda p: float(p.tangent[-1]), settings)
+            if fold is not None and abs(fold.tangent[-1]) < 1e-6:
+                special.append(SpecialPoint("fold", fold.parameter, fold))
+    if smooth:
+        with recorded("branch_point", a, failed):
+            crossing = branch_point_between(orbits, a, b, settings)
+            if crossing is not None:
+                special.append(SpecialPoint("branch_point", crossing.parameter, crossing))
     return special

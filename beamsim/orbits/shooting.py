@@ -18,7 +18,15 @@ from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, FailedSearch, Orbit, SpecialPoint, recorded
-from beamsim.orbits.continuation import Settings, between, correct, follow_orbits, locate, solve_at
+from beamsim.orbits.continuation import (
+    Settings,
+    between,
+    branch_point_between,
+    correct,
+    follow_orbits,
+    locate,
+    solve_at,
+)
 from beamsim.orbits.grazing import cyclic, grazings
 from beamsim.orbits.paths import DampingPath
 from beamsim.typing import Complexes, Floats
@@ -269,11 +277,11 @@ def special_points(
                 fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
                 if fold is not None:
                     special.append(SpecialPoint("fold", fold.parameter, fold))
-        if smooth and left.orientation * right.orientation < 0:
+        if smooth:
             with recorded("branch_point", a, failed):
-                branching = locate(problem, left, right, lambda p: p.orientation, settings)
-                if branching is not None:
-                    special.append(SpecialPoint("branch_point", branching.parameter, branching))
+                crossing = branch_point_between(problem, left, right, settings)
+                if crossing is not None:
+                    special.append(SpecialPoint("branch_point", crossing.parameter, crossing))
         with recorded("period_doubling", a, failed):  # or Neimark–Sacker point
             special += _changes_of_stability(problem, left, right, settings)
     return special

@@ -108,19 +108,23 @@ class SpringFamily(ABC):
         push = c.stiffness * delta
         return 0.5 * float(push @ delta), -(c.shape.T @ (c.sign * push))
 
-    def _energy(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
+    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
+        """Potential energy from static equilibrium, J, its gradient, and its derivative by the factor."""
         s = self.system
         in_springs, push = self._in_springs(q)
         gradient = s.stiffness * q - s.constant_load + factor * push
-        return float(0.5 * q @ (s.stiffness * q) - s.constant_load @ q) + factor * in_springs, gradient, in_springs
-
-    def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
-        """Potential energy from static equilibrium, J, its gradient, and its derivative by the factor."""
-        value, gradient, by_factor = self._energy(q, factor)
-        if self.equilibrium is not None:  # at equilibrium the gradient vanishes: only the explicit derivative counts
-            value0, _, by0 = self._energy(self.rest(factor), factor)
-            value, by_factor = value - value0, by_factor - by0
-        return value, gradient, by_factor
+        if self.equilibrium is None:
+            value = float(0.5 * q @ (s.stiffness * q) - s.constant_load @ q) + factor * in_springs
+            return value, gradient, in_springs
+        # with x the change of a penetration from equilibrium, where the gradient vanishes, a spring adds
+        # (delta^2 - delta_0^2 - 2 delta_0 x) k / 2: x^2 k / 2 while closed, so that small energies lose no digits
+        c, rest = self.springs, self.rest(factor)
+        still = -c.gap - c.sign * (c.shape @ rest)
+        x = -c.sign * (c.shape @ (q - rest))
+        before, now = np.maximum(still, 0.0), np.maximum(still + x, 0.0)
+        beyond = np.where(now > 0, np.where(before > 0, x**2, now**2), -before * (before + 2.0 * x))
+        value = 0.5 * float((q - rest) @ (s.stiffness * (q - rest)) + factor * (c.stiffness @ beyond))
+        return value, gradient, 0.5 * float(c.stiffness @ ((now - before) * (now + before)))
 
 
 @dataclass

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.orbits.backbone import Backbone
@@ -48,6 +49,50 @@ def test_where_they_leave_in_closed_form(cubic):
     breaking = [e for e in cubic.backbone.special if e.kind == "symmetry_breaking"]
     assert len(breaking) == 1
     assert breaking[0].parameter == pytest.approx(136 / 225, rel=1e-10)
+
+
+def test_a_branch_point_in_closed_form():
+    """Out of phase x'' + 1.2 x + x^3 = 0, x = a cn; in phase y'' + (1 + 3 x^2) y = 0, Lamé's equation of order 2.
+
+    Its solution cn dn, at rest where x is, has the eigenvalue 1 + k^2: with W^2 = 1.2 + a^2 and k^2 W^2 = a^2 / 2 this
+    is 1 + 3 a^2 = W^2 + a^2 / 2, so a^2 = 2/15, E = 1.2 a^2 + a^4 / 2 = 38/225.
+    """
+    case = {
+        "chain": {
+            "masses": [1, 1],
+            "springs": [1, 0.1, 1],
+            "springs_to_ground": [{"mass": k, "kind": "cubic", "stiffness": 1} for k in (1, 2)],
+        },
+        "nnm": {"mode": 2, "continue_in": {"kind": "energy", "from": 0.01, "to": 1}},
+    }
+    (point,) = nnm(load_scenario(case)).backbone.special
+    assert point.kind == "branch_point"
+    assert point.parameter == pytest.approx(38 / 225, rel=1e-10)
+
+
+def test_a_fold_in_frequency():
+    """A mass pressed onto a stop, another at a distance: it softens, then hardens. The lowest frequency is a fold.
+
+    Closed about x = 0.75 with w = 2 below x = 1, open with w = 1, against the other stop about x = 5/3 with w^2 = 6
+    beyond x = 2, where the speed is v.
+    """
+    stops = [
+        {"name": "below", "mass": 1, "side": "below", "stiffness": 3, "gap": -1},
+        {"name": "above", "mass": 1, "side": "above", "stiffness": 5, "gap": 2},
+    ]
+    chain = {"masses": [1], "springs": [1], "snubbers": stops}
+    path = {"kind": "frequency", "from": 0.31, "to": 0.2}
+    result = nnm(load_scenario({"chain": chain, "nnm": {"mode": 1, "continue_in": path}}))
+    (fold,) = (e for e in result.backbone.special if e.kind == "fold")
+
+    def frequency(v):
+        below, reach = np.sqrt(v**2 + 3), np.sqrt(v**2 + 4)
+        closed = (np.pi - np.arctan2(below / 2, 0.25)) / 2
+        opened = np.arccos(1 / reach) - np.arccos(2 / reach)
+        return 0.5 / (closed + opened + np.arctan2(v / np.sqrt(6), 1 / 3) / np.sqrt(6))
+
+    lowest = minimize_scalar(frequency, bounds=(0, 2), method="bounded", options={"xatol": 1e-9})
+    assert fold.frequency_hz == pytest.approx(lowest.fun, rel=1e-9)
 
 
 def test_full_period_follows_the_same_mode(cubic, stops):

@@ -67,6 +67,7 @@ MENDED: dict[str, str] = {
         "low modes of a state with contact no longer take the round-off of the highest (3e-11 of their squares): these "
         "values are measures of round-off, or of motions that grow it",
     ),
+    "* json/special_points/count": "folds and branch points of backbones are looked for, and listed in the summary",
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""

@@ -35,7 +35,7 @@ from beamsim.analyses.nnm.result import (
 )
 from beamsim.analyses.nnm.summary import nnm_summary
 from beamsim.errors import Problem, ScenarioError
-from beamsim.orbits.branch import OrbitBranch
+from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
@@ -102,7 +102,8 @@ def nnm(
     job = mode_path(scenario, system)
     work = _followed(scenario, system, job, compare, progress, stop)
     followed, full = work.followed, work.full_period
-    branches = _branches(system, job, followed, full)
+    special, failed = special_points(system, job, followed)
+    branches = _branches(system, job, followed, full, special)
     shown, point = _shown(branches)
     branch = branches[shown]
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
@@ -113,7 +114,7 @@ def nnm(
         resonance = hold_mode(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
-    outcome = _outcome(work, resonance)
+    outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
     result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,
@@ -243,9 +244,12 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
 
 
 def _branches(
-    system: StructuralSystem, job: ModePath, followed: ModeBranches, full: FullPeriodBranches | None
+    system: StructuralSystem,
+    job: ModePath,
+    followed: ModeBranches,
+    full: FullPeriodBranches | None,
+    special: tuple[SpecialPointResult, ...],
 ) -> tuple[BranchResult, ...]:
-    special = special_points(system, job, followed)
     brake = followed.problem
     if full is None:
         backbone = branch_result(system, job, brake, followed.backbone, special=special)

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult, OrbitMotion, SpecialPointResult
 from beamsim.analyses.nnm.result import UNITS
-from beamsim.orbits.branch import OrbitBranch
+from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits, mode_points
@@ -82,21 +82,24 @@ def branch_result(
     )
 
 
-def special_points(system: StructuralSystem, job: ModePath, branches: ModeBranches) -> tuple[SpecialPointResult, ...]:
-    """Folds, branch points and grazings along a backbone, but not across its jumps."""
+def special_points(
+    system: StructuralSystem, job: ModePath, branches: ModeBranches
+) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch]]:
+    """Folds, branch points and grazings along a backbone, but not across its jumps; and the searches that failed."""
     special: list[SpecialPointResult] = []
+    failed: list[FailedSearch] = []
     names, orbits = system.contact_names, branches.problem
     cut, settings = {jump.start for jump in branches.jumps}, Settings(iterations=10)
     for a, b in pairwise(branches.backbone.points):
         if job.shown(a.parameter) in cut:
             continue
-        for located in mode_points(orbits, a, b, settings):
+        for located in mode_points(orbits, a, b, settings, failed):
             period = orbits.split(located.point.u)[1]
             name = names[located.contact] if located.contact >= 0 else ""
             special.append(
                 SpecialPointResult(located.kind, job.shown(located.parameter), 1.0 / period, name, located.time)
             )
-    return tuple(special)
+    return tuple(special), failed
 
 
 def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:

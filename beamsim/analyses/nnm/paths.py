@@ -234,6 +234,10 @@ class ModePath:
         """How a path ended, its parameter as people read it."""
         if outcome.code is OutcomeCode.INTERRUPTED:
             outcome = outcome.but(parameter=last.parameter)
+        return self.shown_in(outcome)
+
+    def shown_in(self, outcome: Outcome) -> Outcome:
+        """An outcome with its parameter as people read it."""
         return outcome.shown(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
 
 

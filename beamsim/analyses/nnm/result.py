@@ -260,6 +260,8 @@ _SUMMARY = (
     Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known",
              "jumps over tongues"),
     Entry("grazings", "1", "grazing contacts along the backbone", "grazings"),
+    Entry("special_points", "", "folds and branch points of the backbone: kind, parameter, frequency",
+             "special points"),
     Entry("full_period", "", "of full-period shooting: difference from half-period shooting, symmetry breakings and "
              "branches of non-brake orbits", "full period"),
     Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders",

@@ -31,6 +31,11 @@ def nnm_summary(result: NormalModeResult, linear_frequency_hz: float, processor_
             {"start": j.start, "end": j.end, "mode": j.mode or None, "ratio": j.ratio or None} for j in result.jumps
         ],
         "grazings": sum(1 for event in backbone.special if event.kind == "grazing"),
+        "special_points": [
+            {"kind": e.kind, "parameter": e.parameter, "frequency_hz": e.frequency_hz}
+            for e in backbone.special
+            if e.kind in ("fold", "branch_point")
+        ],
         "linear_frequency_hz": linear_frequency_hz,
         "motion_frequency_hz": 1.0 / float(result.motion.time[-1]),
         "processor_time_s": processor_time_s,
