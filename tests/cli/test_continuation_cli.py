@@ -285,7 +285,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, "sweep={kind: stepped, from: 20, to: 30, levels: []}", "sweep.levels is an empty list"),
         (BEAM, "sweep={kind: continuation}", "sweep.from is missing"),
         (BEAM, "sweep={kind: continuation, from: 20}", "sweep.to is missing"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 20}", "equals the start of the sweep"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 20}", "equals the start of the continuation"),
         (BEAM, "sweep={kind: continuation, from: 20, to: 30, continue_in: {kind: level, from: 1, to: 2}}", "exclude"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, from: 1 mm, to: 1 mm}}", "give a range"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, snubber: tpi, from: 0, to: 1 mm}}", "mean tip?"),
