@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.drift import Correction, jumps
+from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.swept import Leg, SweepWindows, cut_into_windows, swept_signals
+from beamsim.inputs.swept import SweepWindows, cut_into_windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,7 +57,7 @@ def phase_of_acceleration(quantity: str, level: float) -> float:
 
 
 def broadband_signals(
-    excitation: SweptSineInput | SampledInput | RandomInput, duration: float | None, folder: Path | None = None
+    excitation: SampledInput | RandomInput, duration: float | None, folder: Path | None = None
 ) -> tuple[Signal, Signal, Signal]:
     """Acceleration, velocity and displacement of the base; for a force, the force three times.
 
@@ -64,13 +66,6 @@ def broadband_signals(
     ScenarioError
         If the input ends before the run, or its file cannot be read.
     """
-    if excitation.kind == "swept_sine":
-        windows = _windows(excitation, duration)
-        if not excitation.on_base:
-            (force,) = swept_signals(windows, [0])
-            return force, force, force
-        acceleration, velocity, displacement = swept_signals(windows, [0, 1, 2])
-        return acceleration, velocity, displacement
     if excitation.kind == "random":
         from beamsim.inputs.random_input import random_signals
 
@@ -89,8 +84,23 @@ def broadband_signals(
     return velocity.derivative(), velocity, given
 
 
-def _windows(excitation: SweptSineInput, duration: float | None) -> SweepWindows:
+def sweep_windows(
+    excitation: SweptSineInput, duration: float | None
+) -> tuple[SweepWindows, tuple[Correction, ...] | None]:
+    """The windows of a swept sine up to a duration, and the corrections of a base's acceleration.
+
+    Raises
+    ------
+    ScenarioError
+        If the sweep ends before the run, or has too many cycles.
+    """
+    quantity = excitation.quantity or "acceleration"
+    level = 1.0 if excitation.level is None else excitation.level
+    profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
+    lead = phase_of_acceleration(quantity, level) if excitation.level is not None else 0.0
+    phase = excitation.phase + lead
     leg = make_leg(excitation.from_, excitation.to, excitation.rate)
+    corrections = jumps([leg], profile, phase) if excitation.on_base else None  # whatever part of the sweep is run
     if duration is not None:
         if duration > leg.duration * (1 + 1e-9):
             raise ScenarioError(
@@ -109,8 +119,4 @@ def _windows(excitation: SweptSineInput, duration: float | None) -> SweepWindows
                 "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep` or a shorter run"
             )
         )
-    quantity = excitation.quantity or "acceleration"
-    level = 1.0 if excitation.level is None else excitation.level
-    profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
-    lead = phase_of_acceleration(quantity, level) if excitation.level is not None else 0.0
-    return cut_into_windows([leg], profile, phase=excitation.phase + lead)
+    return cut_into_windows([leg], profile, phase=phase, corrections=corrections), corrections

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.inputs.broadband import broadband_signals
+from beamsim.inputs.broadband import broadband_signals, sweep_windows
+from beamsim.inputs.drift import Correction
 from beamsim.inputs.signal import Signal
+from beamsim.inputs.swept import swept_signals
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,6 +32,7 @@ class BaseMotion:
     acceleration: Signal  # m/s^2
     velocity: Signal  # m/s
     displacement: Signal  # m
+    corrections: tuple[Correction, ...] | None = None  # of a swept sine, where its velocity would jump
 
 
 def step(level: float, time: float) -> Signal:
@@ -49,7 +52,9 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
 
 def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
     """The prescribed quantity as a signal; for a broadband input, the force at a point."""
-    if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
+    if excitation.kind == "swept_sine":
+        return swept_signals(sweep_windows(excitation, duration)[0])[0]
+    if excitation.kind == "sampled" or excitation.kind == "random":
         return broadband_signals(excitation, duration, folder)[0]
     if excitation.kind == "harmonic":
         return Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
@@ -76,7 +81,11 @@ def base_motion(excitation: Driven, duration: float | None = None, folder: Path 
     A step or half-sine of base displacement and a step of base velocity would need infinite accelerations; the
     scenario does not accept them.
     """
-    if excitation.kind == "swept_sine" or excitation.kind == "sampled" or excitation.kind == "random":
+    if excitation.kind == "swept_sine":
+        windows, corrections = sweep_windows(excitation, duration)
+        acceleration, velocity, displacement = swept_signals(windows)
+        return BaseMotion(acceleration, velocity, displacement, corrections)
+    if excitation.kind == "sampled" or excitation.kind == "random":
         return BaseMotion(*broadband_signals(excitation, duration, folder))
     given = level_signal(excitation)
     periodic = excitation.kind in ("harmonic", "multi_tone")

@@ -21,71 +21,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.inputs.drift import SAME_TURNS, Correction, drift_free, leg_pieces
+from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST_DEGREE = 8
 TOLERANCE = 1e-12  # of the amplitude, for the truncation of the polynomials
+EXACT = 1e-13  # a series is not made longer when the rest of it is below this
 MOST_WINDOWS = 20_000_000
+WINDOWS_AT_A_TIME = 1 << 16
+MOST_HALVINGS = 40
 PIECES_PER_CYCLE = 8  # of a sine represented by polynomials
 PIECE_DEGREE = 12
-
-
-@dataclass(frozen=True)
-class Leg:
-    """A sweep from one frequency to another: ``f' = rate * f`` (logarithmic) or ``f' = rate`` (linear)."""
-
-    first_hz: float
-    last_hz: float
-    rate: float  # 1/s or Hz/s, positive
-    logarithmic: bool
-
-    @property
-    def signed_rate(self) -> float:
-        """The rate, negative for a downward sweep."""
-        return self.rate if self.last_hz > self.first_hz else -self.rate
-
-    @property
-    def duration(self) -> float:
-        """Duration, s."""
-        if self.logarithmic:
-            return float(np.log(self.last_hz / self.first_hz) / self.signed_rate)
-        return float((self.last_hz - self.first_hz) / self.signed_rate)
-
-    @property
-    def cycles(self) -> float:
-        """Number of cycles, in general not whole."""
-        return float(self.turns(np.array(self.last_hz)))
-
-    def turns(self, frequency_hz: Floats) -> Floats:
-        """Cycles from the start of the leg to a frequency."""
-        if self.logarithmic:
-            return np.asarray((frequency_hz - self.first_hz) / self.signed_rate)
-        return np.asarray((frequency_hz - self.first_hz) * (frequency_hz + self.first_hz) / (2 * self.signed_rate))
-
-    def frequency(self, turns: Floats) -> Floats:
-        """The inverse of `turns`, Hz."""
-        if self.logarithmic:
-            return np.asarray(self.first_hz + self.signed_rate * turns)
-        return np.sqrt(np.maximum(self.first_hz**2 + 2 * self.signed_rate * turns, 0.0))
-
-    def time_between(self, first_hz: Floats, turns: Floats) -> Floats:
-        """Time, s, for a number of cycles from a given frequency; without cancellation for small numbers."""
-        if self.logarithmic:
-            return np.asarray(np.log1p(self.signed_rate * turns / first_hz) / self.signed_rate)
-        last = np.sqrt(np.maximum(first_hz**2 + 2 * self.signed_rate * turns, 0.0))
-        return np.asarray(2 * turns / (first_hz + last))
-
-    def turns_after(self, first_hz: Floats, time: Floats) -> Floats:
-        """Cycles during a time from a given frequency."""
-        if self.logarithmic:
-            return np.asarray(first_hz * np.expm1(self.signed_rate * time) / self.signed_rate)
-        return np.asarray(time * (first_hz + 0.5 * self.signed_rate * time))
-
-    def time_at(self, turns: Floats) -> Floats:
-        """Time since the start of the leg, s."""
-        return self.time_between(np.full(np.shape(turns), self.first_hz), turns)
 
 
 @dataclass(frozen=True)
@@ -95,17 +44,17 @@ class SweepWindows:
     start: Floats  # (W,) s
     length: Floats  # (W,) s
     omega: Floats  # (W,) rad/s in the middle
-    leg: Ints  # (W,)
     cycle: Ints  # (W,) number of the cycle the window belongs to, counted by the phase
     fraction: Floats  # (W,) of that cycle at the middle of the window
     degree: Ints  # (W,)
-    coefficient: Complexes  # (W, D + 1) of the sine at unit phase zero
+    coefficient: Complexes  # (W, D + 1) of the sine; of a base, the acceleration with its corrections
     deviation: Floats  # (W, D + 1) of delta, rad
     frequency_hz: Floats  # (C,) in the middle of each cycle
     cycle_start: Floats  # (C,) s
     cycle_leg: Ints  # (C,)
     cycle_complete: Bools  # (C,)
     truncation: float  # largest bound on the truncation of the polynomials, over the amplitude
+    displacement: Complexes | None = None  # (W, D + 1) of a base, without drift; None for a force
 
     @property
     def count(self) -> int:
@@ -122,22 +71,11 @@ class SweepWindows:
         """Duration of the sweep, s."""
         return float(self.start[-1] + self.length[-1])
 
-    def integrated(self, times: int) -> Complexes:
-        """(W, D + 1) coefficients of the sine's integral (1) or double integral (2), without drift.
-
-        This is the particular solution that is itself a polynomial times the exponential. At a corner of the profile it
-        jumps by about 1e-4 of its amplitude, where the true integral would start to drift.
-        """
-        alpha = self.coefficient
-        D = alpha.shape[1] - 1
-        nu = 1j * self.omega
-        for _ in range(times):
-            beta = np.zeros_like(alpha)
-            for p in range(D, -1, -1):
-                above = (p + 1) * beta[:, p + 1] if p < D else 0.0
-                beta[:, p] = (alpha[:, p] - above) / nu
-            alpha = beta
-        return alpha
+    @property
+    def velocity(self) -> Complexes:
+        """(W, D + 1) coefficients of the base's velocity."""
+        assert self.displacement is not None
+        return _derivative(self.displacement, self.omega)
 
     def evaluate(self, coefficient: Complexes, time: Floats) -> Floats:
         """Values of the signal with these coefficients at times (any shape); the end windows are extended outside."""
@@ -159,11 +97,19 @@ class SweepWindows:
         return np.asarray((self.omega[k] + slope) / (2 * np.pi))
 
 
+def _derivative(coefficient: Complexes, omega: Floats) -> Complexes:
+    """Coefficients of the derivative of ``Re[e^{i omega sigma} sum_p c_p sigma^p]``."""
+    out = 1j * omega[:, None] * coefficient
+    out[:, :-1] += coefficient[:, 1:] * np.arange(1, coefficient.shape[1])
+    return np.asarray(out)
+
+
 def cut_into_windows(
     legs: Sequence[Leg],
     profile: Profile,
     *,
     phase: float = 0.0,
+    corrections: Sequence[Correction] | None = None,
     tolerance: float = TOLERANCE,
     degree: int = LARGEST_DEGREE,
 ) -> SweepWindows:
@@ -172,6 +118,7 @@ def cut_into_windows(
     Parameters
     ----------
     phase : of the sine at the start, rad.
+    corrections : of a base's acceleration, see `beamsim.inputs.drift.jumps`; None for a force.
     tolerance : bound on the truncation of the polynomials on a window, over the amplitude.
     degree : highest degree of the polynomials.
 
@@ -180,101 +127,135 @@ def cut_into_windows(
     ValueError
         If more than twenty million windows would be needed.
     """
-    parts = []
+    parts: list[dict[str, NDArray[Any]]] = []
     turns_before, time_before = 0.0, 0.0
-    for index, leg in enumerate(legs):
+    for leg in legs:
         if leg.cycles > MOST_WINDOWS:
             raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
-        cuts = _cuts(leg, profile, turns_before % 1.0)
-        parts.append(_windows(leg, index, profile, cuts, turns_before, time_before, tolerance, degree))
+        expansion = _Expansion(leg, profile, phase, corrections, turns_before, time_before, degree)
+        parts.append(_windows(expansion, tolerance))
         turns_before += leg.cycles
         time_before += leg.duration
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    turn = np.exp(1j * (phase - 0.5 * np.pi))  # Re[-i e^{i phi}] = sin phi
-    coefficient = columns["coefficient"] * (turn * np.exp(2j * np.pi * columns["fraction"]))[:, None]
+    bound = columns.pop("bound")
     cycles = int(columns["cycle"][-1]) + 1
     frequency, start, cycle_leg = _cycle_table(legs, cycles)
     complete = np.ones(cycles, dtype=bool)
-    complete[-1] = turns_before >= cycles - 1e-9
-    length = columns["length"]
+    complete[-1] = turns_before >= cycles - SAME_TURNS
     return SweepWindows(
-        start=columns["start"],
-        length=length,
-        omega=columns["omega"],
-        leg=columns["leg"],
-        cycle=columns["cycle"],
-        fraction=columns["fraction"],
-        degree=columns["degree"],
-        coefficient=np.ascontiguousarray(coefficient),
-        deviation=np.ascontiguousarray(columns["deviation"]),
+        **{name: np.ascontiguousarray(column) for name, column in columns.items()},
         frequency_hz=frequency,
         cycle_start=start,
         cycle_leg=cycle_leg,
         cycle_complete=complete,
-        truncation=float(columns["bound"].max()),
+        truncation=float(bound.max()),
     )
 
 
-def _cuts(leg: Leg, profile: Profile, fraction: float) -> Floats:
-    """Boundaries of windows in cycles since the start of the leg; no window crosses one."""
-    total = leg.cycles
-    whole = np.arange(1, int(np.floor(total + fraction)) + 1) - fraction
-    low, high = sorted((leg.first_hz, leg.last_hz))
-    edges = profile.edge[(profile.edge > low) & (profile.edge < high)]
-    cuts = np.unique(np.concatenate([[0.0], whole, leg.turns(edges), [total]]))
-    cuts = cuts[(cuts >= 0.0) & (cuts <= total)]
-    keep = np.concatenate([[True], np.diff(cuts) > 1e-9])
-    cuts = cuts[keep]
-    cuts[-1] = total
-    return np.asarray(cuts)
-
-
-def _windows(
-    leg: Leg,
-    index: int,
-    profile: Profile,
-    cuts: Floats,
-    turns_before: float,
-    time_before: float,
-    tolerance: float,
-    degree: int,
-) -> dict[str, NDArray[Any]]:
-    first, last = cuts[:-1], cuts[1:]
-    for _ in range(60):
-        expansion = _expand(leg, profile, first, last, degree)
-        fine = expansion["bound"] <= tolerance
-        if fine.all():
-            break
-        if first.size + (~fine).sum() > MOST_WINDOWS:
+def _windows(expansion: _Expansion, tolerance: float) -> dict[str, NDArray[Any]]:
+    """The windows of a leg, halved until the polynomials are exact to the tolerance."""
+    cuts = expansion.cuts()
+    chunks = [cuts[i : i + WINDOWS_AT_A_TIME + 1] for i in range(0, cuts.size - 1, WINDOWS_AT_A_TIME)]
+    pending = [(chunk[:-1], chunk[1:], 0) for chunk in chunks]
+    done: list[dict[str, NDArray[Any]]] = []
+    while pending:
+        first, last, times = pending.pop()
+        windows = expansion.between(first, last)
+        fine = (windows["bound"] <= tolerance) | (times == MOST_HALVINGS)
+        done.append({name: column[fine] for name, column in windows.items()})
+        if not fine.all():
+            middle = 0.5 * (first + last)[~fine]
+            pending.append((np.concatenate([first[~fine], middle]), np.concatenate([middle, last[~fine]]), times + 1))
+        if sum(part["bound"].size for part in done) > MOST_WINDOWS:
             raise ValueError(f"the sweep needs more than {MOST_WINDOWS:.3g} windows")
-        middle = 0.5 * (first + last)[~fine]
-        order = np.argsort(np.concatenate([first, middle]), kind="stable")
-        last = np.concatenate([np.where(fine, last, 0.5 * (first + last)), last[~fine]])[order]
-        first = np.concatenate([first, middle])[order]
-    f = leg.frequency(first)
-    total = turns_before + first + leg.turns_after(f, 0.5 * expansion["length"])
-    cycle = np.floor(total).astype(np.int64)
-    return {
-        **expansion,
-        "start": time_before + leg.time_at(first),
-        "leg": np.full(first.size, index, dtype=np.int64),
-        "cycle": cycle,
-        "fraction": total - cycle,
-    }
+    columns = {name: np.concatenate([part[name] for part in done]) for name in done[0]}
+    order = np.argsort(columns["start"], kind="stable")
+    return {name: column[order] for name, column in columns.items()}
 
 
-def _expand(leg: Leg, profile: Profile, first: Floats, last: Floats, degree: int) -> dict[str, NDArray[Any]]:
-    """Length, frequency and polynomials of windows between turns ``first`` and ``last``."""
-    f = leg.frequency(first)
-    length = leg.time_between(f, last - first)
-    rate, D = leg.signed_rate, degree
-    middle = f * np.exp(0.5 * rate * length) if leg.logarithmic else f + 0.5 * rate * length
-    omega = 2 * np.pi * middle
-    power = profile.power[profile.piece(middle)]
-    radius = 0.5 * length
+@dataclass(frozen=True)
+class _Expansion:
+    """Power series of the sine of a leg on windows between given turns, with bounds on what is left out."""
 
-    deviation = np.zeros((f.size, D + 1))  # of the phase
-    growth = np.zeros((f.size, D + 1))  # of the amplitude, relative to that in the middle
+    leg: Leg
+    profile: Profile
+    phase: float
+    corrections: Sequence[Correction] | None
+    turns_before: float
+    time_before: float
+    degree: int
+
+    def cuts(self) -> Floats:
+        """Boundaries of windows in cycles since the start of the leg; no window crosses one."""
+        leg, total, fraction = self.leg, self.leg.cycles, self.turns_before % 1.0
+        whole = np.arange(1, int(np.floor(total + fraction)) + 1) - fraction
+        begins, _ = leg_pieces(leg, self.profile, fraction)
+        ends = [c.time - self.time_before + side * c.half_width for c in self.corrections or () for side in (-1, 1)]
+        ends = [time for time in ends if 0 < time < leg.duration]
+        of_corrections = leg.turns_after(np.array(leg.first_hz), np.array(ends))
+        cuts = np.unique(np.concatenate([begins, whole, of_corrections, [total]]))
+        cuts = cuts[(cuts >= 0.0) & (cuts <= total)]
+        cuts = cuts[np.concatenate([[True], np.diff(cuts) > SAME_TURNS])]
+        cuts[-1] = total
+        return np.asarray(cuts)
+
+    def between(self, first: Floats, last: Floats) -> dict[str, NDArray[Any]]:
+        """Columns of `SweepWindows` for windows between turns ``first`` and ``last``, and the bounds."""
+        leg, powers = self.leg, np.arange(self.degree + 1)
+        f = leg.frequency(first)
+        length = leg.time_between(f, last - first)
+        start = self.time_before + leg.time_at(first)
+        # whole cycles apart: after millions of them the phase still has all its digits
+        turns = self.turns_before % 1.0 + first % 1.0 + leg.turns_after(f, 0.5 * length)
+        cycle = (np.floor(self.turns_before) + np.floor(first) + np.floor(turns)).astype(np.int64)
+        fraction = turns - np.floor(turns)
+        middle = leg.frequency_after(f, 0.5 * length)
+        omega, radius = 2 * np.pi * middle, 0.5 * length
+        piece = self.profile.piece(middle)
+        amplitude = self.profile(middle)
+        turn = np.exp(1j * (self.phase - 0.5 * np.pi + 2 * np.pi * fraction))  # Re[-i e^{i phi}] = sin phi
+        product, deviation, remainder = _series(leg, middle, self.profile.power[piece], radius, self.degree)
+        series = product * (turn * amplitude)[:, None]
+        windows: dict[str, NDArray[Any]] = {
+            "start": start, "length": length, "omega": omega, "cycle": cycle, "fraction": fraction,
+        }  # fmt: skip
+        if self.corrections is None:
+            degree, bound = _shortest(series, None, omega, radius, remainder * amplitude, amplitude)
+            coefficient = np.where(powers > degree[:, None], 0.0, series)
+        else:
+            velocity, displacement = self._without_drift(series[:, 0], middle, piece)
+            pulse = np.zeros((f.size, 9))
+            for correction in self.corrections:
+                if np.any(np.abs(start + radius - correction.time) < correction.half_width):
+                    pulse += correction.displacement_about(start + radius)
+            curvature = pulse[:, 2:] * (np.arange(2, 9) * np.arange(1, 8))
+            pulse_series, pulse_remainder = _modulated(curvature, omega, radius, self.degree)
+            series = series + pulse_series
+            motion = _twice_integrated(series, omega, displacement + pulse[:, 0], velocity + pulse[:, 1])
+            scale = np.maximum(amplitude, np.sum(np.abs(curvature) * radius[:, None] ** np.arange(7), axis=1))
+            degree, bound = _shortest(series, motion, omega, radius, remainder * amplitude + pulse_remainder, scale)
+            motion = np.where(powers > degree[:, None], 0.0, motion)
+            windows["displacement"] = motion
+            coefficient = _derivative(_derivative(motion, omega), omega)
+        return {**windows, "degree": degree, "coefficient": coefficient, "deviation": deviation, "bound": bound}
+
+    def _without_drift(self, alpha: Complexes, frequency_hz: Floats, piece: Ints) -> tuple[Complexes, Complexes]:
+        """Complex velocity and displacement that belong to an acceleration alpha in the middle of each window."""
+        velocity, displacement = np.empty_like(alpha), np.empty_like(alpha)
+        for power in np.unique(self.profile.power[piece]):
+            part = self.profile.power[piece] == power
+            K_v, K_d = drift_free(self.leg, float(power), frequency_hz[part])
+            nu = 2j * np.pi * frequency_hz[part]
+            velocity[part], displacement[part] = alpha[part] / nu * K_v, alpha[part] / nu**2 * K_d
+        return velocity, displacement
+
+
+def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats, Floats]:
+    """Of a sine of unit amplitude and phase zero in the middle of each window: the power series (W, D + 1) beside
+    ``e^{i omega sigma}``, the deviation of the phase (W, D + 1), and a bound (W,) on the remainder of the series."""
+    rate, omega = leg.signed_rate, 2 * np.pi * middle
+    deviation = np.zeros((middle.size, D + 1))  # of the phase
+    growth = np.zeros((middle.size, D + 1))  # of the amplitude, relative to that in the middle
     growth[:, 0] = 1.0
     for p in range(1, D + 1):
         if leg.logarithmic:
@@ -285,13 +266,10 @@ def _expand(leg: Leg, profile: Profile, first: Floats, last: Floats, degree: int
             growth[:, p] = growth[:, p - 1] * (power - (p - 1)) / p * (rate / middle)
     if not leg.logarithmic:
         deviation[:, 2] = np.pi * rate
-    turning = _exponential(np.asarray(1j * deviation, dtype=np.complex128))
-    product = np.zeros((f.size, D + 1), dtype=complex)
-    for p in range(D + 1):
-        product[:, p] = np.sum(turning[:, : p + 1] * growth[:, p::-1], axis=1)
+    product = _product(_exponential(np.asarray(1j * deviation, dtype=np.complex128)), growth, D)
 
-    growth_major = np.abs(growth)
     # the same with every coefficient replaced by its absolute value bounds every remainder
+    growth_major = np.abs(growth)
     swing = _deviation_majorant(leg, omega, radius)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         if leg.logarithmic:
@@ -305,27 +283,62 @@ def _expand(leg: Leg, profile: Profile, first: Floats, last: Floats, degree: int
             for p in range(1, D + 1):
                 rising = growth_major[:, p - 1] * (np.abs(power) + p - 1) / p * np.abs(rate / middle)
                 growth_major[:, p] = np.where(finite, growth_major[:, p], rising)
-        major = _exponential(np.abs(deviation).astype(complex)).real
-        partial = np.zeros(f.size)
-        used = np.full(f.size, D, dtype=np.int64)
-        whole = np.exp(swing) * swell
-        bound = np.full(f.size, np.inf)
-        for p in range(D + 1):
-            partial = partial + np.sum(major[:, : p + 1] * growth_major[:, p::-1], axis=1) * radius**p
-            remainder = np.maximum(whole - partial, 0.0)
-            better = (p >= 2) & (bound > 1e-13) & np.isfinite(whole)
-            bound = np.where(better, remainder, bound)
-            used = np.where(better, p, used)
-    cut = np.arange(D + 1)[None, :] > used[:, None]
-    product[cut] = 0.0
-    return {
-        "length": length,
-        "omega": omega,
-        "degree": used,
-        "coefficient": product * profile(middle)[:, None],
-        "deviation": deviation,
-        "bound": bound,
-    }
+        major = _product(_exponential(np.abs(deviation).astype(complex)).real, growth_major, D)
+        remainder = np.exp(swing) * swell - np.sum(major * radius[:, None] ** np.arange(D + 1), axis=1)
+        remainder = np.where(np.isfinite(remainder), np.maximum(remainder, 0.0), np.inf)
+    return product, deviation, remainder
+
+
+def _modulated(polynomial: Floats, omega: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats]:
+    """Real polynomials as power series (W, D + 1) beside ``e^{i omega sigma}``, and a bound on the remainder."""
+    k = polynomial.shape[1]
+    spin = np.ones((omega.size, D + 1), dtype=complex)
+    for p in range(1, D + 1):
+        spin[:, p] = spin[:, p - 1] * (-1j * omega / p)
+    padded = np.zeros((omega.size, D + 1))
+    padded[:, : min(k, D + 1)] = polynomial[:, : D + 1]
+    size = np.abs(polynomial) * radius[:, None] ** np.arange(k)
+    major = _product(np.abs(spin), np.abs(padded), D) * radius[:, None] ** np.arange(D + 1)
+    whole = np.exp(omega * radius) * size.sum(axis=1)
+    return _product(spin, padded, D), np.maximum(whole - major.sum(axis=1), 0.0)
+
+
+def _twice_integrated(series: Complexes, omega: Floats, value: Complexes, slope: Complexes) -> Complexes:
+    """The double integral of ``Re[e^{i omega sigma} sum_p alpha_p sigma^p]`` with given value and slope at 0."""
+    out = np.zeros_like(series)
+    nu = 1j * omega
+    out[:, 0], out[:, 1] = value, slope - nu * value
+    for p in range(series.shape[1] - 2):
+        out[:, p + 2] = (series[:, p] - 2 * nu * (p + 1) * out[:, p + 1] - nu**2 * out[:, p]) / ((p + 1) * (p + 2))
+    return out
+
+
+def _shortest(
+    series: Complexes, integral: Complexes | None, omega: Floats, radius: Floats, remainder: Floats, scale: Floats
+) -> tuple[Ints, Floats]:
+    """The lowest degree (W,) that is exact to round-off, or else the highest, and the error (W,) of the signal over
+    ``scale``. Where ``integral`` is given its degree is meant, and the signal is its second derivative."""
+    D = series.shape[1] - 1
+    size = np.abs(series) * radius[:, None] ** np.arange(D + 1)
+    scale = np.where(scale > 0, scale, 1.0)
+    degree = np.full(omega.size, D, dtype=np.int64)
+    error = np.full(omega.size, np.inf)
+    for q in range(2, D + 1):
+        neglected = size[:, q + 1 :].sum(axis=1) + remainder
+        if integral is not None:
+            # the second derivative of the shortened series agrees with the signal up to the power q - 2
+            nu = 1j * omega
+            last = 2 * nu * q * integral[:, q] + nu**2 * integral[:, q - 1] - series[:, q - 1]
+            neglected += np.abs(last) * radius ** (q - 1) + np.abs(nu**2 * integral[:, q] - series[:, q]) * radius**q
+        better = error > EXACT
+        degree = np.where(better, q, degree)
+        error = np.where(better, neglected / scale, error)
+    return degree, error
+
+
+def _product(one: NDArray[Any], two: Floats, D: int) -> NDArray[Any]:
+    """Product of power series, one per row, up to the power D."""
+    return np.stack([np.sum(one[:, : p + 1] * two[:, p::-1], axis=1) for p in range(D + 1)], axis=1)
 
 
 def _exponential(series: Complexes) -> Complexes:
@@ -371,10 +384,10 @@ def _cycle_table(legs: Sequence[Leg], cycles: int) -> tuple[Floats, Floats, Ints
     return frequency, start, of_middle.astype(np.int64)
 
 
-def swept_signals(windows: SweepWindows, times_integrated: Sequence[int]) -> tuple[Signal, ...]:
-    """The sine and its integrals as polynomials on an eighth of a cycle each, for flows that accept any signal.
+def swept_signals(windows: SweepWindows) -> tuple[Signal, ...]:
+    """The sine, and of a base its velocity and displacement, for flows that accept any signal.
 
-    The Taylor polynomials have degree twelve; their error is below 1e-11 of the amplitude.
+    Polynomials on an eighth of a cycle each, of degree twelve; their error is below 1e-11 of the amplitude.
     """
     turns = windows.omega * windows.length / (2 * np.pi)
     pieces = np.maximum(np.ceil(turns * PIECES_PER_CYCLE - 1e-9).astype(int), 1)
@@ -390,8 +403,11 @@ def swept_signals(windows: SweepWindows, times_integrated: Sequence[int]) -> tup
         turning[:, p] = turning[:, p - 1] * (1j * omega / p)
     turning *= np.exp(1j * omega * sigma)[:, None]
     signals = []
-    for times in times_integrated:
-        moved = windows.integrated(times)[window]
+    coefficients = [windows.coefficient]
+    if windows.displacement is not None:
+        coefficients += [windows.velocity, windows.displacement]
+    for coefficient in coefficients:
+        moved = coefficient[window]
         D = moved.shape[1] - 1
         for i in range(D):  # the polynomial about the start of the piece
             for p in range(D - 1, i - 1, -1):
@@ -405,7 +421,7 @@ def swept_signals(windows: SweepWindows, times_integrated: Sequence[int]) -> tup
 
 
 def constant_windows(frequency_hz: float, amplitude: float, cycles: int, phase: float = 0.0) -> SweepWindows:
-    """A sine of constant frequency, one window per cycle; it starts at phase 0 (plus ``phase``)."""
+    """A sine of constant frequency that starts at phase 0 (plus ``phase``), one window per cycle; base or force."""
     period = 1.0 / frequency_hz
     omega = 2 * np.pi * frequency_hz
     ones = np.ones(cycles)
@@ -416,11 +432,11 @@ def constant_windows(frequency_hz: float, amplitude: float, cycles: int, phase: 
         start=np.asarray(index * period, dtype=float),
         length=ones * period,
         omega=ones * omega,
-        leg=np.zeros(cycles, dtype=np.int64),
         cycle=index.astype(np.int64),
         fraction=0.5 * ones,
         degree=np.zeros(cycles, dtype=np.int64),
         coefficient=np.full((cycles, 1), value),
+        displacement=np.full((cycles, 1), -value / omega**2),
         deviation=np.zeros((cycles, 1)),
         frequency_hz=ones * frequency_hz,
         cycle_start=np.asarray(index * period, dtype=float),

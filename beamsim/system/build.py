@@ -13,6 +13,7 @@ from beamsim.contacts.equilibrium import Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
 from beamsim.contacts.springs import cubic_springs, describe_springs, spring_contacts
 from beamsim.errors import ScenarioError
+from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.damping import damping_ratios
@@ -102,6 +103,8 @@ def _build(parts: Parts) -> StructuralSystem:
     initial, warnings = initial_state(parts, contacts, loads, cubic, equilibrium)
     motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
 
+    corrections = None if motion is None else motion.corrections
+    correction = None if corrections is None else CorrectionSize.of(corrections)
     on_base = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
     sites = parts.snubber_sites + force_sites(scenario)
     recoveries = parts.structure.recoveries(basis, sites, on_base)
@@ -121,7 +124,8 @@ def _build(parts: Parts) -> StructuralSystem:
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
         springs=springs,
-        warnings=tuple(warnings),
+        warnings=(*warnings, *(correction.warnings() if correction else ())),
+        base_correction=correction,
     )
 
 

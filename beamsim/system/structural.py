@@ -8,6 +8,7 @@ from functools import cached_property
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
 from beamsim.fields import Counter, attribute, dataset, declared, group, key
+from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -94,6 +95,7 @@ class StructuralSystem:
     cubic: CubicSprings
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
     warnings: tuple[str, ...] = ()
+    base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
 
     @property
     def stations(self) -> Stations:

@@ -1,5 +1,7 @@
 """The swept-sine flow against independent time stepping (DOP853, restarted at every event and every window cut)."""
 
+import itertools
+
 import numpy as np
 import pytest
 from independent import Stop, Structure
@@ -9,8 +11,10 @@ from beamsim.analyses.run.outputs import accelerations, displacements, stack
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_sine import SweptFlow, sweep
 from beamsim.flow.transient import simulate
+from beamsim.inputs.drift import jumps
+from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
-from beamsim.inputs.swept import Leg, cut_into_windows, swept_signals
+from beamsim.inputs.swept import cut_into_windows, swept_signals
 from beamsim.outcomes import OutcomeCode
 from beamsim.system.equations import Forcing
 
@@ -44,7 +48,7 @@ def integrate(system, load, force, base, start, cuts, times):
 
 
 def flow_of(system, load, windows, on_ground=False):
-    channels = [windows.coefficient] + ([windows.integrated(2)] if on_ground else [])
+    channels = [windows.coefficient] + ([windows.displacement] if on_ground else [])
     return SweptFlow(system, load[None], np.stack(channels), windows, base_displacement=on_ground)
 
 
@@ -52,6 +56,37 @@ def states(flow, record, times):
     whole = flow.template.empty_output(2 * flow.system.size)
     whole.row[:, : 2 * flow.system.size] = np.eye(2 * flow.system.size)
     return record.sample(times, lambda phases: whole)
+
+
+def base_motion(windows, acceleration):
+    """``t -> (d, d')`` from an acceleration alone, by Chebyshev polynomials; starts where the windows do."""
+    constants = [windows.evaluate(c, 0.0) for c in (windows.displacement, windows.velocity)]
+    ends = np.append(windows.start, windows.duration)
+    pieces = []
+    for begin, end in itertools.pairwise(ends):
+        a = np.polynomial.Chebyshev.interpolate(acceleration, 24, [begin, end])
+        v = a.integ(1, [constants[1]], begin)
+        d = v.integ(1, [constants[0]], begin)
+        pieces.append((d, v))
+        constants = [d(end), v(end)]
+
+    def base(t):
+        d, v = pieces[min(max(int(np.searchsorted(ends, t, side="right")) - 1, 0), len(pieces) - 1)]
+        return d(t), v(t)
+
+    return base
+
+
+def frequency_of(legs, t):
+    """Frequency from the law of the sweep itself."""
+    t, before = np.asarray(t, dtype=float), 0.0
+    frequency = np.zeros(t.shape)
+    for leg in legs:
+        x = t - before
+        law = leg.first_hz * np.exp(leg.signed_rate * x) if leg.logarithmic else leg.first_hz + leg.signed_rate * x
+        frequency = np.where(x >= 0, law, frequency)
+        before += leg.duration
+    return frequency
 
 
 def nothing(flow):
@@ -87,17 +122,16 @@ def test_random_structure(make_system, case, rigid):
     shape = 0.5 + rng.random(size=(m, n))
     system = make_system(omega, 0.02 * omega, 0.05 * rng.normal(size=n), shape=shape, **CASES[case])
     load = rng.normal(size=n)
-    windows = cut_into_windows(legs, Profile.constant(1.0))
     on_ground = case == "on the ground"
+    windows = cut_into_windows(legs, Profile.constant(1.0), corrections=() if on_ground else None)
     flow = flow_of(system, load, windows, on_ground)
     start = 0.3 * rng.normal(size=2 * n)
     record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
-    displacement, velocity = windows.integrated(2), windows.integrated(1)
     times = np.linspace(0.0, windows.duration, 1001)
+    force = lambda t: np.sin(phase_of(legs, t))  # noqa: E731
+    base = base_motion(windows, force) if on_ground else lambda t: (0.0, 0.0)
     expected, events = integrate(
-        system, load, lambda t: np.sin(phase_of(legs, t)),
-        lambda t: (windows.evaluate(displacement, t), windows.evaluate(velocity, t)) if on_ground else (0.0, 0.0),
-        start, windows.start if on_ground else (), times,
+        system, load, force, base, start, windows.start if on_ground else (), times,
     )  # fmt: skip
     assert record.outcome.complete
     assert record.events == events
@@ -124,25 +158,42 @@ def test_laws_and_profiles(make_system, legs):
     flow = flow_of(system, load, windows)
     record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
     times = np.linspace(0.0, windows.duration, 1001)
-
-    def frequency(t):
-        before = 0.0
-        for leg in legs:
-            if t <= before + leg.duration or leg is legs[-1]:
-                x = t - before
-                return (
-                    leg.first_hz * np.exp(leg.signed_rate * x)
-                    if leg.logarithmic
-                    else leg.first_hz + leg.signed_rate * x
-                )
-            before += leg.duration
-        raise AssertionError
-
     expected, events = integrate(
-        system, load, lambda t: float(profile(frequency(t))) * np.sin(phase_of(legs, t)), lambda t: (0.0, 0.0),
+        system, load, lambda t: float(profile(frequency_of(legs, t))) * np.sin(phase_of(legs, t)), lambda t: (0.0, 0.0),
         start, windows.start, times,
     )  # fmt: skip
     assert record.events == events > 0
+    assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "legs",
+    [[Leg(0.05, 1.0, 0.1, False), Leg(1.0, 0.05, 0.05, False)], [Leg(1.0, 0.05, 0.2, False)]],
+    ids=["up and down", "down, fast"],
+)
+def test_base_motion_with_corners_and_notches(make_system, legs):
+    """A stop on the ground feels the base's displacement, the integral of the applied acceleration."""
+    system = make_system(
+        [1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[15.0], dashpot=[0.3], gap=[0.05], on_ground=[True]
+    )
+    profile = Profile.interpolated(
+        [(0.05, 0.02, "acceleration"), (0.4, 0.6, "acceleration"), (2.0, 0.3, "acceleration")]
+    )
+    profile = profile.notched(0.5, 0.7, 0.1, "acceleration")
+    corrections = jumps(legs, profile, 0.0)
+    windows = cut_into_windows(legs, profile, corrections=corrections)
+
+    def acceleration(t):
+        applied = profile(frequency_of(legs, t)) * np.sin(phase_of(legs, t))
+        return applied + sum(c.acceleration(np.atleast_1d(t)).reshape(np.shape(t)) for c in corrections)
+
+    load, start = np.array([1.0, 0.5]), np.array([-0.3, 0.0, 0.2, 0.0])
+    flow = flow_of(system, load, windows, on_ground=True)
+    record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
+    times = np.linspace(0.0, windows.duration, 1001)
+    base = base_motion(windows, acceleration)
+    expected, events = integrate(system, load, acceleration, base, start, windows.start, times)
+    assert record.events == events > 1
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
@@ -194,7 +245,7 @@ def test_the_run_with_the_same_excitation_agrees(make_system):
     load = np.array([[1.0, 0.5]])
     flow = flow_of(system, load[0], windows)
     record = sweep(flow, np.zeros(4), nothing(flow), orders=[], keep_history=True)
-    (signal,) = swept_signals(windows, [0])
+    (signal,) = swept_signals(windows)
     trajectory = simulate(ExactFlow(system, Forcing(load, (signal,)), windows.duration), np.zeros(4))
     times = np.linspace(0, windows.duration, 2000)
     a, b = states(flow, record, times), trajectory.states_at(times)

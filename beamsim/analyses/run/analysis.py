@@ -451,6 +451,8 @@ def _summary(
             for line in s.lines
         ],
     }
+    if system.base_correction is not None:
+        summary |= system.base_correction.summary()
     if system.springs:
         ends = np.array(motion.extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
         springs = [s.name for s in system.springs]

@@ -21,6 +21,7 @@ from beamsim.fields import (
     stored,
     table,
 )
+from beamsim.inputs.drift import CorrectionSize
 from beamsim.system.structural import ModeTable, SnubberNumbers
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -242,6 +243,7 @@ _SUMMARY = (
     Entry("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
              "integral of |power in|", "energy balance error"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
+    *CorrectionSize.ENTRIES,
     Entry("random", "", "of a random or sampled input, by signal: rms, crest factor, kurtosis and more"),
 )  # fmt: skip
 

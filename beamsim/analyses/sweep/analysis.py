@@ -82,6 +82,9 @@ def sweep(
         logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
         work = _sum([computed[index].work for index in sorted(computed)])
         truncation = max((level.truncation for level in computed.values()), default=0.0)
+        sizes = [level.base_correction for level in computed.values() if level.base_correction is not None]
+        correction = max(sizes, key=lambda size: size.share, default=None)
+        corrected = [] if correction is None else correction.warnings()
         outcome = combined(level.outcome for level in computed.values())
         if len(computed) < len(levels):
             outcome = Outcome.of(
@@ -99,9 +102,9 @@ def sweep(
             levels=dict(computed),
             histories=dict(histories),
             truncation=truncation,
-            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario)),
+            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario), *corrected),
             wall_time_s=clock.perf_counter() - begin,
-        ).with_summary(**_summary(scenario, curves))
+        ).with_summary(**_summary(scenario, curves), **({} if correction is None else correction.summary()))
 
     for index, level in enumerate(levels):
         if resume is not None and index in resume.levels and resume.levels[index].outcome.complete:

@@ -25,6 +25,7 @@ from beamsim.fields import (
     stored,
     table,
 )
+from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -206,6 +207,7 @@ class LevelWork:
         "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"
     )
     work: SweepWork = group("")
+    base_correction: CorrectionSize | None = group("base_correction", default=None)  # of a base that is swept
 
 
 def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
@@ -220,6 +222,7 @@ _SUMMARY = (
     Entry("cycles", of="work.cycles"),
     Entry("events", of="work.events"),
     Entry("truncation", of="truncation"),
+    *CorrectionSize.ENTRIES,
     Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement",
              "peak displacement"),
     Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration",

@@ -11,8 +11,10 @@ from beamsim.analyses.sweep.result import LevelWork, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.swept_sine import CycleRecord, SweptFlow, sweep
 from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
+from beamsim.inputs.drift import CorrectionSize, jumps
+from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
-from beamsim.inputs.swept import Leg, SweepWindows, cut_into_windows
+from beamsim.inputs.swept import SweepWindows, cut_into_windows
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.structural import StructuralSystem
@@ -54,7 +56,8 @@ def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
     sine = windows.coefficient
     if system.base_acceleration is None:
         return SweptFlow(system.dynamics, system.forcing.load, sine[None], windows)
-    displacement = windows.integrated(2)
+    displacement = windows.displacement
+    assert displacement is not None
     channels = [sine if signal is system.base_acceleration else displacement for signal in system.forcing.signal]
     ground = system.forcing.base_displacement is not None
     if ground:
@@ -76,7 +79,9 @@ def sweep_level(
     legs = legs_of(settings)
     profile = profile_of(settings, excitation, level)
     lead = 0.0 if settings.profile else phase_of_acceleration(excitation.quantity or "acceleration", level)
-    windows = cut_into_windows(legs, profile, phase=excitation.phase + lead, tolerance=settings.tolerance)
+    phase = excitation.phase + lead
+    corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
+    windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     flow = swept_flow(system, windows)
     outputs = SweepOutputs(system, settings.accelerations, limited)
     output_of = outputs.rows(flow.template)
@@ -93,7 +98,8 @@ def sweep_level(
         record.reached, record.events, record.segments, record.evaluations, len(flow.bare.states),
         record.processor_time_s,
     )  # fmt: skip
-    return LevelRun(curves, LevelWork(float(level), record.outcome, windows.truncation, work), history)
+    correction = None if corrections is None else CorrectionSize.of(corrections)
+    return LevelRun(curves, LevelWork(float(level), record.outcome, windows.truncation, work, correction), history)
 
 
 def _curves(

@@ -1,0 +1,222 @@
+"""Base motion of a swept sine without drift.
+
+An acceleration :math:`\\mathrm{Re}[\\alpha e^{i\\varphi}]` whose frequency changes leaves two constants in its double
+integral. On a smooth stretch of the sweep (one direction, one power of the frequency) they are fixed by integrating
+from that side on which the frequency grows without bound, along a path in the complex plane on which the exponential
+decays. With :math:`p = \\dot f / (2\\pi f^2)` and the amplitude :math:`\\alpha \\propto f^s`,
+
+.. math:: v = \\mathrm{Re}\\Big[\\frac{\\alpha}{i\\omega} K_v e^{i\\varphi}\\Big], \\qquad
+          d = \\mathrm{Re}\\Big[\\frac{\\alpha}{(i\\omega)^2} K_d e^{i\\varphi}\\Big],
+
+.. math:: K_v = \\int_0^\\infty g(y)\\, e^{-y} dy, \\qquad K_d = \\int_0^\\infty h(y)\\, g(y)\\, e^{-y} dy
+
+with :math:`g = (1 + ipy)^s e^{-ipy^2/2}`, :math:`h = y` for a linear sweep and :math:`g = (1 + ipy)^{s-1}`,
+:math:`h = \\log(1 + ipy) / (ip)` for a logarithmic one. Both factors tend to 1 in slow sweeps.
+
+Where two stretches meet, at a corner or step of the profile or at a turn, v and d jump by :math:`J_v` and
+:math:`J_d`. The jumps are impulses :math:`J_v \\delta + J_d \\delta'` of the acceleration; they are replaced by
+:math:`J_v w + J_d w'`, where w is a smooth pulse of unit area a few cycles long. Outside the pulse the motion is not
+changed, and everywhere d, v and the acceleration that is applied are derivatives of one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from beamsim.fields import Entry, attribute, declared
+from beamsim.inputs.legs import Leg
+from beamsim.inputs.profiles import Profile
+from beamsim.typing import Complexes, Floats, Ints
+
+SLOW = 0.01  # change of frequency per radian up to which the Gauss-Laguerre rule is exact to round-off
+LAGUERRE_NODES = 12
+STEP = 0.05  # of the double-exponential rule
+SAME_TURNS = 1e-9  # cycles that are not told apart
+SAMPLES = 201  # of a pulse, to find its largest value
+WORTH_SAYING = 0.01  # share of the level
+HALF_WIDTH = 2.0  # of a correction, in cycles
+
+_PULSE = 35 / 32 * Polynomial([1.0, 0.0, -1.0]) ** 3  # unit area on [-1, 1]
+_RISE = _PULSE.integ(lbnd=-1)
+_RAMP = _RISE.integ(lbnd=-1)
+
+
+def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
+    """Factors (K_v, K_d) of the velocity and the displacement without drift, at frequencies (F,) of a leg.
+
+    Accurate to about 1e-14. In slow sweeps by Gauss-Laguerre quadrature, which is exact for the first terms of the
+    asymptotic series; else by double-exponential quadrature (H. Takahasi and M. Mori, 1974) on a path turned by 45
+    degrees, on which the integrands neither oscillate fast nor come near their branch points.
+    """
+    change = leg.change_per_radian(frequency_hz)
+    velocity, displacement = np.empty(change.shape, dtype=complex), np.empty(change.shape, dtype=complex)
+    slow = np.abs(change) <= SLOW
+    for part, rule in ((slow, _laguerre), (~slow, _double_exponential)):
+        if part.any():
+            p = np.abs(change[part])
+            velocity[part], displacement[part] = _integrals(p, power, leg.logarithmic, *rule(p, leg.logarithmic))
+    falling = change < 0
+    return np.where(falling, velocity.conj(), velocity), np.where(falling, displacement.conj(), displacement)
+
+
+def _laguerre(p: Floats, logarithmic: bool) -> tuple[Complexes, Complexes, Floats]:
+    node, weight = np.polynomial.laguerre.laggauss(LAGUERRE_NODES)
+    return node.astype(complex), (weight * np.exp(node)).astype(complex), np.ones(p.shape)
+
+
+def _double_exponential(p: Floats, logarithmic: bool) -> tuple[Complexes, Complexes, Floats]:
+    x = np.arange(-5.5, 5.0, STEP)
+    turn = np.exp(-0.25j * np.pi)
+    node = np.exp(x - np.exp(-x)) * turn
+    # the integrand of a linear sweep decays as exp(-p |y|^2 / 2) where that is faster
+    return node, node * (1 + np.exp(-x)) * STEP, np.ones(p.shape) if logarithmic else 1 / (1 + np.sqrt(p))
+
+
+def _integrals(
+    p: Floats, power: float, logarithmic: bool, node: Complexes, weight: Complexes, scale: Floats
+) -> tuple[Complexes, Complexes]:
+    """K_v and K_d by a rule whose nodes are stretched by ``scale``."""
+    velocity, displacement = np.zeros(p.shape, dtype=complex), np.zeros(p.shape, dtype=complex)
+    for x, w in zip(node, weight, strict=True):
+        y = scale * x
+        z = 1j * p * y
+        growth = 0.5 * np.log1p(2 * z.real + np.abs(z) ** 2) + 1j * np.arctan2(z.imag, 1 + z.real)  # log(1 + z)
+        if logarithmic:
+            value, arm = scale * w * np.exp((power - 1) * growth - y), growth / (1j * p)
+        else:
+            value, arm = scale * w * np.exp(power * growth - y - 0.5 * z * y), y
+        velocity += value
+        displacement += value * arm
+    return velocity, displacement
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The pulse that takes up a jump of the motion without drift."""
+
+    time: float  # s, of the jump
+    half_width: float  # s
+    velocity: float  # m/s, J_v
+    displacement: float  # m, J_d
+    level: float  # m/s^2, the larger of the levels at the jump
+
+    def displacement_about(self, time: Floats) -> Floats:
+        """(T, 9) coefficients, in powers of the time since each of some times, of what is added to the displacement.
+
+        Before the jump the pulse's own double integral; after it less what the jump itself has added.
+        """
+        x = (time - self.time) / self.half_width
+        out = np.zeros((x.size, _RAMP.degree() + 1))
+        inside = np.abs(x) < 1.0
+        x = x[inside]
+        total = self.velocity * self.half_width * _RAMP + self.displacement * _RISE
+        factor = 1.0
+        for k in range(out.shape[1]):
+            out[inside, k] = (total if k == 0 else total.deriv(k))(x) * factor
+            factor /= (k + 1) * self.half_width
+        after = x > 0
+        rows = np.flatnonzero(inside)[after]
+        out[rows, 0] -= self.velocity * self.half_width * x[after] + self.displacement
+        out[rows, 1] -= self.velocity
+        return out
+
+    def acceleration(self, time: Floats) -> Floats:
+        """The pulse at times (T,), m/s^2."""
+        x = (time - self.time) / self.half_width
+        pulse = self.velocity / self.half_width * _PULSE(x) + self.displacement / self.half_width**2 * _PULSE.deriv()(x)
+        return np.where(np.abs(x) < 1.0, pulse, 0.0)
+
+
+@declared
+class CorrectionSize:
+    """How large the largest of some corrections is."""
+
+    ENTRIES: ClassVar[tuple[Entry, ...]] = (  # of a summary
+        Entry("base_correction_m_s2", "m/s^2", "largest correction that keeps the motion of a swept base continuous"),
+        Entry("base_correction_share", "1", "that correction over the level of the sweep there", "base correction"),
+    )
+    acceleration: float = attribute("m/s^2", "largest correction of the base's acceleration")
+    share: float = attribute("1", "that correction over the level of the sweep there")
+    time: float = attribute("s", "when that is")
+
+    @classmethod
+    def of(cls, corrections: Sequence[Correction]) -> CorrectionSize:
+        """The size of the correction that is largest in relation to the level; overlapping ones add up."""
+        largest = cls(0.0, 0.0, 0.0)
+        for correction in corrections:
+            near = correction.time + correction.half_width * np.linspace(-1.0, 1.0, SAMPLES)
+            total = np.abs(np.sum([c.acceleration(near) for c in corrections], axis=0))
+            k = int(total.argmax())
+            if total[k] > largest.share * correction.level:
+                largest = cls(float(total[k]), float(total[k]) / correction.level, float(near[k]))
+        return largest
+
+    def summary(self) -> dict[str, float]:
+        """Its entries in the summary of a run or a sweep."""
+        return {"base_correction_m_s2": self.acceleration, "base_correction_share": self.share}
+
+    def warnings(self) -> list[str]:
+        """What to say about it: nothing where it is small."""
+        if self.share <= WORTH_SAYING:
+            return []
+        return [
+            f"the base's acceleration is corrected by up to {self.acceleration:.3g} m/s^2 ({self.share:.1%} of the "
+            f"level) near {self.time:.4g} s, where its velocity would jump otherwise: let the level change gradually "
+            "(between: log_log), or sweep more slowly"
+        ]
+
+
+def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correction, ...]:
+    """The corrections of a sweep: at the profile's corners and steps, and at turns."""
+    corrections = []
+    turns, time = 0.0, 0.0
+    before: tuple[Leg, int] | None = None  # leg and piece of the profile
+    for leg in legs:
+        begins, pieces = leg_pieces(leg, profile, turns % 1.0)
+        for begin, piece in zip(begins, pieces, strict=True):
+            if before is not None:
+                frequency = float(leg.frequency(begin))
+                angle = phase + 2 * np.pi * (turns % 1.0 + begin % 1.0)
+                start = time + float(leg.time_at(begin))
+                corrections.append(_correction(before, (leg, piece), frequency, profile, start, angle))
+            before = (leg, piece)
+        turns += leg.cycles
+        time += leg.duration
+    return tuple(corrections)
+
+
+def leg_pieces(leg: Leg, profile: Profile, fraction: float) -> tuple[Floats, Ints]:
+    """Turns since the start of a leg at which each piece of the profile begins, and the numbers of the pieces.
+
+    An edge that lies on the end of a cycle to within round-off is moved there; ``fraction`` is the part of a cycle that
+    is over at the start of the leg.
+    """
+    low, high = sorted((leg.first_hz, leg.last_hz))
+    turns = np.sort(leg.turns(profile.edge[(profile.edge > low) & (profile.edge < high)]))
+    whole = np.round(turns + fraction) - fraction
+    turns = np.where(np.abs(turns - whole) < SAME_TURNS, whole, turns)
+    turns = turns[(turns > SAME_TURNS) & (turns < leg.cycles - SAME_TURNS)]
+    bounds = np.concatenate([[0.0], turns, [leg.cycles]])
+    return bounds[:-1], profile.piece(leg.frequency(0.5 * (bounds[1:] + bounds[:-1])))
+
+
+def _correction(
+    before: tuple[Leg, int], after: tuple[Leg, int], frequency_hz: float, profile: Profile, time: float, angle: float
+) -> Correction:
+    omega = 2 * np.pi * frequency_hz
+    levels, velocities, displacements = [], [], []
+    for leg, piece in (before, after):
+        level = float(profile.amplitude[piece] * (frequency_hz / profile.edge[piece]) ** profile.power[piece])
+        K_v, K_d = drift_free(leg, float(profile.power[piece]), np.array([frequency_hz]))
+        alpha = -1j * level * np.exp(1j * angle)  # Re[-i e^{i phi}] = sin phi
+        levels.append(level)
+        velocities.append(float((alpha / (1j * omega) * K_v[0]).real))
+        displacements.append(float((-alpha / omega**2 * K_d[0]).real))
+    return Correction(
+        time, HALF_WIDTH / frequency_hz, velocities[1] - velocities[0], displacements[1] - displacements[0], max(levels)
+    )

@@ -1,0 +1,165 @@
+"""The base under a swept sine: displacement, velocity and acceleration belong together, without drift."""
+
+import numpy as np
+import pytest
+from scipy.special import exp1, wofz
+
+import beamsim
+from beamsim.inputs.drift import CorrectionSize, drift_free, jumps
+from beamsim.inputs.legs import Leg
+from beamsim.inputs.profiles import Profile
+from beamsim.inputs.swept import cut_into_windows
+from beamsim.scenario import load_scenario
+
+FLAT = Profile.constant(9.8)
+HELD = Profile.held([(5, 0.004, "displacement"), (11.3, 2.0, "acceleration"), (63, 0.02, "velocity")])
+PROFILES = {
+    "one level": FLAT,
+    "notch in one level": FLAT.notched(17.0, 23.0, 2.0, "acceleration"),
+    "table": HELD,
+    "table and notch": HELD.notched(17.0, 30.0, 0.4, "acceleration"),
+    "log-log": Profile.interpolated([(5, 1.0, "acceleration"), (12, 9.0, "acceleration"), (60, 2.0, "acceleration")]),
+}
+SWEEPS = {
+    f"{rate} Hz/s, {name}": legs
+    for rate in (100, 20, 5)
+    for name, legs in {
+        "up": [Leg(5, 100, rate, False)],
+        "down": [Leg(100, 5, rate, False)],
+        "both": [Leg(5, 100, rate, False), Leg(100, 5, rate, False)],
+    }.items()
+} | {"2 oct/min, both": [Leg(5, 100, np.log(2) / 30, True), Leg(100, 5, np.log(2) / 30, True)]}
+
+
+def sine(legs, profile, phase, t):
+    """The acceleration without corrections, from the law of the sweep."""
+    out, before, turns = np.zeros(t.shape), 0.0, 0.0
+    for leg in legs:
+        x, r, f = t - before, leg.signed_rate, leg.first_hz
+        now = f * np.exp(r * x) if leg.logarithmic else f + r * x
+        cycles = f * np.expm1(r * x) / r if leg.logarithmic else f * x + 0.5 * r * x**2
+        inside = (x >= 0) & (x <= leg.duration)
+        out[inside] = (profile(now) * np.sin(2 * np.pi * (turns + cycles) + phase))[inside]
+        before, turns = before + leg.duration, turns + leg.cycles
+    return out
+
+
+def values(windows, coefficient, sigma):
+    """Values (W, ...) at times ``sigma`` from the middle of each window."""
+    power = np.arange(coefficient.shape[1])
+    polynomial = np.einsum("wp,wkp->wk", coefficient, sigma[:, :, None] ** power)
+    return (polynomial * np.exp(1j * windows.omega[:, None] * sigma)).real
+
+
+@pytest.mark.parametrize("sweep", SWEEPS)
+@pytest.mark.parametrize("kind", PROFILES)
+def test_displacement_velocity_and_acceleration_belong_together(kind, sweep):
+    legs, profile = SWEEPS[sweep], PROFILES[kind]
+    corrections = jumps(legs, profile, 0.3)
+    windows = cut_into_windows(legs, profile, phase=0.3, corrections=corrections)
+    omega, half = windows.omega, 0.5 * windows.length[:, None]
+    level = profile(omega / (2 * np.pi))
+    larger = np.maximum(level[1:], level[:-1])
+    node, weight = np.polynomial.legendre.leggauss(24)
+    motion = (windows.displacement, windows.velocity, windows.coefficient)
+    for power, integral, integrand in ((2, *motion[:2]), (1, *motion[1:])):
+        start, end = values(windows, integral, half * [-1.0, 1.0]).T
+        assert np.all(np.abs(start[1:] - end[:-1]) <= 1e-10 * larger / omega[1:] ** power)
+        growth = half[:, 0] * (values(windows, integrand, half * node) @ weight)
+        assert np.all(np.abs(end - start - growth) <= 1e-11 * level / omega**power)
+
+    # what is applied is the specified sine and the corrections: short smooth pulses, small beside the level
+    time = (windows.start + half[:, 0])[:, None] + half * node
+    pulses = sum((c.acceleration(time) for c in corrections), np.zeros(time.shape))
+    specified = sine(legs, profile, 0.3, time)
+    assert np.abs(values(windows, windows.coefficient, half * node) - specified - pulses).max() <= 1e-9 * level.max()
+    assert all(CorrectionSize.of([correction]).share < 0.09 for correction in corrections)
+    share = CorrectionSize.of(corrections).share
+    assert np.abs(pulses).max() <= 1.001 * share * max((c.level for c in corrections), default=0.0)
+
+
+@pytest.mark.parametrize("sweep", SWEEPS)
+def test_no_drift(sweep):
+    """From start to end the displacement has the size that belongs to the frequency; it is symmetrical about zero."""
+    legs = SWEEPS[sweep]
+    windows = cut_into_windows(legs, FLAT, corrections=jumps(legs, FLAT, 0.0))
+    within = 0.5 * windows.length[:, None] * np.linspace(-1, 1, 41)
+    time = windows.start[:, None] + 0.5 * windows.length[:, None] + within
+    displacement, frequency = values(windows, windows.displacement, within), windows.frequency_at(time)
+    assert np.all(np.abs(displacement) <= 1.01 * 9.8 / (2 * np.pi * frequency) ** 2)
+    fast = frequency > 60.0
+    scaled = displacement[fast] * (2 * np.pi * frequency[fast]) ** 2 / 9.8
+    assert scaled.max() == pytest.approx(1.0, abs=0.01)
+    assert scaled.min() == pytest.approx(-1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("change", [1e-7, 1e-3, 0.00999, 0.0101, 0.3, 5.0, 2e3])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_factors_of_a_constant_level_in_closed_form(change, sign):
+    """Error functions for a linear sweep, exponential integrals for a logarithmic one."""
+    f = 10.0
+    last = f + sign
+    linear = Leg(f, last, change * 2 * np.pi * f**2, False)
+    a = 0.5j * change * sign
+    root = np.sqrt(a)
+    velocity = 0.5 * np.sqrt(np.pi) / root * wofz(0.5j / root)
+    if change > 1e-2:  # the closed form of the second cancels in slow sweeps
+        np.testing.assert_allclose(drift_free(linear, 0.0, np.array([f]))[1], (1 - velocity) / (2 * a), rtol=1e-11)
+    np.testing.assert_allclose(drift_free(linear, 0.0, np.array([f]))[0], velocity, rtol=1e-12)
+    logarithmic = Leg(f, last, change * 2 * np.pi * f, True)
+    if change > 2e-3:  # the exponential overflows
+        z = 1 / (1j * change * sign)
+        np.testing.assert_allclose(drift_free(logarithmic, 0.0, np.array([f]))[0], z * np.exp(z) * exp1(z), rtol=1e-11)
+    for leg in (linear, logarithmic):  # constant velocity
+        np.testing.assert_allclose(drift_free(leg, 1.0, np.array([f]))[0], 1.0, rtol=1e-13)
+
+
+@pytest.mark.parametrize("power", [-3.0, 0.0, 0.7, 2.0, 4.0])
+@pytest.mark.parametrize("leg", [Leg(10, 11, 40.0, False), Leg(10, 11, 3000.0, False), Leg(11, 10, 2.0, True)])
+def test_factors_are_those_of_derivatives(leg, power):
+    """d/dt of alpha / (i omega)^2 K_d e^{i phi} is alpha / (i omega) K_v e^{i phi}, and its derivative is the sine."""
+    h = 1e-3 / leg.first_hz / (1 + np.abs(leg.change_per_radian(np.array(10.5))))
+    t = 0.3 * leg.duration + h * np.arange(-3, 4)
+    f = leg.frequency_after(np.array(leg.first_hz), t)
+    K_v, K_d = drift_free(leg, power, f)
+    sine = f**power * np.exp(2j * np.pi * leg.turns_after(np.array(leg.first_hz), t))
+    nu = 2j * np.pi * f
+    slope = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * h)
+    velocity, displacement = sine / nu * K_v, sine / nu**2 * K_d
+    assert abs(slope @ displacement - velocity[3]) < 1e-9 * abs(velocity[3])
+    assert abs(slope @ velocity - sine[3]) < 1e-9 * abs(sine[3])
+
+
+def scenario(duration=0.9, **changes):
+    return load_scenario({
+        "chain": {
+            "masses": [1, 0.5], "springs": ["20 kN/m", "9 kN/m"], "dashpots": [2, 2],
+            "snubbers": [{"name": "stop", "mass": 2, "side": "above", "stiffness": "30 kN/m", "gap": "2 mm",
+                          "mounted_on": "ground"}],
+        },
+        "excitation": {"kind": "swept_sine", "applied_to": "base", "from": "5 Hz", "to": "100 Hz", **changes},
+        "run": {"duration": duration, "sample_rate": "20 kHz", "start": "rest"},
+    })  # fmt: skip
+
+
+NOTCH = {"notches": [{"from": "17 Hz", "to": "30 Hz", "level": "0.4 g"}]}
+
+
+@pytest.mark.parametrize("rate", ["100 Hz/s", "20 Hz/s"])
+@pytest.mark.parametrize("more", [{}, NOTCH, {"from": "100 Hz", "to": "5 Hz", **NOTCH}], ids=["up", "notch", "down"])
+def test_energy_is_balanced_in_fast_sweeps(rate, more):
+    result = beamsim.run(scenario(level="2 g", rate=rate, **more))
+    assert result.complete
+    assert result.summary["energy_error"] < 1e-8
+    if "100" in rate:
+        assert result.summary["events"] > 0
+    share = result.summary["base_correction_share"]
+    assert (share > 0.01) == any("base's acceleration is corrected" in text for text in result.warnings)
+    assert (share > 0.01) == bool(more)
+
+
+def test_the_end_of_a_run_does_not_change_its_input():
+    """A correction that begins before a run ends is there although its corner comes later."""
+    excitation = {"level": "2 g", "rate": "100 Hz/s", **NOTCH}
+    short, long = (beamsim.run(scenario(duration, **excitation)).base_acceleration for duration in (0.118, 0.9))
+    np.testing.assert_allclose(short, long[: short.size], atol=1e-9 * np.abs(long).max())
