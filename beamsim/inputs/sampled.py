@@ -53,15 +53,15 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
         even = np.arange(int(np.floor(time[-1] * excitation.resample)) + 1) / excitation.resample
         samples = np.asarray(CubicSpline(time, samples)(even))
         time = even
-    if duration is not None:
-        keep = int(np.searchsorted(time, duration, side="left")) + 3
-        time, samples = time[:keep], samples[:keep]
-    if time.size > MOST_SAMPLES:
+    # the whole record is interpolated: the input must not depend on where the run ends
+    pieces = time.size if duration is None else int(np.searchsorted(time, duration, side="left")) + 1
+    if pieces > MOST_SAMPLES:
         _reject(
-            f"has {time.size:.3g} samples for this run (at most {MOST_SAMPLES:.0e})",
+            f"has {pieces:.3g} samples for this run (at most {MOST_SAMPLES:.0e})",
             "shorten the run, or set excitation.resample to a lower rate",
         )
-    return interpolate(time, samples * excitation.factor_to_si, excitation.interpolation)
+    signal = interpolate(time, samples * excitation.factor_to_si, excitation.interpolation)
+    return Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces])
 
 
 def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:

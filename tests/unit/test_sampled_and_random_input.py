@@ -170,6 +170,19 @@ def test_interpolation_passes_through_the_samples_and_stops_at_the_last():
     assert interpolate(t, x, "linear")(0.5) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+def test_the_input_does_not_depend_on_the_duration(tmp_path, record, interpolation):
+    """The record is interpolated before it is cut, so that its last milliseconds are those of a longer run."""
+    t, a = record
+    file = tmp_path / "a.csv"
+    np.savetxt(file, np.stack([t, a], axis=1)[::25], delimiter=",")
+    excitation = sampled(file, interpolation=interpolation)
+    short, long = (broadband_signals(excitation, duration) for duration in (1.0, 2.0))
+    x = np.linspace(0.0, 1.0, 2001)
+    for one, other in zip(short, long, strict=True):
+        np.testing.assert_allclose(one(x), other(x), atol=1e-14 * np.abs(other(x)).max())
+
+
 def test_displacement_input_has_its_second_derivative_as_acceleration(tmp_path, record):
     t, a = record
     file = tmp_path / "d.csv"
