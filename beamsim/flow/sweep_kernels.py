@@ -79,7 +79,7 @@ class Cycles(NamedTuple):
     high: Any  # (C, K)
     low: Any  # (C, K)
     square: Any  # (C, K) integral of the square
-    harmonic: Any  # (C, K, R) integral of output * exp(-i order phase) d phase
+    harmonic: Any  # (C, K, R) integral of output * exp(-i order phase) d phase; of order 0, over time
     closed_time: Any  # (C, m)
     closings: Any  # (C, m)
     scale: Any  # (K,) range of the outputs lately
@@ -563,7 +563,8 @@ def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type: ignore[no-untyped-def]
-    """Integral over the phase of ``output * exp(-i order phase)``, a tracking filter in closed form."""
+    """Integral over the phase of ``output * exp(-i order phase)``, a tracking filter in closed form; for order 0 the
+    integral of the output over time."""
     moment, projector, phase = work.moment, work.projector, work.phase
     D = windows.deviation.shape[1] - 1
     sigma = x - 0.5 * windows.length[k]
@@ -577,6 +578,9 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
                 total += q * windows.deviation[k, q] * phase[p - q]
             phase[p] = total * complex(0.0, -order) / p
         for p in range(D + 1):
+            if order == 0.0:  # the mean, over time like the mean square
+                projector[p] = phase[p]
+                continue
             total = omega * phase[p]
             for q in range(p + 1):
                 if q < D:

@@ -209,9 +209,10 @@ class CycleMarch:
         windows = self.flow.windows
         return windows.duration if motion.piece >= windows.count else float(windows.start[motion.piece] + motion.time)
 
-    def harmonic(self) -> Complexes:
-        """(C, K, R) amplitude of cos(order phase) minus i times that of sin, over one cycle."""
-        return np.asarray(self.cycles.harmonic / np.where(self.order == 0, 2 * np.pi, np.pi))
+    def harmonic(self, duration: Floats) -> Complexes:
+        """(C, K, R) amplitude of cos(order phase) minus i times that of sin, over one cycle of given duration (C,);
+        for order 0 the mean over its time."""
+        return np.asarray(self.cycles.harmonic / np.where(self.order == 0, duration[:, None, None], np.pi))
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,7 @@ class CycleRecord:
     high: Floats  # (C, K)
     low: Floats  # (C, K)
     mean_square: Floats  # (C, K), over the cycle's time
-    harmonic: Complexes  # (C, K, R) amplitude of cos(order phase) minus i times that of sin, over one cycle
+    harmonic: Complexes  # (C, K, R) see `CycleMarch.harmonic`
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
     final_y: Floats
@@ -251,7 +252,7 @@ class CycleRecord:
     def tracked(self, order: float) -> Complexes:
         """(C, K) complex amplitude of an order: the projection over the fewest whole cycles it repeats in.
 
-        An order p/q repeats after q cycles: the last q cycles up to each one are used (nan before there are so many).
+        An order p/q repeats after q cycles: row c covers the cycles c - q + 1 to c, the rows before q - 1 are nan.
         """
         from fractions import Fraction
 
@@ -297,14 +298,14 @@ def sweep(
         progress=None if progress is None else lambda _: progress(motion.piece / windows.count),
     )  # fmt: skip
     cycles, finished = march.cycles, motion.piece >= windows.count
-    duration = np.bincount(windows.cycle, weights=windows.length, minlength=windows.cycles)
+    duration = np.bincount(windows.cycle, weights=windows.length, minlength=windows.cycles).astype(float)
     return CycleRecord(
         flow=flow,
         order=march.order,
         high=cycles.high,
         low=cycles.low,
         mean_square=cycles.square / duration[:, None],
-        harmonic=march.harmonic(),
+        harmonic=march.harmonic(duration),
         contact_share=cycles.closed_time / duration[:, None],
         closings=cycles.closings,
         final_y=y,

@@ -50,8 +50,14 @@ def make_profile(
     return profile
 
 
-def phase_of_acceleration(quantity: str, level: float) -> float:
-    """Phase by which the acceleration leads the prescribed quantity (a sine), rad."""
+def phase_of_acceleration(quantity: str, level: float, points: Sequence[ProfilePoint] = ()) -> float:
+    """Phase by which the acceleration leads the prescribed quantity (a sine), rad.
+
+    With a table of levels that is the quantity of its first point: a displacement is X sin(phase) however it is given,
+    and the phase of the acceleration runs on through the table.
+    """
+    if points:
+        quantity = points[0].quantity or "acceleration"
     lead = {"displacement": np.pi, "velocity": 0.5 * np.pi}.get(quantity, 0.0)
     return float(lead + (np.pi if level < 0 else 0.0))
 
@@ -97,8 +103,7 @@ def sweep_windows(
     quantity = excitation.quantity or "acceleration"
     level = 1.0 if excitation.level is None else excitation.level
     profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
-    lead = phase_of_acceleration(quantity, level) if excitation.level is not None else 0.0
-    phase = excitation.phase + lead
+    phase = excitation.phase + phase_of_acceleration(quantity, level, excitation.profile)
     leg = make_leg(excitation.from_, excitation.to, excitation.rate)
     corrections = jumps([leg], profile, phase) if excitation.on_base else None  # whatever part of the sweep is run
     if duration is not None:

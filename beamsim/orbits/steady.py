@@ -76,10 +76,10 @@ class CycleStepper:
         if output_of is None:
             return states, None
         period, record = flow.windows.length[0], march.cycles
+        harmonic = march.harmonic(np.full(cycles, period))
         return states, MeasuredCycles(
-            record.high, record.low, record.square / period, march.harmonic(), record.closed_time / period,
-            record.closings,
-        )  # fmt: skip
+            record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings
+        )
 
     def _nothing(self, phases: Ints) -> LinearOutput:
         return self.flow.template.empty_output(0)

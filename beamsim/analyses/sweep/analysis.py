@@ -180,9 +180,7 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         "peak_acceleration_m_s2": largest("acceleration"),
         "peak_force_n": largest("force"),
         "contact_share": {
-            curve.name: {
-                key: float(np.mean(share)) if share.size else 0.0 for key, share in curve.contact_share.items()
-            }
+            curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
             for curve in curves.values()
         },
         "margins": _margins(scenario, curves),

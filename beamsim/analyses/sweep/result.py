@@ -44,12 +44,18 @@ class Envelope:
     maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle", along=_FREQUENCY, name="max_{quantity}")
     minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle", along=_FREQUENCY, name="min_{quantity}")
     rms: Floats = dataset(  # mean included
-        "{unit}", "root mean square of the {quantity:words} over a cycle", along=_FREQUENCY, name="rms_{quantity}"
+        "{unit}",
+        "root mean square of the {quantity:words} over the time of a cycle",
+        along=_FREQUENCY,
+        name="rms_{quantity}",
     )
-    mean: Floats = dataset("{unit}", "mean {quantity:words} of a cycle", along=_FREQUENCY, name="mean_{quantity}")
+    mean: Floats = dataset(
+        "{unit}", "mean of the {quantity:words} over the time of a cycle", along=_FREQUENCY, name="mean_{quantity}"
+    )
     harmonics: Complexes = dataset(  # (R, C), zero to peak
-        "{unit}", "amplitude of cos(order x phase) in the {quantity:words}", along=("order", *_FREQUENCY),
-        name="harmonic_{quantity}", imaginary="minus the amplitude of sin(order x phase) in the {quantity:words}",
+        "{unit}", "amplitude of cos(order x phase) in the {quantity:words}; of order p/q over q cycles up to this one",
+        along=("order", *_FREQUENCY), name="harmonic_{quantity}",
+        imaginary="minus the amplitude of sin(order x phase) in the {quantity:words}",
     )  # fmt: skip
 
     @property
@@ -102,7 +108,7 @@ class SweepCurve:
         having="peak_absolute_acceleration",
     )
     force: dict[str, Envelope] = named("snubbers", given={"quantity": "force", "unit": "N"})
-    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact", along=_FREQUENCY)
+    contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact", along=_FREQUENCY)
     contacts: dict[str, Ints] = per_snubber("1", "number of closings", along=_FREQUENCY)
     steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
     # only computed for limits
@@ -118,6 +124,14 @@ class SweepCurve:
     def excitation_unit(self) -> str:
         """Unit of the excitation."""
         return "N" if self.quantity == "force" else "m/s^2"
+
+    @property
+    def weights(self) -> Floats:
+        """(C,) shares of the cycles in the time of a swept sine; of a stepped one all frequencies count the same."""
+        if self.steady is not None or self.time.size == 0:
+            return np.full(self.time.size, 1.0 / max(self.time.size, 1))
+        duration = np.diff(self.time, append=self.time[-1] + 1.0 / self.frequency_hz[-1])
+        return np.asarray(duration / duration.sum())
 
     @property
     def limited(self) -> dict[str, Floats]:
@@ -228,7 +242,8 @@ _SUMMARY = (
     Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration",
              "peak acceleration"),
     Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
-    Entry("contact_share", "1", "by curve, mean share of the time in contact of a snubber", "time in contact"),
+    Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
+             "the frequencies", "time in contact"),
     MARGINS,
     *MODES,
     PROCESSOR_TIME._replace(of="work.processor_time_s"),

@@ -78,8 +78,8 @@ def sweep_level(
     """Sweep at one level in all directions; each direction starts from the final motion of the previous one."""
     legs = legs_of(settings)
     profile = profile_of(settings, excitation, level)
-    lead = 0.0 if settings.profile else phase_of_acceleration(excitation.quantity or "acceleration", level)
-    phase = excitation.phase + lead
+    quantity = excitation.quantity or "acceleration"
+    phase = excitation.phase + phase_of_acceleration(quantity, level, settings.profile)
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     flow = swept_flow(system, windows)

@@ -1,0 +1,95 @@
+"""Conventions of a sweep's values: weights, signs of tables of levels, what a fractional order covers."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.scenario import load_scenario
+
+CHAIN = {
+    "chain": {
+        "masses": [1, 1], "springs": [400, 400, 400], "dashpots": [0.5, 0.5, 0.5],
+        "snubbers": [{"name": "stop", "mass": 2, "side": "below", "stiffness": 5000, "gap": "2 mm"}],
+    },
+    "probes": [{"name": "first", "mass": 1}],
+}  # fmt: skip
+SWEEP = {"kind": "swept_sine", "from": "1 Hz", "to": "4 Hz", "rate": "1 Hz/s"}
+
+
+def curve(excitation, **settings):
+    excitation = {"kind": "harmonic", "applied_to": "base", "frequency": "2 Hz", **excitation}
+    return sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": {**SWEEP, **settings}})).curves["up_0"]
+
+
+@pytest.mark.parametrize(("level", "opposite"), [("4 mm", "-4 mm"), ("5 cm/s", "-5 cm/s"), ("0.1 g", "-0.1 g")])
+def test_a_table_of_levels_has_the_sign_of_a_single_level(level, opposite):
+    """With a stop on one side the motion depends on the sign of the base's; a table of one point is that level."""
+    table = {"profile": [{"frequency": "1 Hz", "level": level}]}
+    single = curve({"level": level})
+    for quantity in ({}, {"quantity": "acceleration", "level": 1.0}):
+        given = curve({"level": level, **quantity}, **table, levels=[1.0])
+        np.testing.assert_allclose(given.displacement["first"].maximum, single.displacement["first"].maximum, rtol=1e-9)
+        assert given.contacts["stop"].sum() == single.contacts["stop"].sum() > 0
+    reversed_ = curve({"level": opposite})
+    factor = curve({"level": level}, **table, levels=[-1.0])
+    np.testing.assert_allclose(factor.displacement["first"].maximum, reversed_.displacement["first"].maximum, rtol=1e-9)
+    assert np.abs(reversed_.displacement["first"].maximum / single.displacement["first"].maximum - 1).max() > 0.1
+
+
+@pytest.mark.parametrize("level", ["4 mm", "5 cm/s"])
+def test_the_same_in_a_run(level):
+    common = {"kind": "swept_sine", "applied_to": "base", "from": "1 Hz", "to": "4 Hz", "rate": "1 Hz/s"}
+    motions = [
+        beamsim.run(load_scenario({
+            **CHAIN, "excitation": {**common, **given}, "run": {"duration": 3, "sample_rate": 500, "start": "rest"},
+        }))
+        for given in ({"level": level}, {"profile": [{"frequency": "1 Hz", "level": level}]})
+    ]  # fmt: skip
+    for name in ("base_displacement", "base_acceleration"):
+        one, other = (getattr(motion, name) for motion in motions)
+        np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(one).max())
+    if level == "4 mm":  # + X sin(phase), but for what the change of the frequency adds
+        t = motions[0].time
+        expected = 4e-3 * np.sin(2 * np.pi * (t + 0.5 * t**2))
+        assert np.abs(motions[0].base_displacement - expected).max() < 0.15 * 4e-3
+
+
+def test_mean_square_mean_and_contact_share_are_weighted_by_time():
+    rate = 20_000.0
+    excitation = {"kind": "harmonic", "applied_to": "base", "frequency": "2 Hz", "level": "0.1 g"}
+    settings = {**SWEEP, "history_rate": rate, "orders": [0.5, 1]}
+    result = sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": settings}))
+    values, history = result.curves["up_0"], result.histories[0]
+    ends = np.append(values.time, values.time[-1] + 1 / values.frequency_hz[-1])[:-1]
+    force, displacement = history.force["stop"], history.displacement["first"]
+    for cycle in range(ends.size - 1):
+        inside = (history.time >= ends[cycle]) & (history.time < ends[cycle + 1])
+        size = values.displacement["first"].rms[cycle]
+        assert values.displacement["first"].mean[cycle] == pytest.approx(displacement[inside].mean(), abs=2e-3 * size)
+        assert size == pytest.approx(np.sqrt(np.mean(displacement[inside] ** 2)), rel=2e-3)
+        assert values.contact_share["stop"][cycle] == pytest.approx(np.mean(force[inside] != 0), abs=2e-3)
+    whole = history.time < ends[-1]
+    share = result.summary["contact_share"]["up_0"]["stop"]
+    assert share == pytest.approx(np.mean(force[whole] != 0), abs=0.02)
+    assert share == pytest.approx(values.weights @ values.contact_share["stop"])
+    assert values.weights.sum() == pytest.approx(1.0)
+
+
+def test_order_one_half_covers_two_cycles_that_end_with_the_row():
+    rate = 20_000.0
+    excitation = {"kind": "harmonic", "applied_to": "base", "frequency": "2 Hz", "level": "0.1 g"}
+    settings = {**SWEEP, "history_rate": rate, "orders": [0.5, 1]}
+    result = sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": settings}))
+    values, history = result.curves["up_0"], result.histories[0]
+    half, whole = values.displacement["first"].harmonics
+    assert np.isnan(half[0])
+    assert np.all(np.isfinite(half[1:]))
+    assert np.all(np.isfinite(whole))
+    t = history.time
+    cycles = t + 0.5 * t**2  # at 1 Hz/s from 1 Hz on
+    for row in (1, 2, 5):
+        inside = (cycles >= row - 1) & (cycles < row + 1)
+        weight = 2 * np.pi * (1 + t[inside]) / rate / (2 * np.pi)
+        expected = np.sum(weight * history.displacement["first"][inside] * np.exp(-1j * np.pi * cycles[inside]))
+        assert half[row] == pytest.approx(expected, abs=2e-3 * abs(whole[row]))
