@@ -160,13 +160,12 @@ def _reduction(result: Result, error: float) -> str:
     return f"{kept}, estimated error {error:.2g}"
 
 
-def _base_correction(result: Result, share: float) -> str:
+def base_correction(result: Result, share: float) -> str:
     """How the acceleration of a swept base differs from the specified one, if it does."""
     return f"{si(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
 
 
 SHARED: Texts = {
-    "base_correction_share": _base_correction,
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_error": _reduction,

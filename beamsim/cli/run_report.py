@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.run.result import RunResult
-from beamsim.cli.report import SHARED, Texts, counted, percent, si
+from beamsim.cli.report import SHARED, Texts, base_correction, counted, percent, si
 
 LINES_SHOWN = 6
 
@@ -85,6 +85,7 @@ def _solver(result: RunResult, time: float) -> str:
 
 TEXTS: Texts = {
     **SHARED,
+    "base_correction_share": base_correction,
     "method": _method,
     "peak_displacement_m": _displacement,
     "contact_share": _contact,

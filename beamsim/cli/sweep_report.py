@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.report import SHARED, Row, Texts, percent, si
+from beamsim.cli.report import SHARED, Row, Texts, base_correction, percent, si
 
 PEAKS_SHOWN = 6
 
@@ -42,6 +42,7 @@ def _solver(result: SweepResult, time: float) -> str:
 
 TEXTS: Texts = {
     **SHARED,
+    "base_correction_share": base_correction,
     "peaks": _curves,
     "contact_share": _contact,
     "processor_time_s": _solver,
