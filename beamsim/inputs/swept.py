@@ -132,7 +132,7 @@ def cut_into_windows(
     for leg in legs:
         if leg.cycles > MOST_WINDOWS:
             raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
-        expansion = _Expansion(leg, profile, phase, corrections, turns_before, time_before, degree)
+        expansion = _LegExpansion(leg, profile, phase, corrections, turns_before, time_before, degree)
         parts.append(_windows(expansion, tolerance))
         turns_before += leg.cycles
         time_before += leg.duration
@@ -152,7 +152,7 @@ def cut_into_windows(
     )
 
 
-def _windows(expansion: _Expansion, tolerance: float) -> dict[str, NDArray[Any]]:
+def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[Any]]:
     """The windows of a leg, halved until the polynomials are exact to the tolerance."""
     cuts = expansion.cuts()
     chunks = [cuts[i : i + WINDOWS_AT_A_TIME + 1] for i in range(0, cuts.size - 1, WINDOWS_AT_A_TIME)]
@@ -174,7 +174,7 @@ def _windows(expansion: _Expansion, tolerance: float) -> dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
-class _Expansion:
+class _LegExpansion:
     """Power series of the sine of a leg on windows between given turns, with bounds on what is left out."""
 
     leg: Leg
