@@ -78,7 +78,7 @@ def run(
     from beamsim.cli.conclusion import Reporting, finish, prepared
     from beamsim.cli.progress import progress_bar
 
-    scenario, target = prepared(case, set_, output, check=check)
+    scenario, target = prepared("run", case, set_, output, check=check)
     reporting = Reporting(not no_plots, json, quiet, check)
     with progress_bar(f"simulating {case.name}", shown=reporting.progress) as progress:
         from beamsim.analyses.run.analysis import run as simulate

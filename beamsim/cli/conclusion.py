@@ -42,9 +42,9 @@ class Reporting:
 
 
 def prepared(
-    case: Path, overrides: Sequence[str] | None, output: Path | None, *, check: bool = False
+    command: str, case: Path, overrides: Sequence[str] | None, output: Path | None, *, check: bool = False
 ) -> tuple[Scenario, Path]:
-    """The scenario of a case and the path of its result file.
+    """The scenario of a case for a command, and the path of its result file.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def prepared(
     from beamsim.cli.output import output_file
     from beamsim.scenario import load_scenario
 
-    scenario = load_scenario(case, overrides or ())
+    scenario = load_scenario(case, overrides or (), command=command)
     if check and scenario.limits is None:
         raise ScenarioError(
             Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")

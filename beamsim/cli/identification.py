@@ -32,7 +32,7 @@ def identify_stiffness(
     from beamsim.cli.progress import progress_bar
     from beamsim.store.measurement import read_tests
 
-    scenario, target = prepared(case, set_, output)
+    scenario, target = prepared("identify-stiffness", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
     with progress_bar("identifying", shown=reporting.progress) as progress:
         from beamsim.analyses.identify.analysis import identify_stiffness as identify

@@ -43,7 +43,7 @@ def nnm(
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
 
-    scenario, target = prepared(case, set_, output)
+    scenario, target = prepared("nnm", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
     bar = progress_bar(f"following the mode of {case.name}", shown=reporting.progress)
     with interruptible() as interrupted, bar as progress, located(scenario):

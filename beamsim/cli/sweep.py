@@ -71,7 +71,7 @@ def sweep(
     """Sweep the frequency of the excitation, up and down, at several levels. Writes a result file and plots."""
     from beamsim.cli.conclusion import Reporting, prepared
 
-    scenario, target = prepared(case, set_, output, check=check)
+    scenario, target = prepared("sweep", case, set_, output, check=check)
     kind = _kind(scenario)
     given = {"--workers": workers, "--scheduler": scheduler, "--resume": resume, "--overlay": overlay}
     _refuse_others(kind, {**given, "--compare": compare_with})

@@ -12,7 +12,7 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import Path, counted, fail, known, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.names import named
+from beamsim.scenario.names import DEFAULT_NAMES, named
 from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 from beamsim.scenario.snubber import ChainSnubber
@@ -42,11 +42,9 @@ class Chain(Body):
 
     def settle(self) -> None:
         """Check the lengths of the lists; resolve dashpots and names."""
-        for name, prefix in (
-            ("snubbers", "snubber"), ("springs_to_ground", "ground_spring"), ("springs_between", "link_spring"),
-        ):  # fmt: skip
+        for name in DEFAULT_NAMES:
             if known(items := self.__dict__[name]):
-                self.resolve(name, named(items, prefix))
+                self.resolve(name, named(items, name))
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots)
         if springs not in (masses, masses + 1):
             raise fail(

@@ -16,8 +16,19 @@ from beamsim.scenario.messages import describe
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.tree import Node, from_python, located, parse, path_parts
 
+USED: dict[str, frozenset[str]] = {
+    "run": frozenset({"run", "limits"}),
+    "sweep": frozenset({"sweep", "limits"}),
+    "vary": frozenset({"vary", "sweep", "run", "limits"}),
+    "nnm": frozenset({"nnm"}),
+    "identify-stiffness": frozenset({"identify_stiffness"}),
+}
+"""Sections that each command uses, of those that not all of them use (``vary``: sweep with this section)."""
 
-def load_scenario(source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
+
+def load_scenario(
+    source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = (), *, command: str = ""
+) -> Scenario:
     """Read and check a scenario.
 
     Parameters
@@ -28,6 +39,8 @@ def load_scenario(source: str | FilePath | Mapping[str, Any] | Scenario, overrid
         ``["beam.thickness=4 mm", "snubbers[0].gap=0.1 mm"]``. An override acts like a file that extends this one:
         mappings merge, lists and a mapping whose ``kind`` changes are replaced whole, ``null`` (``None``) takes a
         key away, so that its default holds.
+    command : what the scenario is for, such as ``run`` or ``sweep``: then a section that it does not use is left out
+        with a warning if it is wrong. By default all sections are checked.
 
     Returns
     -------
@@ -42,7 +55,24 @@ def load_scenario(source: str | FilePath | Mapping[str, Any] | Scenario, overrid
     root, name = _read(source)
     if overrides:
         root = apply_overrides(root, overrides)
-    return _validated(root).with_source(name, root)
+    try:
+        return _validated(root).with_source(name, root)
+    except ScenarioError as error:
+        unused = _unused(root, command)
+        if not unused:
+            raise
+        kept = Node({key: item for key, item in root.value.items() if key not in unused}, root.file, root.line)
+        warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
+        return _validated(kept).with_source(name, kept, warnings)
+
+
+def _unused(root: Node, command: str) -> frozenset[str]:
+    """Sections of the scenario that a command does not use."""
+    if command not in USED or not isinstance(root.value, dict):
+        return frozenset()
+    vary = root.value.get("vary")
+    used = USED["vary" if command == "sweep" and vary is not None and vary.value is not None else command]
+    return (frozenset().union(*USED.values()) - used) & root.value.keys()
 
 
 def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[Node, str]:

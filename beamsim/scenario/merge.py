@@ -1,22 +1,31 @@
 """`extends` and overrides: merging of trees.
 
 Mappings are merged, all other values are replaced. A mapping whose ``kind`` changes is replaced completely, and so
-are mappings whose keys decide their meaning (``applied_to``, ``start``, ...). ``null`` removes an inherited value.
+are mappings whose keys decide their meaning (``applied_to``, ``start``, ...). A key that excludes inherited ones
+(``gap`` and ``preload``, ...) replaces them. ``null`` removes an inherited value.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path as FilePath
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import single_line
+from beamsim.scenario.base import Path, path_text, single_line, suggestion
+from beamsim.scenario.names import DEFAULT_NAMES
 from beamsim.scenario.tree import Node, from_python, parse
 
 Overrides = Mapping[str, object] | Sequence[str]
+
+ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = tuple(
+    tuple(frozenset(keys.split()) for keys in either.split("|"))
+    for either in ("continue_in | from to", "gap | preload", "section | width thickness", "periods | last",
+                   "modes | highest_frequency")
+)  # fmt: skip
+"""Keys of one mapping that exclude each other: those given replace those inherited."""
 
 REPLACED_WHOLE = frozenset({"applied_to", "at", "start", "released_force", "reduction"})
 """Mappings told apart by the keys they have; merging two of them would make neither."""
@@ -102,19 +111,30 @@ def merge(base: Node, over: Node, key: str = "") -> Node:
     merged = dict(base.value)
     for name, item in over.value.items():
         merged[name] = merge(merged[name], item, name) if name in merged else item
+    _drop_alternatives(merged, {name for name, item in over.value.items() if item.value is not None}, over.value.keys())
     return Node(merged, over.file, over.line)
 
 
-_KEY = re.compile(r"[A-Za-z_][\w-]*(?:\[\d+\])*(?:\.[A-Za-z_][\w-]*(?:\[\d+\])*)*")
-_PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+)\]")
-_EXAMPLE = "write for example beam.thickness=4 mm or snubbers[0].gap=0.1 mm"
+def _drop_alternatives(keys: dict[str, Node], given: Collection[str], kept: Collection[str]) -> None:
+    """Take the inherited alternatives of given keys out of a mapping, apart from those to keep."""
+    for either in ALTERNATIVES:
+        chosen = [names for names in either if names & set(given)]
+        for names in either if chosen else ():
+            for name in names - set(kept) if names not in chosen else ():
+                keys.pop(name, None)
+
+
+_KEY = re.compile(r"[A-Za-z_][\w-]*(?:\[(?:\d+|\*)\])*(?:\.[A-Za-z_][\w-]*(?:\[(?:\d+|\*)\])*)*")
+_PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]")
+_EXAMPLE = "write for example beam.thickness=4 mm, snubbers.tip.gap=0.1 mm or snubbers[0].gap=0.1 mm"
 
 
 def apply_overrides(root: Node, overrides: Overrides) -> Node:
     """Return the tree with values changed: ``{"beam.thickness": "4 mm"}`` or ``["beam.thickness=4 mm"]``.
 
-    Values in text are read as YAML. An override acts like a file that extends this one and says only that:
-    mappings merge, one whose kind changes is replaced whole, ``null`` takes a key away. Overrides of a
+    An item of a list is given by its index or name, ``snubbers.tip.gap``, all of them by ``[*]``. Values in text are
+    read as YAML. An override acts like a file that extends this one and says only that: mappings merge, one whose kind
+    changes is replaced whole, ``null`` takes a key away. Overrides of a
     ``kind`` come first, whatever their order, so that they don't undo the others.
 
     Raises
@@ -135,9 +155,12 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
             ready.append((str(key).strip(), from_python(given)) if isinstance(overrides, Mapping) else _split(str(key)))
         except ScenarioError as error:
             problems += error.problems
+    written: set[Path] = set()
     for path, value in sorted(ready, key=lambda item: not item[0].endswith(".kind")):
         try:
-            _set(root, path, value)
+            for parts in _places(root, path):
+                written.add(parts)
+                _set(root, path, parts, value.copy(), written)
         except ScenarioError as error:
             problems += error.problems
     if problems:
@@ -161,10 +184,55 @@ def _unlocated(node: Node) -> Node:
     return from_python(node.plain())
 
 
-def _set(root: Node, path: str, value: Node) -> None:
+def _places(root: Node, path: str) -> list[Path]:
+    """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
     if not _KEY.fullmatch(path):
         raise ScenarioError(Problem("", f"the override {single_line(path)} is not a path", _EXAMPLE))
-    parts: list[str | int] = [match[1] or int(match[2]) for match in _PART.finditer(path)]
+    places: list[tuple[Path, Node | None]] = [((), root)]
+    for match in _PART.finditer(path):
+        places = [place for walked, node in places for place in _step(walked, node, match, path)]
+    return [walked for walked, _ in places]
+
+
+def _step(walked: Path, node: Node | None, match: re.Match[str], path: str) -> Iterator[tuple[Path, Node | None]]:
+    """One part of a path further; the node is None where the path leads to what is not there yet."""
+    items = node.value if node is not None else None
+    if match[2] == "*":
+        if not isinstance(items, list) or not items:
+            what = "is empty" if items == [] else "is not a list"
+            raise ScenarioError(Problem(path, f"does not exist: {path_text(walked)} {what}", _EXAMPLE))
+        yield from (((*walked, k), item) for k, item in enumerate(items))
+        return
+    part: str | int = match[1] or int(match[2])
+    if isinstance(items, list) and isinstance(part, str):
+        part = _index_of(items, part, walked, path)
+    inside = items.get(part) if isinstance(items, dict) else None
+    if isinstance(items, list) and isinstance(part, int) and part < len(items):
+        inside = items[part]
+    yield (*walked, part), inside
+
+
+def _index_of(items: list[Node], name: str, walked: Path, path: str) -> int:
+    """Index of the item with a name, given or by default."""
+    prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
+    names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
+    for k, item in enumerate(items):
+        if isinstance(item.value, dict) and (given := item.value.get("name")) is not None and given.value is not None:
+            names[k] = str(given.value)
+    if name in names:
+        return names.index(name)
+    where = path_text(walked)
+    given_names = [known for known in names if known]
+    key = any(isinstance(item.value, dict) and name in item.value for item in items)
+    if key or not given_names:
+        index = f"{where}[0].{name}" if items else f"{where} as a whole list"
+        raise ScenarioError(Problem(path, f"does not exist: {where} is a list", f"name the item, for example {index}"))
+    remedy = suggestion(name, given_names, "the names are")
+    raise ScenarioError(Problem(path, f"does not exist: {where} has no item called {name}", remedy))
+
+
+def _set(root: Node, path: str, parts: Path, value: Node, written: Collection[Path]) -> None:
+    """Write a value at a place; what other overrides wrote there stays, see `ALTERNATIVES`."""
     node, walked = root, ""
     for depth, part in enumerate(parts):
         following = parts[depth + 1] if depth + 1 < len(parts) else None
@@ -176,6 +244,8 @@ def _set(root: Node, path: str, value: Node) -> None:
         inside = node.value
         walked += f"[{part}]" if isinstance(part, int) else f".{part}" if walked else part
         if following is None:
+            if isinstance(part, str) and value.value is not None:
+                _drop_alternatives(inside, {part}, {name for name in inside if (*parts[:-1], name) in written})
             inside[part] = merge(inside[part], value, key) if isinstance(part, int) or part in inside else value
         elif following == "kind" and depth + 2 == len(
             parts
@@ -196,9 +266,6 @@ def _demand_item(node: Node, index: int, walked: str, path: str) -> None:
 
 def _demand_keys(node: Node, key: str, walked: str, path: str, list_follows: bool) -> None:
     """Make ``node`` a mapping with the key, and create missing parts."""
-    if isinstance(node.value, list):
-        remedy = f"give the index: {walked}[0].{key}"
-        raise ScenarioError(Problem(path, f"does not exist: {walked} is a list, without keys", remedy))
     if node.value is None or (walked.rpartition(".")[2] in REPLACED_WHOLE and not isinstance(node.value, dict)):
         node.value, node.file, node.line = {}, None, None
     if not isinstance(node.value, dict):

@@ -15,11 +15,15 @@ class Named(Schema):
     """Name, unique; made of the kind and a number by default."""
 
 
+DEFAULT_NAMES = {"snubbers": "snubber", "springs_to_ground": "ground_spring", "springs_between": "link_spring"}
+"""Lists whose items have a name by default: this and their number."""
+
 AnyNamed = TypeVar("AnyNamed", bound=Named)
 
 
-def named(items: tuple[AnyNamed, ...], prefix: str) -> tuple[AnyNamed, ...]:
-    """Give items without a name their default one: the prefix and their number, from 1."""
+def named(items: tuple[AnyNamed, ...], key: str) -> tuple[AnyNamed, ...]:
+    """Give items of a list without a name their default one: see `DEFAULT_NAMES`, numbered from 1."""
+    prefix = DEFAULT_NAMES[key]
     return tuple(
         item if not known(item) or not known(item.name) or item.name else item.model_copy(update={"name": name})
         for item, name in ((item, f"{prefix}_{number}") for number, item in enumerate(items, start=1))

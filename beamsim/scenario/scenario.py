@@ -69,7 +69,7 @@ class Scenario(Schema):
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""
         if known(self.snubbers):
-            self.resolve("snubbers", named(self.snubbers, "snubber"))
+            self.resolve("snubbers", named(self.snubbers, "snubbers"))
         self._snap_to_ends()
         if known(self.run, self.excitation, self.beam, self.chain, self.bodies):
             self._choose_sample_rate()
@@ -90,17 +90,19 @@ class Scenario(Schema):
     # The origin is not part of the scenario: equality and YAML ignore it.
     _source: str = "scenario"
     _text: Node | None = None
+    _left_out: tuple[str, ...] = ()
 
     @property
     def source(self) -> str:
         """Name for output files: the scenario file's stem, or ``scenario``."""
         return self._source
 
-    def with_source(self, source: str, text: Node | None = None) -> Scenario:
-        """Return the same scenario with another name for output files, and the tree that it was read from."""
+    def with_source(self, source: str, text: Node | None = None, warnings: tuple[str, ...] = ()) -> Scenario:
+        """Return the same scenario with another name for output files, and the tree and warnings from reading it."""
         copy = self.model_copy()
         copy._source = source
         copy._text = text
+        copy._left_out = warnings
         return copy
 
     def located(self, error: ScenarioError) -> ScenarioError:
@@ -213,7 +215,7 @@ class Scenario(Schema):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
-        return tuple(doubts(self))
+        return (*self._left_out, *doubts(self))
 
     def to_yaml(self) -> str:
         """Return the resolved scenario as YAML: SI numbers, defaults filled in; it loads to an equal scenario."""

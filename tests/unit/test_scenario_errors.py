@@ -150,7 +150,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("snubbers[0].damping=12", "snubbers[0].damping = 12 must be a mapping with a kind"),
         # sections
         (
-            "beam.section={kind: tube, outer_diameter: 20 mm, wall_thickness: 2 mm}",
+            "beam={width: 50 mm, section: {kind: tube, outer_diameter: 20 mm, wall_thickness: 2 mm}}",
             "beam.section is given together with beam.width",
         ),
         ("beam.width=null", "beam.width is missing; give width and thickness"),
@@ -225,7 +225,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ),
         ("run.duration=1e9", "samples, over the limit of 1e+08"),
         ("run.spectrum.last=2 s", "run.spectrum.last = 2 s is longer than run.duration = 0.8 s"),
-        ("run.spectrum.periods=5", "run.spectrum.periods and last exclude each other"),
+        ("run.spectrum={last: 0.1, periods: 5}", "run.spectrum.periods and last exclude each other"),
         ("run.spectrum={last: null, periods: 100}", "run.spectrum.periods = 100 periods of 65 Hz take 1.53846 s"),
         ("run.start=static", "run.start = static is not an initial state; write static_equilibrium, rest"),
         ("run.start=5", "run.start = 5 is not an initial state"),

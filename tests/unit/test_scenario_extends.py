@@ -188,13 +188,20 @@ def test_a_scenario_can_be_varied():
         ("snubbers[3].gap=1", "snubbers[3].gap does not exist: snubbers has 1 item; the last one is snubbers[0]"),
         (
             "snubbers.gap=1",
-            "snubbers.gap does not exist: snubbers is a list, without keys; give the index: snubbers[0].gap",
+            "snubbers.gap does not exist: snubbers is a list; name the item, for example snubbers[0].gap",
         ),
+        ("snubbers.tp.gap=1", "snubbers.tp.gap does not exist: snubbers has no item called tp; did you mean tip?"),
+        ("snubbers.foot.gap=1", "snubbers has no item called foot; the names are tip"),
+        (
+            "beam.point_masses.first.mass=1",
+            "beam.point_masses is a list; name the item, for example beam.point_masses[0]",
+        ),
+        ("beam[*].length=1", "beam[*].length does not exist: beam is not a list"),
+        ("constant_forces[*].force=1", "constant_forces[*].force does not exist: constant_forces is not a list"),
         ("beam[0]=1", "beam[0] does not exist: beam is not a list"),
         ("beam.length.x=1", "beam.length.x does not exist: beam.length is 270 mm, without keys"),
         ("constant_forces[0].force=1", "there is no constant_forces; give constant_forces as a whole list"),
         ("snubbers[-1].gap=1", "is not a path"),
-        ("snubbers[*].gap=1", "is not a path"),
         ("=1", "is not a path"),
         ("beam.length", "has no ="),
         ("beam.length={", "is not YAML"),
@@ -214,3 +221,88 @@ def test_all_bad_overrides_at_once():
 
 def test_a_single_text_is_one_override():
     assert load_scenario(BASE, "beam.thickness=4 mm").beam.thickness == 0.004
+
+
+def test_overrides_name_items_of_lists_as_vary_does():
+    """`--set` refused `snubbers.tip.gap` and `snubbers[*].gap`, and took the name for a key."""
+    assert load_scenario(BASE, ["snubbers.tip.gap=0.1 mm"]).snubbers[0].gap == 1e-4
+    assert load_scenario(BASE, ["snubbers[*].gap=0.1 mm"]).snubbers[0].gap == 1e-4
+    masses = load_scenario(BASE, ["beam.point_masses[*].mass=1 g"]).beam.point_masses
+    assert [mass.mass for mass in masses] == [1e-3] * 3
+    nameless = "chain: {masses: [1, 1], springs: [1, 1], snubbers: [&s {mass: 1, side: below, stiffness: 9}, *s]}\n"
+    chain = load_scenario(nameless, ["chain.snubbers.snubber_2.gap=3"])  # the name it has by default
+    assert [snubber.gap for snubber in chain.chain.snubbers] == [0.0, 3.0]
+    again = load_scenario(
+        nameless, ["chain.snubbers[*].damping.kind=viscous", "chain.snubbers[*].damping.coefficient=2"]
+    )
+    assert [snubber.damping.coefficient for snubber in again.chain.snubbers] == [2.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "kept", "gone"),
+    [
+        ("sweep: {kind: continuation, from: 20 Hz, to: 90 Hz}", "sweep: {continue_in: {kind: level, from: 1, to: 2}}",
+         ("sweep", "continue_in"), ("sweep", "from_")),
+        ("sweep: {kind: continuation, continue_in: {kind: level, from: 1, to: 2}}", "sweep: {from: 20 Hz, to: 90 Hz}",
+         ("sweep", "to"), ("sweep", "continue_in")),
+        ("run: {spectrum: {last: 0.2 s}}", "run: {spectrum: {periods: 5}}",
+         ("run", "spectrum", "periods"), ("run", "spectrum", "last")),
+        ("beam: {width: 50 mm}", "beam: {section: {kind: tube, outer_diameter: 20 mm, wall_thickness: 2 mm}}",
+         ("beam", "section"), ("beam", "width")),
+    ],
+)  # fmt: skip
+def test_a_key_replaces_inherited_ones_that_it_excludes(folder, before, after, kept, gone):
+    """`extends` kept the `from` and `to` of the parent beside `continue_in`, and refused both."""
+
+    def value(scenario, path):
+        for name in path:
+            scenario = getattr(scenario, name)
+        return scenario
+
+    (folder / "before.yaml").write_text(f"extends: base.yaml\n{before}\n")
+    scenario = load(folder, f"extends: before.yaml\n{after}\n")
+    assert value(scenario, kept) is not None
+    assert value(scenario, gone) is None
+    key, _, text = after.partition(": ")
+    inner, _, text = text.strip("{}").partition(": ") if key != "run" else ("spectrum", "", "{periods: 5}")
+    if inner != "from":
+        whole = text + "}" * (text.count("{") - text.count("}"))
+        assert value(load(folder, "extends: before.yaml\n", [f"{key}.{inner}={whole}"]), kept) is not None
+
+
+def test_both_of_two_alternatives_in_one_place_are_refused(folder):
+    for text, overrides in (
+        ("extends: base.yaml\nrun: {spectrum: {last: 0.1 s, periods: 5}}\n", ()),
+        ("extends: base.yaml\n", ["run.spectrum.last=0.1 s", "run.spectrum.periods=5"]),
+        ("extends: base.yaml\n", ["run.spectrum.periods=5", "run.spectrum.last=0.1 s"]),
+        ("extends: base.yaml\n", ["snubbers.tip.gap=0", "snubbers.tip.preload=1 N"]),
+    ):
+        assert any("exclude each other" in line for line in problems(load, folder, text, overrides))
+    assert load(folder, "extends: base.yaml\n", ["snubbers.tip.preload=1 N"]).snubbers[0].preload == 1.0
+
+
+def test_a_section_that_a_command_does_not_use_never_stops_it(folder):
+    """A parent's `sweep` stopped `run` with an excitation that is not swept."""
+    (folder / "swept.yaml").write_text(
+        "extends: base.yaml\nsweep: {kind: swept_sine, from: 20, to: 90, rate: 2 oct/min}\n"
+    )
+    text = "extends: swept.yaml\nexcitation: {kind: half_sine, applied_to: base, level: 20 g, duration: 11 ms}\n"
+    (folder / "case.yaml").write_text(text)
+    with pytest.raises(ScenarioError, match="sweeps the frequency of a harmonic excitation"):
+        load_scenario(folder / "case.yaml")
+    for command in ("run", "nnm", "identify-stiffness"):
+        scenario = load_scenario(folder / "case.yaml", command=command)
+        assert scenario.sweep is None
+        (warning,) = [text for text in scenario.warnings if "left out" in text]
+        assert warning.startswith(f"left out, since {command} does not use it: {folder / 'swept.yaml'}:2: sweep sweeps")
+    with pytest.raises(ScenarioError, match="sweeps the frequency"):
+        load_scenario(folder / "case.yaml", command="sweep")
+    # also where a section's fault is seen elsewhere, and where its keys are wrong
+    for section in ("nnm: {mode: 1, phase_resonance: {}}", "vary: {kind: gird}", "identify_stiffness: {snuber: tip}"):
+        (folder / "case.yaml").write_text(f"extends: base.yaml\nexcitation: {{kind: none}}\n{section}\n")
+        assert load_scenario(folder / "case.yaml", command="run").run is not None
+        with pytest.raises(ScenarioError):
+            load_scenario(folder / "case.yaml")
+    # what the command uses is still checked
+    (folder / "case.yaml").write_text("extends: base.yaml\nbeam: {length: -1}\nvary: {kind: gird}\n")
+    assert problems(lambda: load_scenario(folder / "case.yaml", command="run"))[0].endswith("for example 270 mm")
