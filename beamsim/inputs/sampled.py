@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.headings import axis_factor, split_heading, stated
 from beamsim.inputs.signal import Signal
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.units import UnitError, read_level
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -65,7 +68,9 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
 
 
 def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """Times and values from the file, checked. The path is relative to ``folder`` or else the current folder.
+    """Times, s, and values from the file, checked. The path is relative to ``folder`` or else the current folder.
+
+    Without ``excitation.unit`` the values are in SI units: those of the file are converted where it states a unit.
 
     Raises
     ------
@@ -80,19 +85,30 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     suffix = path.suffix.lower()
     try:
         if suffix in (".h5", ".hdf5"):
-            time, values = _from_hdf5(path, excitation)
+            columns = _from_hdf5(path, excitation)
         elif suffix in (".uff", ".unv"):
-            time, values = _from_uff(path, excitation)
+            columns = _from_uff(path, excitation)
         else:
-            time, values = _from_csv(path, excitation)
+            columns = _from_csv(path, excitation)
     except (OSError, ValueError, UnicodeDecodeError) as error:
         _reject(f"= {excitation.file} cannot be read: {str(error).splitlines()[0]}", "check the file and its columns")
+    time, values = columns.time, columns.values
+    if excitation.unit is None:
+        values = values * _factor(columns.unit, excitation)
     if values.size < 4:
         _reject(f"= {excitation.file} has only {values.size} samples", "give a longer record")
     if excitation.sample_rate is not None or time is None:
         if excitation.sample_rate is None:
             _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
         time = np.arange(values.size) / excitation.sample_rate
+    else:
+        try:
+            time = time * axis_factor(columns.time_unit, of_frequency=False)
+        except UnitError as error:
+            _reject(
+                f"= {excitation.file} has a time axis in {columns.time_unit}, which {error.message}",
+                "name its unit in the heading, for example time (ms)",
+            )
     bad = np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))
     if bad.size:
         _reject(
@@ -118,22 +134,52 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     return time, values
 
 
+def _factor(unit: str, excitation: SampledInput) -> float:
+    """SI value of one in the file, by the unit that the file states."""
+    if not unit:
+        return 1.0
+    quantity = excitation.quantity or "acceleration"
+    try:
+        return read_level(f"1 {unit}", (LEVEL_DIMENSIONS[quantity],))[0]
+    except UnitError as error:
+        _reject(
+            f"is missing, and {excitation.file} has values in {unit}, which {error.message}",
+            f"give the unit of the values, a unit of {quantity}, or another quantity",
+            "unit",
+        )
+
+
+class _Columns(NamedTuple):
+    """A record as it is in the file; units are empty where the file states none."""
+
+    time: Floats | None
+    values: Floats
+    time_unit: str
+    unit: str
+
+
 def _reject(message: str, remedy: str, key: str = "file") -> NoReturn:
     raise ScenarioError(Problem(f"excitation.{key}", message, remedy))
 
 
-def _from_csv(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floats]:
+def _from_csv(path: Path, excitation: SampledInput) -> _Columns:
     lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     lines = [line for line in lines if not line.lstrip().startswith(("#", "%"))]
     if not lines:
         raise ValueError("the file is empty")
-    separator = next((mark for mark in (";", ",", "\t") if mark in lines[-1]), None)
+    separator = next((mark for mark in (";", "\t", ",") if mark in lines[-1]), None)
     rows = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines]
+    if separator != ",":  # then a comma is that of a decimal
+        rows = [
+            [cell.replace(",", ".") if _is_number(cell.replace(",", ".")) else cell for cell in row] for row in rows
+        ]
     first = next((i for i, row in enumerate(rows) if _is_number(row[0])), None)
     if first is None:
         raise ValueError("no line starts with a number")
     headings = rows[first - 1] if first else []
     width = len(rows[first])
+    if separator == "," and headings and width == 2 * len(headings):
+        raise ValueError("it has decimal commas between commas; export it with decimal points")
     ragged = next((i for i, row in enumerate(rows[first:]) if len(row) != width), None)
     if ragged is not None:
         raise ValueError(f"line {first + ragged + 1} has {len(rows[first + ragged])} columns instead of {width}")
@@ -141,14 +187,17 @@ def _from_csv(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floa
     has_times = excitation.time_column is not None or (width > 1 and excitation.sample_rate is None)
     time_at = _column(excitation.time_column, headings, width, 0) if has_times else None
     column = _column(excitation.column, headings, width, 0 if time_at is None or width == 1 else 1)
-    return (None if time_at is None else table[:, time_at]), table[:, column]
+    units = [split_heading(heading)[1] for heading in headings] or [""] * width
+    time_unit = "" if time_at is None else units[time_at]
+    return _Columns(None if time_at is None else table[:, time_at], table[:, column], time_unit, units[column])
 
 
 def _column(name: str | None, headings: list[str], width: int, default: int) -> int:
     if name is None:
         return default
-    if name in headings:
-        return headings.index(name)
+    for names in (headings, [split_heading(heading)[0] for heading in headings]):
+        if name in names:
+            return names.index(name)
     if name.isdigit() and 1 <= int(name) <= width:
         return int(name) - 1
     known = f"; headings are {', '.join(headings)}" if headings else ""
@@ -163,30 +212,31 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _from_hdf5(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floats]:
+def _from_hdf5(path: Path, excitation: SampledInput) -> _Columns:
     import h5py
 
     with h5py.File(path, "r") as file:
         if excitation.column is None:
             raise ValueError("give the name of the dataset in excitation.column")
 
-        def dataset(name: str) -> Floats:
+        def dataset(name: str) -> tuple[Floats, str]:
             if name not in file or not isinstance(file[name], h5py.Dataset):
                 raise ValueError(f"there is no dataset {name}")
-            return np.asarray(file[name][()], dtype=float).ravel()
+            unit = stated(str(file[name].attrs.get("units", ""))) or split_heading(name)[1]
+            return np.asarray(file[name][()], dtype=float).ravel(), unit
 
-        time = None
+        time, time_unit = None, ""
         if excitation.time_column is not None:
-            time = dataset(excitation.time_column)
+            time, time_unit = dataset(excitation.time_column)
         elif excitation.sample_rate is None and "time" in file:
-            time = dataset("time")
-        values = dataset(excitation.column)
+            time, time_unit = dataset("time")
+        values, unit = dataset(excitation.column)
         if time is not None and time.size != values.size:
             raise ValueError(f"{time.size} times for {values.size} values")
-        return time, values
+        return _Columns(time, values, time_unit, unit)
 
 
-def _from_uff(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floats]:
+def _from_uff(path: Path, excitation: SampledInput) -> _Columns:
     import pyuff
 
     number = 1 if excitation.column is None else int(excitation.column)
@@ -202,4 +252,5 @@ def _from_uff(path: Path, excitation: SampledInput) -> tuple[Floats | None, Floa
     values = np.asarray(record["data"])
     if np.iscomplexobj(values) or int(record.get("func_type", 1)) not in (0, 1):
         raise ValueError("this data set 58 is not a time history")
-    return np.asarray(record["x"], dtype=float), values.astype(float)
+    time_unit, unit = (stated(str(record.get(f"{axis}_axis_units_lab", ""))) for axis in ("abscissa", "ordinate"))
+    return _Columns(np.asarray(record["x"], dtype=float), values.astype(float), time_unit, unit)

@@ -88,7 +88,7 @@ class SampledInput(Driven):
     sample_rate: Frequency | None = None
     """Samples per second, if the file has no time axis."""
     unit: Text | None = None
-    """Unit of the values in the file (g, mm, N, ...), by default SI."""
+    """Unit of the values in the file (g, mm, N, ...), by default the one that the file states, otherwise SI."""
     factor: PositiveNumber = 1.0
     """Factor by which the values are multiplied."""
     interpolation: Literal["linear", "cubic"] = "cubic"

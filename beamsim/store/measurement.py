@@ -13,23 +13,13 @@ import numpy as np
 
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, axis_factor, is_frequency, split_heading, stated
+from beamsim.scenario.units import UnitError
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-_TIME_NAMES = ("time", "t", "time_s", "zeit", "temps", "time (s)", "time [s]")
-_FREQUENCY_NAMES = ("frequency", "f", "frequency_hz", "freq", "frequency (hz)", "frequency [hz]")
 _UFF_UNITS = {12: "m/s^2", 11: "m/s", 8: "m", 13: "N"}
-_UNIT_ENDINGS = {
-    "_m_per_s2": "m/s^2",
-    "_m_per_s": "m/s",
-    "_m/s^2": "m/s^2",
-    "_m": "m",
-    "_m/s": "m/s",
-    "_n": "N",
-    "_g": "g",
-    "_mm": "mm",
-}
 
 
 def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
@@ -201,7 +191,9 @@ def _read_csv(path: Path) -> list[MeasuredSignal]:
     values = np.empty((len(body), len(header)))
     for i, row in enumerate(body):
         if len(row) != len(header):
-            raise _wrong(f"{path}: sample {i + 1} has {len(row)} values, but there are {len(header)} columns", "")
+            commas = delimiter == "," and len(row) == 2 * len(header)
+            remedy = "it seems to have decimal commas: export it with decimal points" if commas else "correct the line"
+            raise _wrong(f"{path}: sample {i + 1} has {len(row)} values, but there are {len(header)} columns", remedy)
         for j, cell in enumerate(row):
             try:
                 values[i, j] = float(cell.replace(",", ".") if delimiter != "," else cell)
@@ -212,9 +204,10 @@ def _read_csv(path: Path) -> list[MeasuredSignal]:
                 ) from None
     if values.shape[1] < 2:
         raise _wrong(f"{path} has only one column", "put the time in the first column and the signal in the next")
-    of_frequency = _bare(header[0]) in _FREQUENCY_NAMES
+    of_frequency = is_frequency(header[0])
+    x = values[:, 0] * _axis_factor(path, header[0], split_heading(header[0])[1], of_frequency=of_frequency)
     return [
-        MeasuredSignal(name, values[:, 0], values[:, j], of_frequency, _unit_of(name), str(path))
+        MeasuredSignal(name, x, values[:, j], of_frequency, split_heading(name)[1], str(path))
         for j, name in enumerate(header)
         if j > 0
     ]
@@ -228,16 +221,18 @@ def _is_number(cell: str, delimiter: str) -> bool:
     return True
 
 
-def _bare(name: str) -> str:
-    return name.strip().lower()
+def _axis_factor(path: Path, name: str, unit: str, *, of_frequency: bool) -> float:
+    """Seconds or Hz in one of the axis's unit."""
+    try:
+        return axis_factor(unit, of_frequency=of_frequency)
+    except UnitError as error:
+        raise _wrong(
+            f"{path}: the axis {name} is in {unit}, which {error.message}", "name its unit, for example time (ms)"
+        ) from None
 
 
-def _unit_of(name: str) -> str:
-    """The unit at the end of the name of a column: ``tip (g)``, ``tip [mm]``, ``tip_m/s^2``."""
-    match = re.search(r"[(\[]([^)\]]+)[)\]]\s*$", name)
-    if match:
-        return match[1].strip()
-    return next((unit for ending, unit in _UNIT_ENDINGS.items() if name.lower().endswith(ending)), "")
+def _is_axis(name: str) -> bool:
+    return split_heading(name)[0].lower() in (*TIME_NAMES, *FREQUENCY_NAMES)
 
 
 def _read_hdf5(path: Path) -> list[MeasuredSignal]:
@@ -257,8 +252,10 @@ def _read_hdf5(path: Path) -> list[MeasuredSignal]:
             axis, of_frequency = _axis_of(name, item, datasets)
             if axis is None or axis == name or datasets[axis].shape != item.shape:
                 continue
-            unit = str(item.attrs.get("units", ""))
+            unit = str(item.attrs.get("units", "")) or split_heading(name)[1]
+            axis_unit = stated(str(datasets[axis].attrs.get("units", ""))) or split_heading(axis)[1]
             x = np.asarray(datasets[axis][()], dtype=float)
+            x = x * _axis_factor(path, axis, axis_unit, of_frequency=of_frequency)
             y = item[()]
             y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
             label = re.sub(r"^(probes|snubbers|spectra)/", "", name).replace("/", " ")
@@ -271,15 +268,13 @@ def _axis_of(name: str, item: Any, datasets: dict[str, Any]) -> tuple[str | None
     if len(item.dims[0]):
         scale = item.dims[0][0].name.lstrip("/")
         label = scale.rsplit("/", 1)[-1].lower()
-        if label in _TIME_NAMES or label in _FREQUENCY_NAMES:
-            return scale, label in _FREQUENCY_NAMES
-        return None, False
+        return (scale, is_frequency(label)) if _is_axis(label) else (None, False)
     folder = name.rsplit("/", 1)[0] if "/" in name else ""
     while True:
         for other in datasets:
             parent, _, last = other.rpartition("/")
-            if parent == folder and last.lower() in (*_TIME_NAMES, *_FREQUENCY_NAMES):
-                return other, last.lower() in _FREQUENCY_NAMES
+            if parent == folder and _is_axis(last):
+                return other, is_frequency(last)
         if not folder:
             return None, False
         folder = folder.rpartition("/")[0]
@@ -308,8 +303,8 @@ def _of_uff(item: dict[str, Any], path: Path) -> MeasuredSignal:
     of_frequency = int(item.get("abscissa_spec_data_type", 17)) == 18
     y = np.asarray(item["data"])
     y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
-    unit = str(item.get("ordinate_axis_units_lab", "")).strip()
-    if unit.upper() in ("", "NONE"):
+    unit = stated(str(item.get("ordinate_axis_units_lab", "")))
+    if not unit:
         unit = _UFF_UNITS.get(int(item.get("ordinate_spec_data_type", 0)), "")
     name = next(
         (
@@ -319,4 +314,6 @@ def _of_uff(item: dict[str, Any], path: Path) -> MeasuredSignal:
         ),
         f"node {item.get('rsp_node', 0)}",
     )
-    return MeasuredSignal(name, np.asarray(item["x"], dtype=float), y, of_frequency, unit, str(path))
+    axis_unit = stated(str(item.get("abscissa_axis_units_lab", "")))
+    x = np.asarray(item["x"], dtype=float) * _axis_factor(path, "of " + name, axis_unit, of_frequency=of_frequency)
+    return MeasuredSignal(name, x, y, of_frequency, unit, str(path))

@@ -72,6 +72,26 @@ def test_units_of_header_and_scenario(tmp_path):
         in_si(signal, "mm", "absolute_acceleration", "x")
 
 
+def test_units_of_axes(tmp_path):
+    """A time in ms was read as seconds."""
+    (tmp_path / "a.csv").write_text("time (ms),tip (g)\n0,1\n1,2\n")
+    assert read_signals(tmp_path / "a.csv")[0].x.tolist() == [0.0, 1e-3]
+    (tmp_path / "b.csv").write_text("Frequency [kHz];tip\n0;1\n0,5;2\n")
+    (signal,) = read_signals(tmp_path / "b.csv")
+    assert signal.of_frequency
+    assert signal.x.tolist() == [0.0, 500.0]
+    with h5py.File(tmp_path / "c.h5", "w") as file:
+        file["time"], file["tip"] = [0.0, 1.0, 2.0], [1.0, 2.0, 3.0]
+        file["time"].attrs["units"] = "ms"
+    assert read_signals(tmp_path / "c.h5")[0].x.tolist() == [0.0, 1e-3, 2e-3]
+    (tmp_path / "d.csv").write_text("time (V),tip\n0,1\n1,2\n")
+    with pytest.raises(ScenarioError, match=r"the axis .* is in V, which must be a time"):
+        read_signals(tmp_path / "d.csv")
+    (tmp_path / "e.csv").write_text("time,tip\n0,0,1,5\n0,5,2,0\n")
+    with pytest.raises(ScenarioError, match="decimal commas"):
+        read_signals(tmp_path / "e.csv")
+
+
 def test_hdf5_axes_by_scale_and_by_name(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["lab/zeit"] = [0.0, 1.0, 2.0]

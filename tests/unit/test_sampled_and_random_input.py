@@ -120,6 +120,69 @@ def test_unreadable_files_are_refused(tmp_path, text, more, words):
         read_samples(sampled(file, **more))
 
 
+@pytest.mark.parametrize(
+    ("text", "more"),
+    [
+        ("time (ms),acceleration [g]\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {}),
+        ("time [ms];acceleration (g)\n0,0;0\n1,0;1\n2,0;0\n3,0;-1\n4,0;0\n", {"column": "acceleration"}),
+        ("Time_ms\tacc_g\n0\t0\n1\t1\n2\t0\n3\t-1\n4\t0\n", {}),
+        ("time (ms),acceleration\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {"unit": "g"}),
+    ],
+)
+def test_units_of_headings_are_read(tmp_path, text, more):
+    """`time (ms)` was read as seconds, `acceleration [g]` as m/s^2."""
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    excitation = sampled(tmp_path / "a.csv", **more)
+    times, values = read_samples(excitation)
+    np.testing.assert_allclose(times, np.arange(5) * 1e-3, rtol=1e-12)
+    expected = 9.80665 * np.array([0, 1, 0, -1, 0])
+    np.testing.assert_allclose(values * excitation.factor_to_si, expected, rtol=1e-12)
+
+
+def test_units_of_hdf5_and_uff_files_are_read(tmp_path, record):
+    _, a = record
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["a"] = 1e3 * np.arange(a.size) / 1000, a
+        file["time"].attrs["units"], file["a"].attrs["units"] = "ms", "g"
+    uff = {
+        "type": 58, "binary": 0, "func_type": 1, "rsp_ent_name": "a", "rsp_node": 1, "rsp_dir": 3,
+        "ref_ent_name": "NONE", "ref_node": 0, "ref_dir": 0, "id1": "a", "id2": "NONE", "id3": "NONE",
+        "id4": "NONE", "abscissa_spacing": 1, "abscissa_spec_data_type": 17, "abscissa_axis_lab": "Time",
+        "abscissa_axis_units_lab": "ms", "ordinate_spec_data_type": 12, "ordinate_axis_lab": "a",
+        "ordinate_axis_units_lab": "g", "orddenom_spec_data_type": 0, "x": np.arange(a.size), "data": a,
+    }  # fmt: skip
+    pyuff.UFF(str(tmp_path / "a.uff")).write_sets([uff], mode="overwrite")
+    for name, more in (("a.h5", {"column": "a"}), ("a.uff", {})):
+        times, values = read_samples(sampled(tmp_path / name, **more))
+        np.testing.assert_allclose(times, np.arange(a.size) * 1e-3, rtol=1e-9)
+        np.testing.assert_allclose(values, 9.80665 * a, atol=1e-5 * np.abs(a).max() + 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"),
+    [
+        ("time (s),a (V)", r"excitation.unit is missing, and .* has values in V, which must be an acceleration"),
+        ("time (s),a [mm]", r"excitation.unit is missing, and .* in mm, which must be an acceleration, not a length"),
+        ("time (kg),a", r"has a time axis in kg, which must be a time, not a mass"),
+        ("time (furlongs?),a", r"has a time axis in furlongs\?"),
+    ],
+)
+def test_units_that_are_not_understood_are_asked_for(tmp_path, heading, words):
+    (tmp_path / "a.csv").write_text(heading + "\n0,0\n1,1\n2,0\n3,-1\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=words) as error:
+        read_samples(sampled(tmp_path / "a.csv"))
+    assert error.value.problems[0].remedy
+
+
+def test_decimal_commas_are_read_or_named(tmp_path):
+    (tmp_path / "a.csv").write_text("t;a\n0,0;1,5\n0,5;2\n1;3\n1,5;4\n", encoding="utf-8")
+    times, values = read_samples(sampled(tmp_path / "a.csv"))
+    assert (times.tolist(), values.tolist()) == ([0.0, 0.5, 1.0, 1.5], [1.5, 2.0, 3.0, 4.0])
+    (tmp_path / "b.csv").write_text("t,a\n0,0,1,5\n0,5,2,0\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="decimal commas"):
+        read_samples(sampled(tmp_path / "b.csv"))
+
+
 def test_missing_file_short_record_and_wrong_unit(tmp_path, record):
     with pytest.raises(ScenarioError, match="does not exist"):
         read_samples(sampled(tmp_path / "none.csv"))

@@ -1,0 +1,51 @@
+"""Names and units in the headings of measured columns: ``time (ms)``, ``acceleration [g]``, ``tip_mm``."""
+
+from __future__ import annotations
+
+import re
+
+from beamsim.scenario import units
+
+TIME_NAMES = ("time", "t", "zeit", "temps")
+FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
+
+_BRACKETS = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
+_ENDING = re.compile(r"(.+)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|m|n|g|s|ms|us|hz|khz)", re.IGNORECASE)
+_SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "n": "N", "hz": "Hz", "khz": "kHz"}
+
+
+def split_heading(heading: str) -> tuple[str, str]:
+    """Name and unit of a column; the unit is empty where the heading has none.
+
+    >>> split_heading("time (ms)"), split_heading("tip_m_per_s2"), split_heading("channel 3")
+    (('time', 'ms'), ('tip', 'm/s^2'), ('channel 3', ''))
+    """
+    if match := _BRACKETS.fullmatch(heading):
+        unit = match[2].strip()
+        return match[1], "" if unit.isdigit() else unit
+    if match := _ENDING.fullmatch(heading.strip()):
+        ending = match[2].lower()
+        return match[1], _SPELLED.get(ending, ending)
+    return heading.strip(), ""
+
+
+def stated(unit: str) -> str:
+    """The unit of a label in a file; empty where it says none."""
+    return "" if unit.strip().upper() in ("", "NONE", "1", "-") else unit.strip()
+
+
+def is_frequency(heading: str) -> bool:
+    """Whether a heading is that of a frequency axis."""
+    return split_heading(heading)[0].lower() in FREQUENCY_NAMES
+
+
+def axis_factor(unit: str, *, of_frequency: bool) -> float:
+    """Seconds (Hz of a frequency axis) in one of the unit of an axis, 1 where it has none.
+
+    Raises
+    ------
+    UnitError
+        If the unit is not one of time (of frequency).
+    """
+    dimension = units.FREQUENCY if of_frequency else units.TIME
+    return units.read_quantity(f"1 {unit}", dimension) if unit else 1.0
