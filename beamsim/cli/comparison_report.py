@@ -15,7 +15,8 @@ from beamsim.plots.style import scale_for
 
 def _channels(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
     for c in comparison.channels:
-        yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}"
+        part = f", the run from {si(c.start_s, 's')} on" if math.isfinite(c.start_s) else ""
+        yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}{part}"
         if math.isfinite(c.rms_difference):
             yield "  histories", f"differ by {percent(c.rms_difference)} rms after {_delay(c)}"
         scale = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))

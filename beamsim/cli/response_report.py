@@ -10,6 +10,7 @@ import numpy as np
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.cli.report import SHARED, Row, Texts, percent, si
 from beamsim.orbits.branch import special_name
+from beamsim.plots.style import level_text
 
 SHOWN = 12  # special points of a branch
 MOST_BRANCHES = 12
@@ -18,13 +19,13 @@ MOST_BRANCHES = 12
 def _branches(result: FrequencyResponse, count: int) -> Iterator[Row]:
     for b in result.branches[:MOST_BRANCHES]:
         points = f"{b.parameter.size} points, {int(b.stable.sum())} of them stable"
-        yield "", f"{_branch(b.level, b.period_multiple)}: {points}; {b.status}"
+        yield "", f"{_branch(b.level, result.level_unit, b.period_multiple)}: {points}; {b.status}"
     if count > MOST_BRANCHES:
         yield "", f"and {count - MOST_BRANCHES} more in the file"
 
 
-def _branch(level: float, period_multiple: int) -> str:
-    known = "" if np.isnan(level) else f"level {level:.4g}, "
+def _branch(level: float, unit: str, period_multiple: int) -> str:
+    known = "" if np.isnan(level) else f"{level_text(level, unit)}, "
     return f"{known}period {period_multiple}"
 
 
@@ -32,13 +33,13 @@ def _special_points(result: FrequencyResponse, points: Sequence[dict[str, Any]])
     """Those of motions of the excitation's own period."""
     own_period = [point for point in points if point["period_multiple"] == 1]
     for event in own_period[:SHOWN]:
-        yield "", f"{_special_point(event)} {result.unit}{_at_level(event)}"
+        yield "", f"{_special_point(event)} {result.unit}{_at_level(event, result.level_unit)}"
     if len(own_period) > SHOWN:
         yield "", f"and {len(own_period) - SHOWN} more in the file"
 
 
-def _at_level(item: dict[str, Any]) -> str:
-    return "" if np.isnan(item["level"]) else f", level {item['level']:.4g}"
+def _at_level(item: dict[str, Any], unit: str) -> str:
+    return "" if np.isnan(item["level"]) else f", {level_text(item['level'], unit)}"
 
 
 def _special_point(event: dict[str, Any]) -> str:
@@ -48,11 +49,14 @@ def _special_point(event: dict[str, Any]) -> str:
 
 def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for peak in peaks:
-        at = f"{peak['parameter']:.6g} {result.unit}{_at_level(peak)}"
+        at = f"{peak['parameter']:.6g} {result.unit}{_at_level(peak, result.level_unit)}"
         yield "", f"{peak['probe']}  {si(peak['value_m'], 'm', 5)} at {at} ({peak['kind']})"
     for curve in result.overlay.values():
         how = "swept" if curve.steady is None else "stepped"
-        yield "overlay", f"{how} {curve.direction}, level {curve.level:.4g} {curve.source}".rstrip()
+        yield (
+            "overlay",
+            f"{how} {curve.direction}, {level_text(curve.level, result.level_unit)} {curve.source}".rstrip(),
+        )
 
 
 def _folds(result: FrequencyResponse, curves: Sequence[dict[str, Any]]) -> Iterator[Row]:
@@ -68,10 +72,10 @@ def _folds(result: FrequencyResponse, curves: Sequence[dict[str, Any]]) -> Itera
         yield "", f"from {curve['start_hz']:.6g} Hz: {reach}"
 
 
-def _expansion(_: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def _expansion(result: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for s in levels:
         points = f"{s['points']} points, {s['stable_points']} of them stable"
-        yield "", f"level {s['level']:.4g}: mode {s['mode']}, {points}"
+        yield "", f"{level_text(s['level'], result.level_unit)}: mode {s['mode']}, {points}"
         if not s["factor"]:
             yield "", "no exact motion was found near the expansion for any factor on springs, damping and force"
             continue

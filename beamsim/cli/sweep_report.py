@@ -8,6 +8,7 @@ from typing import Any
 
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.report import SHARED, Row, Texts, base_correction, percent, si
+from beamsim.plots.style import level_text
 
 PEAKS_SHOWN = 6
 
@@ -21,7 +22,8 @@ def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
             kinds = curve.steady.kind
             steady = "; " + ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
         points = f"{curve.frequency_hz.size} points{steady}"
-        yield "", f"{curve.name}: {curve.direction}, level {curve.level:.4g}, {points}; peaks of {first}:"
+        level = level_text(curve.level, result.scenario.level_unit)
+        yield "", f"{curve.name}: {curve.direction}, {level}, {points}; peaks of {first}:"
         for peak in [p for p in peaks if p["curve"] == curve.name and p["probe"] == first][:PEAKS_SHOWN]:
             yield "", f"  {_peak(peak)}"
 

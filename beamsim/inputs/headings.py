@@ -10,7 +10,7 @@ TIME_NAMES = ("time", "t", "zeit", "temps")
 FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
 
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
-_ENDING = re.compile(r"(.+)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|m|n|g|s|ms|us|hz|khz)", re.IGNORECASE)
+_ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|m|n|g|s|ms|us|hz|khz)", re.IGNORECASE)
 _SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "n": "N", "hz": "Hz", "khz": "kHz"}
 
 

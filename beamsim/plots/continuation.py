@@ -13,7 +13,7 @@ from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
 from beamsim.plots.save import save_figures
-from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for
+from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, level_text, scale_for
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -195,8 +195,7 @@ def _height(branch: BranchResult, y: Floats, at: float) -> float:
 
 
 def _level(result: FrequencyResponse, level: float) -> str:
-    scale = _unit_scale(result.level_unit, np.array([level]))
-    return f"level {level * scale.factor:.4g} {scale.unit}"
+    return level_text(level, result.level_unit)
 
 
 def _levels(result: FrequencyResponse) -> bool:

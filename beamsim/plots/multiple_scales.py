@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.plots.branches import figure_of, stretches
 from beamsim.plots.stations import finish_along, plot_along
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, level_text, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,7 +95,7 @@ def plot_expanded_response(result: FrequencyResponse, ax: Axes, probe: str) -> A
         y = c.first[probe] * scale.factor
         ax.plot(
             *stretches(c.frequency_hz, y, c.stable, True), color=colour, alpha=0.35, linewidth=4.0,
-            solid_capstyle="butt", label=f"multiple scales, level {c.level:.4g}",
+            solid_capstyle="butt", label=f"multiple scales, {level_text(c.level, result.level_unit)}",
         )  # fmt: skip
         dashes = (0, (1.2, 0.8))
         ax.plot(
@@ -103,7 +103,7 @@ def plot_expanded_response(result: FrequencyResponse, ax: Axes, probe: str) -> A
         )
         for b in (b for b in main if b.level == c.level):
             y = b.peak_displacement[probe] * scale.factor
-            label = None if c.level in seen else f"exact, level {c.level:.4g}"
+            label = None if c.level in seen else f"exact, {level_text(c.level, result.level_unit)}"
             seen.add(c.level)
             ax.plot(*stretches(b.frequency_hz, y, b.stable, True), color=colour, linewidth=1.2, label=label)
             unstable = stretches(b.frequency_hz, y, b.stable, False)

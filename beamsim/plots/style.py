@@ -11,6 +11,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
@@ -39,11 +40,28 @@ def scale_for(unit: str, *values: Floats) -> Scale:
     largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
     if not np.isfinite(largest) or largest == 0.0:
         return Scale(1.0, unit)
+    if unit.startswith("kg"):  # not mkg but g
+        if largest >= 1.0:
+            return Scale(1.0, unit)
+        grams = scale_for(unit[1:], np.array([1e3 * largest]))
+        return Scale(1e3 * grams.factor, grams.unit)
     metres = unit.startswith("m")
     for prefix, size in _PREFIXES:
         if largest >= (0.1 if metres else 1.0) * size and not (metres and size > 1.0):
             return Scale(1.0 / size, prefix + unit)
     return Scale(1e12, f"p{unit}")
+
+
+def level_text(level: float, unit: str) -> str:
+    """An excitation level with its unit: accelerations in g, factors on a profile as they are.
+
+    >>> level_text(19.6133, "m/s^2"), level_text(0.1, "N"), level_text(0.5, "")
+    ('level 2 g', 'level 100 mN', 'level 0.5')
+    """
+    if unit == "m/s^2":
+        return f"level {level / STANDARD_GRAVITY:.4g} g"
+    scale = scale_for(unit, np.array([level])) if unit else Scale(1.0, "")
+    return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
 
 
 def curve_style(index: int) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.plots.save import save_figures
-from beamsim.plots.style import curve_style, finish, legend, scale_for
+from beamsim.plots.style import curve_style, finish, legend, level_text, scale_for
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = curve.displacement[probe].peak / curve.excitation_amplitude
         f, value = _envelope(curve, ratio)
-        ax.plot(f, value, label=f"level {curve.level:.4g}", **curve_style(k))
+        ax.plot(f, value, label=level_text(curve.level, result.scenario.level_unit), **curve_style(k))
     _frequency_axis(result, ax)
     ax.set_yscale("log")
     unit = "m/N" if curves and curves[0].quantity == "force" else "m per m/s²"
@@ -142,7 +142,9 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
         whole = curve.frequency_hz.size // cycles * cycles
         f = curve.frequency_hz[:whole].reshape(-1, cycles).mean(axis=1)
         share = curve.contact_share[name][:whole].reshape(-1, cycles).mean(axis=1)
-        ax.plot(f, 100 * share, label=f"{name}, level {curve.level:.4g}", **curve_style(k))
+        ax.plot(
+            f, 100 * share, label=f"{name}, {level_text(curve.level, result.scenario.level_unit)}", **curve_style(k)
+        )
     _frequency_axis(result, ax)
     ax.set_ylim(-2, 102)
     finish(ax, f"Excitation frequency (Hz), {direction}", "Time in contact (%)")

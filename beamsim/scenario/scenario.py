@@ -22,7 +22,7 @@ from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import named
 from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.place import AtPlace, ConstantForce, Probe
-from beamsim.scenario.quantities import Gravity, Name, Text
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Gravity, Name, Text
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
 from beamsim.scenario.sweep import Sweep
@@ -176,6 +176,14 @@ class Scenario(Schema):
     def all_snubbers(self) -> tuple[Any, ...]:
         """The snubbers of the scenario and those listed in the bodies."""
         return tuple(located.item for located in self.located_snubbers)
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the excitation's levels; empty where levels multiply a profile, or there are none."""
+        if getattr(self.sweep, "profile", ()):
+            return ""
+        quantity = getattr(self.excitation, "quantity", None)
+        return "" if quantity is None else LEVEL_DIMENSIONS[quantity].unit
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:

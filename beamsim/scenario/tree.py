@@ -128,7 +128,7 @@ def parse(text: str, file: str | None = None) -> Node:
     try:
         document = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
-        raise ScenarioError(_syntax_problem(error, file)) from None
+        raise ScenarioError(_syntax_problem(error, text, file)) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         character = f"U+{error.character:04X}" if isinstance(error.character, int) else str(error.character)
@@ -149,7 +149,7 @@ def parse(text: str, file: str | None = None) -> Node:
     return node
 
 
-def _syntax_problem(error: yaml.MarkedYAMLError, file: str | None) -> Problem:
+def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) -> Problem:
     mark = error.problem_mark or error.context_mark
     parts = [part for part in (error.context, error.problem) if part]
     if error.problem and "found character '\\t'" in error.problem:
@@ -158,10 +158,16 @@ def _syntax_problem(error: yaml.MarkedYAMLError, file: str | None) -> Problem:
         return Problem(
             "", "contains a second document", "keep one document per file", file, mark.line + 1 if mark else None
         )
+    remedy = "check indentation, colons, quotes and brackets"
+    line = text.splitlines()[mark.line] if mark and mark.line < len(text.splitlines()) else ""
+    if path := re.search(r"[A-Za-z_][\w.]*\[(?:\d+|\*)\][\w.\[\]*]*", line):
+        remedy = f'quote a path with brackets: "{path[0]}"'
+    elif mark and line[mark.column : mark.column + 1] == "*":
+        remedy = "quote text that begins with *"
     return Problem(
         "",
         "is not YAML: " + ", ".join(parts),
-        "check indentation, colons, quotes and brackets",
+        remedy,
         file,
         mark.line + 1 if mark else None,
     )

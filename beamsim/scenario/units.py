@@ -241,6 +241,8 @@ def _factor(text: str, dimension: Dimension) -> float:
         raise UnitError(error.message, remedy) from None
     registry = _registry()
     target = registry.parse_units(dimension.unit)
+    if dimension is LENGTH and re.fullmatch(r"mils?", text):
+        remedy = "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
     wrong = UnitError(f"must be {dimension.with_article}, not {_given(units)}", remedy)
     if dict(units.dimensionality) != dict(target.dimensionality):
         raise wrong

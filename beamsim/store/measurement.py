@@ -98,8 +98,8 @@ def channel_named(
     """
     spoken = quantity.replace("_", " ")
     exact = [s for s in signals if s.name == name]
-    loose = [s for s in signals if _holds(s.name, name) and _is_of(s.name, spoken)] or (
-        [] if required else [s for s in signals if _holds(s.name, name)]
+    loose = [s for s in signals if holds_name(s.name, name) and _is_of(s.name, spoken)] or (
+        [] if required else [s for s in signals if holds_name(s.name, name)]
     )
     histories = [s for s in loose if not s.of_frequency] or loose
     chosen = exact or histories or ([] if required or len(signals) > 1 else list(signals))
@@ -158,8 +158,13 @@ def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
     return np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)
 
 
-def _holds(name: str, part: str) -> bool:
-    return bool(re.search(rf"(?<![a-z0-9]){re.escape(part.lower())}(?![a-z0-9])", name.lower().replace("_", " ")))
+def holds_name(name: str, part: str) -> bool:
+    """Whether a channel's name holds a word."""
+    return bool(
+        re.search(
+            rf"(?<![a-z0-9]){re.escape(part.lower().replace('_', ' '))}(?![a-z0-9])", name.lower().replace("_", " ")
+        )
+    )
 
 
 def _is_of(name: str, spoken: str) -> bool:

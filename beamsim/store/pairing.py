@@ -8,7 +8,7 @@ from beamsim.analyses.compare.analysis import QUANTITIES
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.run.result import RunResult
 from beamsim.errors import Problem, ScenarioError
-from beamsim.store.measurement import channel_named, in_si, read_signals
+from beamsim.store.measurement import channel_named, holds_name, in_si, read_signals
 
 
 def pair_channels(
@@ -22,8 +22,8 @@ def pair_channels(
 ) -> list[tuple[str, str, MeasuredSignal]]:
     """The measured channels of a file that belong to the probes and snubbers of a run by name, in SI units.
 
-    With `channel`, that one is compared with `quantity` (by default the absolute acceleration) at `place` (by
-    default the first probe).
+    With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
+    else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
 
     Raises
     ------
@@ -35,14 +35,12 @@ def pair_channels(
     if place is not None and place not in places:
         raise ScenarioError(Problem("", f"--probe {place} is not in the result", f"it has {', '.join(places)}"))
     if channel is not None or len(signals) == 1:
-        compared = quantity or "absolute_acceleration"
-        at = place or next(iter(result.snubbers if compared == "force" else result.probes))
-        _known(result, at, compared)
-        signal = (
-            channel_named(signals, channel, compared, path, required=True)
-            if channel is not None
-            else channel_named(signals, signals[0].name, compared, path)
+        signal = channel_named(
+            signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
+        compared = quantity or _quantity_of(signal)
+        at = place or _place_of(signal, list(result.snubbers if compared == "force" else result.probes), path)
+        _known(result, at, compared)
         return [(at, compared, in_si(signal, unit, compared, "--unit"))]
     pairs: list[tuple[str, str, MeasuredSignal]] = []
     for name in places if place is None else [place]:
@@ -53,7 +51,7 @@ def pair_channels(
                 signal = channel_named(signals, name, q, path, required=True)
             except ScenarioError:
                 continue
-            pairs.append((name, q, in_si(signal, unit, q, "--unit")))
+            pairs.append((name, q, signal))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
         raise ScenarioError(
@@ -63,7 +61,49 @@ def pair_channels(
                 f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
             )
         )
-    return pairs
+    try:
+        return [(name, q, in_si(signal, unit, q, "--unit")) for name, q, signal in pairs]
+    except ScenarioError as error:
+        several = list(dict.fromkeys(q for _, q, _ in pairs))
+        if unit is None or len(several) == 1:
+            raise
+        problem = error.problems[0]
+        remedy = f"the file has {', '.join(several)}: choose one with --quantity, for example --quantity {several[0]}"
+        raise ScenarioError(Problem(problem.path, problem.message, remedy)) from None
+
+
+def _quantity_of(signal: MeasuredSignal) -> str:
+    """The quantity that a channel's name or unit says."""
+    spoken = signal.name.lower().replace("_", " ")
+    longest_first = sorted(QUANTITIES, key=len, reverse=True)
+    by_name = next((q for q in longest_first if q.replace("_", " ") in spoken), "")
+    if by_name or not signal.unit:
+        return by_name or "absolute_acceleration"
+    for q in ("absolute_acceleration", "velocity", "force", "displacement"):
+        try:
+            in_si(signal, None, q, "")
+        except ScenarioError:
+            continue
+        return q
+    return "absolute_acceleration"
+
+
+def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
+    """The probe or snubber that a channel is named after, or the only one.
+
+    Raises
+    ------
+    ScenarioError
+        If there are several and the channel's name says none or more than one of them.
+    """
+    named = [name for name in places if holds_name(signal.name, name)]
+    if len(named) == 1 or (not named and len(places) == 1):
+        return (named or places)[0]
+    what = f"is named after {' and '.join(named)}" if named else "is named after none of the probes"
+    raise ScenarioError(
+        Problem("", f"{path}: the channel {signal.name} {what}", f"say where it was measured: --probe {places[0]}"
+                f" (there are {', '.join(places)})")
+    )  # fmt: skip
 
 
 def _known(result: RunResult, place: str, quantity: str) -> None:

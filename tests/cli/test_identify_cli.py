@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import beamsim
 from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.cli.app import app
 from beamsim.scenario import load_scenario
@@ -241,6 +242,41 @@ def test_compare_sees_a_difference(call, tmp_path, run_file, history):
     done = call("compare", run_file, tmp_path / "lab.csv", "--json", "--no-plots", "--harmonics", 3)
     (channel,) = json.loads(done.stdout)["comparisons"]
     assert [line["difference_db"] for line in channel["harmonics"]] == pytest.approx([-6.02] * 3, abs=0.1)
+
+
+def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
+    """A file with one channel was compared with the first probe, whatever its name (92 % error on the wrong mass)."""
+    case = tmp_path / "chain.yaml"
+    case.write_text(
+        "chain: {masses: [1, 1], springs: [400, 400, 0], dashpots: [1, 1, 0]}\n"
+        "excitation: {kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 2 Hz}\n"
+        "probes: [{name: mass_1, mass: 1}, {name: mass_2, mass: 2}]\nrun: {duration: 60 s}\n"
+    )
+    assert call("run", case, "-q", "--no-plots", "-o", tmp_path / "run.h5").exit_code == 0
+    result = beamsim.open_run(tmp_path / "run.h5")
+    rows = np.stack([result.time, result.probes["mass_2"].displacement], axis=1)
+    rows = rows[result.time > 30]
+    for heading, more in (("mass_2 (m)", ()), ("sensor (m)", ("--probe", "mass_2")), ("mass 2 displacement", ())):
+        np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header=f"time,{heading}", comments="")
+        done = call(
+            "compare", tmp_path / "run.h5", tmp_path / "lab.csv", *more, "--json", "--no-plots", "--harmonics", 1
+        )
+        assert done.exit_code == 0, done.output
+        (channel,) = json.loads(done.stdout)["comparisons"]
+        assert (channel["place"], channel["quantity"]) == ("mass_2", "displacement")
+        assert channel["rms_difference"] < 1e-3
+        # without run.spectrum the transient is left out, and the part is said
+        assert 1 < channel["start_s"] < 30
+        assert abs(channel["harmonics"][0]["difference_db"]) < 0.05
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time,sensor (m)", comments="")
+    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
+    assert done.exit_code == 2
+    assert "the channel sensor (m) is named after none of the probes; say where it was measured: --probe" in done.output
+    with_units = "time,mass_1 displacement,mass_1 velocity"
+    np.savetxt(tmp_path / "lab.csv", np.c_[rows, rows[:, 1]], delimiter=",", header=with_units, comments="")
+    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "mm")
+    assert done.exit_code == 2
+    assert "choose one with --quantity, for example --quantity displacement" in done.output
 
 
 @pytest.mark.parametrize("form", ["uff", "csv"])

@@ -68,6 +68,8 @@ MENDED: dict[str, str] = {
         "values are measures of round-off, or of motions that grow it",
     ),
     "* json/special_points/count": "folds and branch points of backbones are looked for, and listed in the summary",
+    "* compare */start_s": "a comparison says which part of the run it uses",
+    "* compare file/*@start_s": "the same in files",
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.measured import MeasuredSignal, harmonics_of
+from beamsim.analyses.compare.measured import MeasuredSignal, harmonics_of, settled_from
 from beamsim.errors import ScenarioError
 from beamsim.store.measurement import channel_named, in_si, read_signals
 
@@ -32,6 +32,19 @@ def test_the_noise_is_that_of_the_harmonics():
         deviations.append(np.concatenate([(found.value - TRUE).real, (found.value - TRUE).imag]))
         assert found.noise == pytest.approx(np.full(3, 0.05 * np.sqrt(2 / TIME.size)), rel=0.1)
     assert np.std(deviations) == pytest.approx(0.05 * np.sqrt(2 / TIME.size), rel=0.1)
+
+
+def test_the_settled_part_of_a_history():
+    t = np.arange(0, 20, 1e-3)
+    steady = np.sin(2 * np.pi * 3 * t) + 0.3 * np.sin(2 * np.pi * 9 * t)
+    start, difference = settled_from(t, steady + 2 * np.exp(-t) * np.sin(2 * np.pi * 5.1 * t), 1 / 3)
+    assert 4.0 < start < 6.0  # 2 exp(-t) is 1 % of the motion at 5.6 s
+    assert difference < 0.01
+    doubled, _ = settled_from(t, steady + 0.5 * np.sin(2 * np.pi * 1.5 * t), 1 / 3)
+    assert doubled < 1.0
+    start, difference = settled_from(t, np.sin(2 * np.pi * 3 * t + t**2), 1 / 3)  # never settles
+    assert start == pytest.approx(10.0, abs=0.5)
+    assert difference > 0.1
 
 
 def test_complex_and_plain_spectra():

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of, settled_from
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
@@ -20,6 +20,7 @@ from beamsim.typing import Floats
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
 _UNITS = {"absolute_acceleration": "m/s^2", "velocity": "m/s", "force": "N"}
 _SHOWN_PERIODS = 4
+SETTLED = 0.01  # relative difference of periods of a settled motion, rms
 _UNEVEN = 1e-3  # relative scatter of the sampling interval
 
 
@@ -35,8 +36,8 @@ def compare(
     Parameters
     ----------
     harmonics : number of harmonics in the table.
-    last : use only this last part of measured histories, s; by default as long as the part of the run from which its
-        spectrum is computed.
+    last : use only this last part of measured histories, s; by default as long as the part of the run that is used:
+        that of ``run.spectrum``, else the part in which its motion has settled.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def _channel(
     x = predicted_history(result, place, quantity)
     unit = _UNITS.get(quantity, "m")
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    start = min((s.start_s for s in result.spectra.values()), default=float(result.time[0]))
+    start = _start(result, x, excitation, f"{place} {quantity.replace('_', ' ')}", warnings)
     steady = result.time >= start
     predicted_signal = MeasuredSignal(place, result.time[steady], x[steady])
     if last is None and np.isfinite(excitation):
@@ -126,7 +127,24 @@ def _channel(
         measured_history=history_m,
         predicted_spectrum=predicted_spectrum,
         measured_spectrum=measured_spectrum,
+        start_s=float(predicted_signal.x[0]),
     )
+
+
+def _start(result: RunResult, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
+    """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
+    settings = None if result.scenario.run is None else result.scenario.run.spectrum
+    if settings is not None and (settings.last is not None or settings.periods is not None):
+        return min((s.start_s for s in result.spectra.values()), default=float(result.time[0]))
+    if not np.isfinite(excitation):
+        return float(result.time[0])
+    start, deviation = settled_from(result.time, x, 1.0 / excitation)
+    if deviation > SETTLED:
+        warnings.append(
+            f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
+            f"{result.time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
+        )
+    return start
 
 
 def _harmonics(
@@ -223,7 +241,7 @@ def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -
 
 def _compared(channel: ChannelComparison) -> dict[str, Any]:
     """Summary of one channel."""
-    names = ("place", "quantity", "channel", "excitation_hz", "delay_s", "rms_difference")
+    names = ("place", "quantity", "channel", "excitation_hz", "start_s", "delay_s", "rms_difference")
     harmonics = {
         "order": channel.order,
         "predicted": np.abs(channel.predicted),

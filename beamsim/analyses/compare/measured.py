@@ -101,6 +101,34 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
     return Harmonics(orders, value, np.full(orders.size, noise), complex_values)
 
 
+def settled_from(time: Floats, x: Floats, period: float, tolerance: float = 0.01) -> tuple[float, float]:
+    """Start of the longest last part of a history whose periods repeat, s, and the largest relative difference in it.
+
+    Periods are compared with the last one or the last but one (a period-doubled motion), in the rms. Where the last
+    periods already differ by more, the part is the last half.
+    """
+    from scipy.interpolate import CubicSpline
+
+    count = int(np.floor((time[-1] - time[0]) / period * (1 + 1e-9)))
+    if count < 4:
+        return float(time[0]), 0.0
+    phases = np.linspace(0.0, 1.0, 64, endpoint=False)
+    starts = time[-1] - period * np.arange(count, 0, -1)
+    periods = CubicSpline(time, x)(starts[:, None] + period * phases)
+    periods = periods - periods[-2:].mean()
+    size = max(float(np.sqrt(np.mean(periods[-2:] ** 2))), 1e-300)
+    rms = np.sqrt(np.mean((periods[:, None, :] - periods[None, -2:, :]) ** 2, axis=2)) / size  # (count, 2)
+    rms[-1, 1] = rms[-2, 0] = np.inf  # not with themselves
+    difference = np.minimum(rms[:, 0], rms[:, 1])
+    difference[-1] = difference[-2] = min(float(rms[-1, 0]), float(difference[-4:-2].max()))
+    moving = np.flatnonzero(difference > tolerance)
+    first = int(moving[-1]) + 1 if moving.size else 0
+    if count - first < 4:
+        half = count // 2
+        return float(starts[half]), float(difference[half:].max())
+    return float(max(starts[first], time[0])), float(difference[first:].max())
+
+
 def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> float:
     """The phase psi that brings predicted e^{i k psi} closest to the measured harmonics."""
     psi = np.arange(_PHASES) * (2 * np.pi / _PHASES)
