@@ -28,6 +28,7 @@ class OutcomeKind(StrEnum):
     """What an outcome means for the result that carries it."""
 
     COMPLETE = "complete"  # everything requested was computed
+    NOTED = "noted"  # complete; says something about what was found
     STOPPED = "stopped"  # before the end; the results up to there are valid
     UNTRUSTED = "untrusted"  # computed to the end, but the estimated error is larger than allowed
     INTERRUPTED = "interrupted"  # on request; the results up to there are valid
@@ -81,6 +82,13 @@ class OutcomeCode(Enum):
     )
     LEFT_RANGE = OutcomeKind.STOPPED, "stopped at {place}, a factor of {ratio:g} from where it started", ""
     NOT_COVERED = OutcomeKind.STOPPED, "range not covered[ at level {level:.4g}]: {ranges}[ {unit}]", ""
+    LIMITS_REACHED = (
+        OutcomeKind.STOPPED,
+        "limits on the number of points or branches were reached[ at level {level:.4g}][; from {bifurcations} "
+        "bifurcations no branch was followed]",
+        "raise {limits}",
+    )
+    NO_STABLE_MOTION = OutcomeKind.NOTED, "no stable motion found[ at level {level:.4g}]: {ranges}[ {unit}]", ""
     CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not started: the fold is too close to a corner of the curve", ""
 
     # nonlinear modes
@@ -256,7 +264,7 @@ class Outcome:
     @property
     def complete(self) -> bool:
         """Whether everything requested was computed and is reliable."""
-        return self.kind is OutcomeKind.COMPLETE and all(part.complete for part in self.parts)
+        return self.kind in (OutcomeKind.COMPLETE, OutcomeKind.NOTED) and all(part.complete for part in self.parts)
 
     @property
     def trusted(self) -> bool:

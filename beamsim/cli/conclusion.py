@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 EXIT_CODES = {
     OutcomeKind.COMPLETE: ExitCode.SUCCESS,
+    OutcomeKind.NOTED: ExitCode.SUCCESS,
     OutcomeKind.STOPPED: ExitCode.NOT_CONVERGED,
     OutcomeKind.UNTRUSTED: ExitCode.NOT_CONVERGED,
     OutcomeKind.FAILED: ExitCode.NOT_CONVERGED,

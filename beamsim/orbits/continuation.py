@@ -248,6 +248,16 @@ def between(
     return None
 
 
+def at_parameter(
+    problem: ContinuationProblem, a: BranchPoint, b: BranchPoint, value: float, settings: Settings
+) -> BranchPoint | None:
+    """The point between two neighbours (or beyond them) at a value of the parameter; None where none is found."""
+    share = (value - a.parameter) / (b.parameter - a.parameter)
+    guess = _hermite(a, b, float(np.clip(share, 0.0, 1.0)))
+    guess[-1] = value
+    return solve_at(problem, guess, settings, value, b.parameter - a.parameter)
+
+
 def locate(
     problem: ContinuationProblem,
     a: BranchPoint,
@@ -393,7 +403,7 @@ class Branch:
                         return
             if not self.low <= new.parameter <= self.high:
                 edge = self.low if new.parameter < self.low else self.high
-                last = self._at_edge(point, new, edge)
+                last = at_parameter(self.problem, point, new, edge, self.settings)
                 if last is not None:
                     yield last
                 self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=edge)
@@ -434,12 +444,6 @@ class Branch:
         if same and float(new.tangent @ t) < s.smallest_cosine:
             return None
         return new if _astray(point, new) < MOST_ASTRAY else None
-
-    def _at_edge(self, a: BranchPoint, b: BranchPoint, edge: float) -> BranchPoint | None:
-        share = (edge - a.parameter) / (b.parameter - a.parameter)
-        guess = _hermite(a, b, float(np.clip(share, 0.0, 1.0)))
-        guess[-1] = edge
-        return solve_at(self.problem, guess, self.settings, edge, b.parameter - a.parameter)
 
 
 def follow_orbits(

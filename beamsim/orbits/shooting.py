@@ -387,3 +387,34 @@ def switch_at_period_doubling(
         if point is not None:
             return doubled, point
     return None
+
+
+def switch_at_branch_point(
+    problem: ForcedOrbits, special: SpecialPoint, chord: Floats, settings: Settings | None = None,
+    amplitude: float = 0.01,
+) -> list[BranchPoint]:  # fmt: skip
+    """The first motions to both sides of the branch that crosses at a branch point, with tangents that point away.
+
+    There the Jacobian has a kernel of two dimensions: the tangent, and the direction in which the other branch leaves.
+    No tangent is defined by the Jacobian alone; ``chord`` is the difference of the unknowns between the neighbours.
+    """
+    settings = Settings(iterations=15) if settings is None else settings
+    point = special.point
+    J = problem.residual(point.u)[1]
+    scale, residual_scale = problem.scale(point.u)
+    kernel = np.linalg.svd(J * scale / residual_scale[:, None])[2][-2:]
+    along = kernel @ (chord / scale)
+    across = np.array([-along[1], along[0]]) @ kernel
+    across /= np.linalg.norm(across)
+    found = []
+    w = point.u / scale
+    for row in (across, -across):
+        for size in (amplitude, 0.1 * amplitude, 5.0 * amplitude):
+            guess = w + size * row
+            first = correct(
+                problem, guess * scale, row, float(row @ guess), scale, settings, reference=row, furthest=10.0 * size
+            )
+            if first is not None:
+                found.append(first)
+                break
+    return found

@@ -14,25 +14,33 @@ from beamsim.scenario.quantities import (
     Gap,
     Level,
     Name,
+    NotNegativeWhole,
     Position,
     Ratio,
     Stiffness,
     SweepRate,
 )
-from beamsim.scenario.ranges import Span
+from beamsim.scenario.ranges import Number, Span
 
 MOST_HARMONICS = 500
 LONGEST_PERIOD = 64
 
 
-class FrequencyPath(Span[Frequency]):
+class _Path(Span[Number]):
+    """A parameter that periodic motions are continued in."""
+
+    points_at: tuple[Number, ...] = ()
+    """Values at which every branch gets a point."""
+
+
+class FrequencyPath(_Path[Frequency]):
     """The excitation's frequency changes."""
 
     kind: Literal["frequency"] = "frequency"
     """The excitation's frequency."""
 
 
-class LevelPath(Span[Level]):
+class LevelPath(_Path[Level]):
     """The excitation's level changes, at its own frequency."""
 
     kind: Literal["level"] = "level"
@@ -57,21 +65,21 @@ class SnubberPath(Schema):
     """Name of the snubber; may be omitted if there is only one."""
 
 
-class GapPath(SnubberPath, Span[Gap]):
+class GapPath(SnubberPath, _Path[Gap]):
     """A snubber's gap changes."""
 
     kind: Literal["gap"] = "gap"
     """A snubber's gap."""
 
 
-class StiffnessPath(SnubberPath, Span[Stiffness]):
+class StiffnessPath(SnubberPath, _Path[Stiffness]):
     """A snubber's stiffness changes; a dashpot given by a ratio changes with it."""
 
     kind: Literal["stiffness"] = "stiffness"
     """A snubber's stiffness."""
 
 
-class PositionPath(SnubberPath, Span[Position]):
+class PositionPath(SnubberPath, _Path[Position]):
     """A snubber moves along the beam; a dashpot given by a ratio changes with its position."""
 
     kind: Literal["position"] = "position"
@@ -141,10 +149,22 @@ class Continuation(Schema):
     """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""
     overlay: SweptOverlay | None = None
     """A swept sine overlaid on a frequency response."""
+    points_at: tuple[Frequency, ...] = ()
+    """Frequencies at which every branch gets a point; with continue_in they are given there."""
+    stored_harmonics: Count = 5
+    """Highest harmonic of the motion that is stored at every point."""
+    seek_at: NotNegativeWhole = 3
+    """Number of values of the parameter at which coexisting motions are sought (shooting); 0 for none."""
     longest_period: Count = 2
     """Longest period followed after period doublings, in periods of the excitation."""
     most_points: Count = 4000
     """Largest number of points of the curve of a level."""
+    most_branch_points: Count = 2000
+    """Largest number of points of one branch, so that others can be followed as well."""
+    most_side_points: Count = 300
+    """Largest number of points of a branch that leaves another one: at a period doubling or a branch point."""
+    most_branches: Count = 40
+    """Largest number of branches of a level."""
     longest_time: Duration = 600.0
     """Longest computing time for the curve of a level."""
 
@@ -175,11 +195,24 @@ class Continuation(Schema):
             raise fail("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
         if isinstance(self.follow_folds_in, LevelPath) and len(self.levels) > 1:
             raise fail("has several values, and the folds' level changes", "give one level", ("levels",))
+        if self.follow_folds_in is not None and self.follow_folds_in.points_at:
+            raise fail("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
+        low, high = sorted((parameter.from_, parameter.to))
+        for k, value in enumerate(parameter.points_at):
+            if not low <= value <= high:
+                at = ("continue_in", "points_at", k) if self.continue_in is not None else ("points_at", k)
+                raise fail(f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", at)
+        if self.stored_harmonics > MOST_HARMONICS:
+            raise fail(
+                f"= {self.stored_harmonics} is too many", f"use {MOST_HARMONICS} or fewer", ("stored_harmonics",)
+            )
         if self.longest_period > LONGEST_PERIOD:
             raise fail(f"= {self.longest_period} is too long", f"use {LONGEST_PERIOD} or less", ("longest_period",))
 
     def _demand_one_range(self) -> None:
         if self.continue_in is not None:
+            if self.points_at:
+                raise fail("belong in continue_in", "give points_at there", ("points_at",))
             if self.from_ is not None or self.to is not None:
                 raise fail(
                     "and from, to exclude each other",
@@ -201,7 +234,7 @@ class Continuation(Schema):
         """What is followed, from where to where."""
         if self.continue_in is not None:
             return self.continue_in
-        return FrequencyPath.model_construct(from_=self.from_, to=self.to)
+        return FrequencyPath.model_construct(from_=self.from_, to=self.to, points_at=self.points_at)
 
     def plain_levels(self) -> Continuation:
         """The same without what the units of the levels said."""
@@ -209,7 +242,12 @@ class Continuation(Schema):
         for name in ("continue_in", "follow_folds_in"):
             path = getattr(self, name)
             if isinstance(path, LevelPath):
-                changed[name] = path.model_copy(update={"from_": float(path.from_), "to": float(path.to)})
+                values = {
+                    "from_": float(path.from_),
+                    "to": float(path.to),
+                    "points_at": tuple(map(float, path.points_at)),
+                }
+                changed[name] = path.model_copy(update=values)
         return self.model_copy(update=changed)
 
 

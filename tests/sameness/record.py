@@ -70,6 +70,15 @@ MENDED: dict[str, str] = {
     "* json/special_points/count": "folds and branch points of backbones are looked for, and listed in the summary",
     "* compare */start_s": "a comparison says which part of the run it uses",
     "* compare file/*@start_s": "the same in files",
+    **dict.fromkeys(
+        (
+            *("* sweep* file/branches*", "* sweep* file/summary@*", "* sweep* json/points", "* sweep* json/branches"),
+            *("* sweep* json/special_points*", "* sweep* json/without_stable_motion*"),
+            *("chain_* sweep* json/peaks/*", "continuation_* sweep* json/peaks/*", "ms_* sweep* json/peaks/*"),
+            "one_sided_65hz sweep varied */stable_*",
+        ),
+        "continuation: points at the maxima of the curve, coexisting motions, branches cut at the ends of the range",
+    ),
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""

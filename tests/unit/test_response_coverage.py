@@ -38,7 +38,7 @@ class Lines:
 
     def __init__(self, *stretches, step=0.05, dead=()):
         self.stretches, self.step, self.dead, self.begun = stretches, step, dead, []
-        self.problem = SimpleNamespace(multiple=1)
+        self.problem = SimpleNamespace(multiple=1, orbit=lambda point: SimpleNamespace(stable=True))
 
     def begin(self, value, forward):
         self.begun.append(value)
@@ -158,5 +158,5 @@ def test_a_search_that_fails_is_told_with_the_branch():
     assert failed.numbers["kinds"] == "Neimark–Sacker"
     assert 0.4 < failed.numbers["parameter"] < 0.5
     model = SimpleNamespace(followed=FollowedParameter("level", 0.0, 1.0, "N"))
-    assert _outcome(model, [whole], None).complete
-    assert "first at 0.45 N" in _outcome(model, [branch], None).text
+    assert _outcome(model, [whole], Budget(1000, np.inf), None).complete
+    assert "first at 0.45 N" in _outcome(model, [branch], Budget(1000, np.inf), None).text

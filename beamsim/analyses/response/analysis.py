@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,21 +14,26 @@ from beamsim.analyses.branch import BranchResult, SpecialPointResult
 from beamsim.analyses.interruption import Stop, never
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.response.branches import (
+    COVERED,
     Budget,
     ShootingTracer,
-    doubled,
+    coincides,
+    covered,
     missing,
     progress_that_grows,
     reach_of,
+    side_reach,
     trace_range,
 )
 from beamsim.analyses.response.motion import MeasuredMotion, measure, sampled_motion, sampled_orbit
 from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
+from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.analyses.response.side_branches import side_branches
 from beamsim.errors import Problem, ScenarioError
-from beamsim.orbits.branch import INTERRUPTED, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
 from beamsim.typing import Floats
 
@@ -59,7 +66,6 @@ def frequency_response(
     model = response_model(scenario)
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
-    limited = () if scenario.limits is None else tuple(scenario.limits.given)
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
@@ -71,20 +77,23 @@ def frequency_response(
         part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
         if branches and stop():
             break
-        budget = Budget(settings.most_points, settings.longest_time, stop)
+        budget = Budget(
+            settings.most_points, settings.longest_time, stop, settings.most_branch_points, settings.most_side_points,
+            settings.most_branches,
+        )  # fmt: skip
         traced = _trace(model, settings, level, budget, part)
         if not traced:
             break
-        outcomes.append(_outcome(model, traced, level if len(levels) > 1 else None))
+        outcomes.append(_outcome(model, traced, budget, level if len(levels) > 1 else None))
         if model.second is not None:
             from beamsim.analyses.response.folds import follow_folds
 
             folds += follow_folds(model, traced, level, budget)
         halted = stop()
-        branches += [_response(model, t, level, limited) for t in traced]
+        branches += [_response(model, t, level) for t in traced]
     if not branches:
         raise KeyboardInterrupt
-    outcome = combined(outcomes)
+    outcome = _combined(outcomes)
     if isinstance(settings.method, HarmonicBalance):
         outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
     overlay = {}
@@ -96,7 +105,7 @@ def frequency_response(
 
         overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY))
     if halted or left:
-        parts = () if outcome is COMPLETE else (outcome,)
+        parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=left)
     f, second = model.followed, model.second
     return FrequencyResponse(
@@ -116,7 +125,7 @@ def frequency_response(
         second_unit="" if second is None else second.unit,
         second_snubber="" if second is None else second.snubber,
         overlay=overlay,
-    ).with_summary(**_summary(model, branches, folds, clock.process_time() - processor))
+    ).with_summary(**_summary(model, outcome, branches, folds, clock.process_time() - processor))
 
 
 def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
@@ -149,27 +158,75 @@ def _trace(
                 )
             )
         )
-    if isinstance(settings.method, HarmonicBalance):
-        return found
-    aside: list[OrbitBranch] = []
+    if not isinstance(settings.method, HarmonicBalance):
+        beside = side_reach(first, last, reach)
+        if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
+            from beamsim.analyses.response.coexisting import coexisting_branches
+
+            values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
+            found += coexisting_branches(
+                replace(tracer, reach=beside),
+                lambda x: model.orbits_in_level(float(f.outward(x)), level),
+                list(values),
+                found,
+                budget,
+            )
+        found += side_branches(found, beside, settings.longest_period, budget)
+    values_at = [f.inward(float(value)) for value in settings.parameter.points_at]
+    pieces: list[OrbitBranch] = []
     for branch in found:
-        aside += doubled(branch, reach, settings.longest_period, budget)
-    return [*found, *aside]
+        for piece in cut(branch, min(first, last), max(first, last)):
+            # a branch that comes back into the range along another one ends there after a few points
+            alike = [other for other in pieces if other.problem.multiple == piece.problem.multiple]
+            if len(piece.points) > 4 or not all(coincides(point, alike) for point in piece.points):
+                pieces.append(piece)
+    return [with_points_at(piece, values_at) for piece in pieces]
 
 
-def _outcome(model: ResponseModel, traced: list[OrbitBranch], level: float | None) -> Outcome:
-    """Complete, or what was not reached and why."""
+def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> Outcome:
+    """What was not reached and why, and where no stable motion was found."""
     f = model.followed
-    gaps = missing([t for t in traced if t.problem.multiple == 1], f.inward(f.first), f.inward(f.last))
-    failed = [f.shown(part) for t in traced for part in t.outcome.all_of(OutcomeCode.SEARCH_FAILED)]
-    if not gaps:
-        return failed[0].but(*failed[1:]) if failed else COMPLETE
-    ranges = [(float(f.outward(a)), float(f.outward(b))) for a, b in gaps]
-    why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
+    first, last = f.inward(f.first), f.inward(f.last)
     of = {} if level is None else {"level": level}
-    why = f.shown(why)
-    failed = [part for part in failed if part not in why.all_of(OutcomeCode.SEARCH_FAILED)]
-    return Outcome.of(OutcomeCode.NOT_COVERED, why, *failed, ranges=ranges, unit=f.unit, **of)
+
+    def ranges(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        return [(float(f.outward(a)), float(f.outward(b))) for a, b in stretches]
+
+    parts: list[Outcome] = []
+    gaps = missing([t for t in traced if t.problem.multiple == 1], first, last)
+    if gaps:
+        why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
+        parts.append(Outcome.of(OutcomeCode.NOT_COVERED, f.shown(why), ranges=ranges(gaps), unit=f.unit, **of))
+    failed = [f.shown(part) for t in traced for part in t.outcome.all_of(OutcomeCode.SEARCH_FAILED)]
+    parts += [part for part in failed if not any(part in known.parts for known in parts)]
+    if budget.exceeded is not None:
+        parts.append(budget.exceeded.but(**of))
+    bands: list[tuple[float, float]] = []
+    for a, b in covered(_stable_stretches(traced), min(first, last), max(first, last)):
+        if bands and a - bands[-1][1] < COVERED * abs(last - first):
+            a = bands.pop()[0]
+        bands.append((a, b))
+    if bands:
+        parts.append(Outcome.of(OutcomeCode.NO_STABLE_MOTION, ranges=ranges(bands), unit=f.unit, **of))
+    return _combined(parts)
+
+
+def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]]:
+    """Between stable neighbours of any branch."""
+    for branch in traced:
+        stable = [orbit.stable for orbit in branch.orbits]
+        for k, (a, b) in enumerate(pairwise(branch.values)):
+            if stable[k] and stable[k + 1]:
+                yield float(min(a, b)), float(max(a, b))
+
+
+def _combined(outcomes: Sequence[Outcome]) -> Outcome:
+    """The first that is not complete, else complete, with the others as remarks."""
+    remarks = [
+        part for outcome in outcomes for part in (outcome.parts if outcome.code is COMPLETE.code else (outcome,))
+    ]
+    worst = next((part for part in remarks if not part.complete), COMPLETE)
+    return worst.but(*(part for part in remarks if part is not worst))
 
 
 def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: FollowedParameter) -> Outcome:
@@ -184,23 +241,27 @@ def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: 
     doubt = Outcome.of(
         OutcomeCode.HARMONICS_NEGLECTED, parameter=worst[1], unit=f.unit, error=100 * worst[0], allowed=100 * largest
     )
-    return doubt if outcome is COMPLETE else outcome.but(doubt)
+    return doubt.but(*outcome.parts) if outcome.code is COMPLETE.code else outcome.but(doubt)
 
 
-def _response(model: ResponseModel, traced: OrbitBranch, level: float, limited: Collection[str]) -> BranchResult:
+def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> BranchResult:
     """Peaks, harmonics, forces and stability along a branch."""
     f, system, problem = model.followed, model.system, traced.problem
+    settings, limits = model.scenario.sweep, model.scenario.limits
+    assert isinstance(settings, Continuation)
+    limited = () if limits is None else tuple(limits.given)
     by_balance = not hasattr(problem, "flow")
-    measured: list[MeasuredMotion] = []
-    spectra = []
-    for point in traced.points:
+
+    def measured_motion(point: BranchPoint) -> MeasuredMotion:
         if by_balance:
             omega, driven = problem.at(point.parameter)
             motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, driven)
         else:
             motion = sampled_orbit(problem, point)
-        measured.append(measure(system, model.loads, model.base, motion, limited))
-        spectra.append(problem.multipliers(point))
+        return measure(system, model.loads, model.base, motion, limited, settings.stored_harmonics)
+
+    traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model))
+    spectra = [problem.multipliers(point) for point in traced.points]
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
     unknown = traced.values
@@ -242,6 +303,29 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, limited: 
     )
 
 
+def _reported_maxima(model: ResponseModel) -> list[ReportedMaximum]:
+    """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
+
+    def peak(i: int) -> Callable[[MeasuredMotion], float]:
+        return lambda m: max(abs(float(m.high[i])), abs(float(m.low[i])))
+
+    def entry(name: str, key: Any) -> Callable[[MeasuredMotion], float]:
+        return lambda m: float(getattr(m, name)[key])
+
+    probes, snubbers, limits = model.system.probes, model.system.snubbers, model.scenario.limits
+    found = [ReportedMaximum(peak(i), False) for i in range(len(probes))]
+    if limits is None:
+        return found
+    of: dict[str, list[Callable[[MeasuredMotion], float]]] = {
+        "peak_displacement": [peak(i) for i in range(len(probes))],
+        "peak_acceleration": [entry("acceleration", i) for i in range(len(probes))],
+        "peak_force": [entry("force", j) for j in range(len(snubbers))],
+        "gap": [entry("gap", s.name) for s in snubbers],
+        "bending_stress": [lambda m: m.stress or 0.0],
+    }
+    return found + [ReportedMaximum(number, True) for name in limits.given for number in of[name]]
+
+
 def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
     f = model.followed
     value = float(f.outward(special.parameter))
@@ -254,6 +338,7 @@ def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
 
 def _summary(
     model: ResponseModel,
+    outcome: Outcome,
     branches: list[BranchResult],
     folds: list[BranchResult],
     processor_time_s: float,
@@ -278,6 +363,12 @@ def _summary(
              "level": b.level, "period_multiple": b.period_multiple}
             for b in branches
             for e in b.special
+        ],
+        "without_stable_motion": [
+            {"band": band, "level": part.numbers.get("level", branches[0].level)}
+            for part in (outcome, *outcome.parts)
+            if part.code is OutcomeCode.NO_STABLE_MOTION
+            for band in np.array(part.numbers["ranges"]).tolist()
         ],
         "margins": _margins(model, branches),
         "processor_time_s": processor_time_s,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -29,32 +29,36 @@ from beamsim.orbits.shooting import (
     ForcedOrbits,
     find_orbit,
     special_points,
-    switch_at_period_doubling,
 )
 from beamsim.outcomes import Outcome, OutcomeCode, both_directions
-from beamsim.typing import Floats
 
 Report = Callable[[float], None]
+SpecialBetween = Callable[[BranchPoint, BranchPoint, Settings, list[FailedSearch]], list[SpecialPoint]]
 Half = tuple[list[BranchPoint], Outcome, list[SpecialPoint]]  # of a branch, followed one way
 
-MOST_BEGINNINGS = 12  # of branches of one level
-MOST_POINTS_ASIDE = 300  # of a branch of doubled period
+MOST_BEGINNINGS = 12  # of branches that cover the range
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
+SIDE_EXCURSION = 0.1  # the same for branches that leave others, as a share of the range
 COVERED = 1e-3  # of the range: stretches shorter than this count as covered
 COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
-SAME_FREQUENCY = 1e-4  # relative distance within which a period doubling belongs to a branch that is known
+AT_END = 1e-9  # relative distance in the parameter at which a motion is beside the end of a branch
 SETTLED = (50, 250)  # periods of the transients before a motion is looked for
 
 
 @dataclass
 class Budget:
-    """Work that one level may cost."""
+    """Work that one level may cost, and what it was not enough for."""
 
     points: int
     seconds: float
     stop: Stop = never
+    branch_points: int = 2000  # of one branch
+    side_points: int = 300  # of one that leaves another branch
+    branches: int = 40
     used: int = 0  # points so far
     begun: float = field(default_factory=clock.monotonic)
+    cut_off: set[str] = field(default_factory=set)  # settings that ended a branch
+    not_followed: int = 0  # bifurcations from which no branch was followed
 
     def spent(self) -> Outcome | None:
         """Why no more work is allowed; None while it is."""
@@ -70,6 +74,17 @@ class Budget:
     def left(self) -> int:
         """Points that a branch may still have: two at least."""
         return max(self.points - self.used, 2)
+
+    @property
+    def exceeded(self) -> Outcome | None:
+        """Which limits ended branches, or kept them from being followed; None where none did."""
+        limits = set(self.cut_off)
+        if self.not_followed:
+            limits.add("sweep.most_points" if self.points <= self.used else "sweep.most_branches")
+        if not limits:
+            return None
+        left = {"bifurcations": self.not_followed} if self.not_followed else {}
+        return Outcome.of(OutcomeCode.LIMITS_REACHED, limits=sorted(limits), **left)
 
 
 class Tracer(Protocol):
@@ -97,6 +112,13 @@ def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
     if not beyond:
         return low, high
     return (low / EXCURSION, high) if last > first else (low, high * EXCURSION)
+
+
+def side_reach(first: float, last: float, reach: tuple[float, float]) -> tuple[float, float]:
+    """Where branches may go that begin beside the main ones: a little beyond the range, within the reach of these."""
+    low, high = sorted((first, last))
+    beyond = SIDE_EXCURSION * (high - low)
+    return max(low - beyond, reach[0]), min(high + beyond, reach[1])
 
 
 @dataclass(frozen=True)
@@ -195,11 +217,13 @@ def trace_range(
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
             ways = [1.0] if begin in (first, last) else [1.0, -1.0]
-            found.append(_joined(tracer.problem, [_follow(tracer, start, way, budget, found, tell) for way in ways]))
+            found.append(joined(tracer.problem, [follow(tracer, start, way, budget, found, tell) for way in ways]))
         gaps = missing(found, first, last)
         if not gaps or budget.spent():
             break
         begin = _next(gaps, tried, last)
+    if not missing(found, first, last):
+        budget.cut_off.clear()  # what one branch left out, another one reached
     grown(1.0)
     return found
 
@@ -237,33 +261,63 @@ def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
     return found
 
 
-def _follow(
-    tracer: Tracer, start: BranchPoint, way: float, budget: Budget, known: list[OrbitBranch], tell: Report
+def follow(
+    tracer: Tracer, start: BranchPoint, way: float, budget: Budget, known: list[OrbitBranch], tell: Report | None = None
 ) -> Half:
-    """Points, outcome and special points one way from a start."""
+    """Points, outcome and special points one way from a start, up to a known branch."""
     if way < 0:
-        start = start.reversed()
-    branch = tracer.branch(start, Settings(most_points=budget.left))
+        start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
+    close = 0
+
+    def joins(point: BranchPoint) -> Outcome | None:
+        nonlocal close
+        if tell is not None:
+            tell(point.parameter)
+        close = close + 1 if coincides(point, known) else 0
+        return Outcome.of(OutcomeCode.JOINED_BRANCH, parameter=point.parameter) if close == 2 else None
+
+    most = min(budget.branch_points, budget.left)
+    limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
+    return walk(tracer.branch(start, Settings(most_points=most)), tracer.special, budget, limit, joins)
+
+
+def walk(
+    branch: Branch,
+    special_between: SpecialBetween,
+    budget: Budget,
+    limit: str,
+    ends: Callable[[BranchPoint], Outcome | None],
+) -> Half:
+    """The points of a branch with the special ones among them, until it ends by itself, by a test or by the budget.
+
+    ``limit`` is the setting behind the branch's own number of points.
+    """
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
     failed: list[FailedSearch] = []
-    close, outcome = 0, None
+    outcome = None
     for point in branch:
+        if points and np.array_equal(point.u, points[-1].u):  # it begins on the end of its reach
+            continue
+        outcome = ends(point)
+        if outcome is not None and outcome.code is OutcomeCode.BACK_TO_PERIOD:
+            break
         if points:
-            found = along(points[-1], point, tracer.special(points[-1], point, branch.settings, failed))
-            special += found
-            points += [s.point for s in found]
+            between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
+            special += between
+            points += [s.point for s in between]
         points.append(point)
-        tell(point.parameter)
         budget.used += 1
-        close = close + 1 if _coincides(point, known) else 0
-        if close == 2:
-            outcome = Outcome.of(OutcomeCode.JOINED_BRANCH, parameter=point.parameter)
+        if outcome is not None:
             break
         if spent := budget.spent():
             outcome = spent.but(parameter=point.parameter)
             break
-    return points, with_failed_searches(outcome or branch.outcome, failed), special
+    outcome = outcome or branch.outcome
+    if outcome.code is OutcomeCode.POINT_LIMIT and "limit" not in outcome.numbers:
+        outcome = outcome.but(limit=limit)
+        budget.cut_off.add(limit)
+    return points, with_failed_searches(outcome, failed), special
 
 
 def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
@@ -273,14 +327,15 @@ def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[S
     return sorted(special, key=lambda s: float((s.point.u / a.scale - w) @ chord))
 
 
-def _coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
+def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     """Whether a known branch passes through a point."""
     p = point.parameter
     for branch in known:
         off = branch.values - p
-        for i in np.flatnonzero((off[:-1] * off[1:] <= 0) & (off[:-1] != off[1:])):
+        low, high = np.minimum(off[:-1], off[1:]), np.maximum(off[:-1], off[1:])
+        for i in np.flatnonzero((low <= AT_END * abs(p)) & (high >= -AT_END * abs(p)) & (low < high)):
             a, b = branch.points[int(i)], branch.points[int(i) + 1]
-            between = a.u + off[i] / (off[i] - off[i + 1]) * (b.u - a.u)
+            between = a.u + np.clip(off[i] / (off[i] - off[i + 1]), 0.0, 1.0) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
             apart = float(np.linalg.norm(((a.u - b.u) / point.scale)[:-1]))
             if away < COINCIDES + 0.1 * apart**2:
@@ -288,7 +343,7 @@ def _coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     return False
 
 
-def _joined(problem: Any, halves: list[Half]) -> OrbitBranch:
+def joined(problem: Any, halves: list[Half]) -> OrbitBranch:
     """One branch of what was followed one way or both."""
     points, outcome, special = halves[0]
     if len(halves) == 2:
@@ -297,70 +352,3 @@ def _joined(problem: Any, halves: list[Half]) -> OrbitBranch:
         special = [*back[2][::-1], *special]
         outcome = both_directions(back[1], outcome)
     return OrbitBranch(problem, tuple(points), outcome, tuple(special))
-
-
-def doubled(
-    branch: OrbitBranch,
-    reach: tuple[float, float],
-    longest: int,
-    budget: Budget,
-    known: list[OrbitBranch] | None = None,
-) -> list[OrbitBranch]:
-    """The branches of doubled period that leave a branch, each once, and those that leave them."""
-    known = [] if known is None else known
-    if 2 * branch.problem.multiple > longest:
-        return known
-    leaving: list[OrbitBranch] = []
-    for event in (s for s in branch.special if s.kind == "period_doubling"):
-        if budget.spent() or any(_passes(b, event.parameter) for b in leaving):
-            continue
-        switched = switch_at_period_doubling(branch.problem, event)
-        if switched is None:
-            continue
-        leaving.append(_doubled_branch(*switched, reach, budget))
-    for branch_ in leaving:
-        known.append(branch_)
-        doubled(branch_, reach, longest, budget, known)
-    return known
-
-
-def _passes(branch: OrbitBranch, value: float) -> bool:
-    return any(abs(p.parameter - value) < SAME_FREQUENCY * abs(value) for p in (branch.points[0], branch.points[-1]))
-
-
-def _doubled_branch(
-    problem: ForcedOrbits, start: BranchPoint, reach: tuple[float, float], budget: Budget
-) -> OrbitBranch:
-    """Follow it until its two halves are alike again: there it is back on the branch it left."""
-    branch = follow_orbits(problem, start, *reach, Settings(most_points=min(MOST_POINTS_ASIDE, budget.left)))
-    points: list[BranchPoint] = []
-    special: list[SpecialPoint] = []
-    failed: list[FailedSearch] = []
-    last: Floats | None = None
-    outcome = None
-    for point in branch:
-        unlike = _unlike(problem, point)
-        if last is not None and float(last @ unlike) < 0:
-            # beyond it every motion comes again, half its period later
-            outcome = Outcome.of(OutcomeCode.BACK_TO_PERIOD, multiple=problem.multiple // 2)
-            break
-        last = unlike
-        if points:
-            found = along(points[-1], point, special_points(problem, points[-1], point, branch.settings, failed))
-            special += found
-            points += [s.point for s in found]
-        points.append(point)
-        budget.used += 1
-        if spent := budget.spent():
-            outcome = spent.but(parameter=point.parameter)
-            break
-    outcome = with_failed_searches(outcome or branch.outcome, failed)
-    return OrbitBranch(problem, tuple(points), outcome, tuple(special))
-
-
-def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
-    """Difference of the states half a period apart, against the motion's size."""
-    flow, _ = problem.flow_at(point.parameter)
-    n2 = 2 * flow.system.size
-    half = flow.states_at(point.data, np.array([0.5 * point.data.duration]))[0]
-    return np.asarray((half - point.u[:-1][:n2]) / problem.scale(point.u)[0][:n2])

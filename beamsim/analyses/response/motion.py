@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 Rows = Callable[[Floats], Floats]
 
 SAMPLES = 2048  # of a period: enough for the accelerations of the highest modes that are kept
-ORDERS = 6  # harmonics kept, the mean among them
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class MeasuredMotion:
 
     high: Floats  # (probes,) m
     low: Floats  # (probes,)
-    harmonics: Complexes  # (probes, ORDERS) of the motion's own frequency
+    harmonics: Complexes  # (probes, H + 1) of the motion's own frequency
     acceleration: Floats  # (probes,) m/s^2, largest absolute
     force: Floats  # (m,) N, largest
     contact_share: Floats  # (m,)
@@ -139,8 +138,9 @@ def measure(
     base: BaseAcceleration | None,
     motion: SampledMotion,
     limited: Collection[str] = (),
+    harmonics: int = 5,
 ) -> MeasuredMotion:
-    """Extremes, harmonics and forces of a motion."""
+    """Extremes, harmonics (the mean and as many as asked for) and forces of a motion."""
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     x = motion.q(shapes)
     carried = np.zeros(motion.times.size) if base is None else base.at(motion.omega, motion.level, motion.times)
@@ -153,7 +153,7 @@ def measure(
     if "bending_stress" in limited and system.stress is not None:
         bending = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
         stress = float(max(_top(bending).max(), _top(-bending).max()))
-    spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[:ORDERS] / SAMPLES
+    spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[: harmonics + 1] / SAMPLES
     spectrum[0] *= 0.5
     return MeasuredMotion(
         _top(x), -_top(-x), spectrum.T, np.maximum(_top(acceleration), _top(-acceleration)),

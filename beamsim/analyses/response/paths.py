@@ -127,6 +127,11 @@ class ResponseModel:
         flow, _ = f.path(self.flow(self.frequency_hz, level))(f.inward(value))
         return ForcedOrbits(flow)
 
+    def orbits_in_level(self, value: float, level: float) -> ForcedOrbits:
+        """Shooting at one value of what is followed, with the level as unknown."""
+        flow = self.orbits_at(value, level).flow
+        return ForcedOrbits(flow, "level")
+
     def orbits(self, level: float) -> ForcedOrbits:
         """Shooting along what is followed."""
         f = self.followed

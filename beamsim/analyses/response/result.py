@@ -82,6 +82,7 @@ _SUMMARY = (
              "special points"),
     Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, stable or not",
              "peak displacement"),
+    Entry("without_stable_motion", "", "bands of the parameter without a stable motion found: band, level"),
     Entry("second_parameter", "", "what folds are followed in"),
     Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency",
              "folds"),

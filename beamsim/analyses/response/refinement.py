@@ -1,0 +1,125 @@
+"""Points of a branch that continuation by itself does not place: at the ends of the range, at values that were asked
+for, and at the maxima of the continuous curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamsim.analyses.response.motion import MeasuredMotion
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.continuation import Settings, at_parameter, between
+from beamsim.outcomes import Outcome, OutcomeCode
+
+EDGE = 1e-12  # of the range, by which a point may lie beyond its end
+SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
+SAME_HEIGHT = 1e-10  # relative difference below which a stored point is the maximum
+
+SETTINGS = Settings()
+Measure = Callable[[BranchPoint], MeasuredMotion]
+
+
+class ReportedMaximum(NamedTuple):
+    """A number of a motion whose maximum along the branch is reported."""
+
+    of: Callable[[MeasuredMotion], float]
+    stable_only: bool
+
+
+def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
+    """The pieces of a branch within a range, each with a point on the end of the range where it leaves it."""
+    margin = EDGE * (high - low)
+    inside = (branch.values >= low - margin) & (branch.values <= high + margin)
+    if inside.all():
+        return [branch]
+    pieces = []
+    starts = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
+    ends = np.flatnonzero(inside & ~np.append(inside[1:], False))
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        points, outcome = list(branch.points[first : last + 1]), branch.outcome
+        if last + 1 < len(branch.points):
+            edge = low if branch.values[last + 1] < low else high
+            outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=edge)
+            points += _edge(branch.problem, branch.points[last], branch.points[last + 1], edge)
+        if first > 0:
+            edge = low if branch.values[first - 1] < low else high
+            points = _edge(branch.problem, branch.points[first], branch.points[first - 1], edge) + points
+        kept = {id(point) for point in points}
+        special = tuple(s for s in branch.special if id(s.point) in kept)
+        if len(points) > 1:
+            pieces.append(replace(branch, points=tuple(points), outcome=outcome, special=special))
+    return pieces
+
+
+def _edge(problem: Any, inner: BranchPoint, outer: BranchPoint, edge: float) -> list[BranchPoint]:
+    """The point on the end of the range between two neighbours; nothing where the inner one is it."""
+    point = None if inner.parameter == edge else at_parameter(problem, inner, outer, edge, SETTINGS)
+    return [] if point is None else [point]
+
+
+def with_points_at(branch: OrbitBranch, values: Sequence[float]) -> OrbitBranch:
+    """The branch with a point wherever it passes one of the parameter's values."""
+    points = [branch.points[0]]
+    for a, b in pairwise(branch.points):
+        passed = [v for v in values if min(a.parameter, b.parameter) < v < max(a.parameter, b.parameter)]
+        for value in sorted(passed, reverse=b.parameter < a.parameter):
+            point = at_parameter(branch.problem, a, b, value, SETTINGS)
+            points += [] if point is None else [point]
+        points.append(b)
+    return replace(branch, points=tuple(points))
+
+
+def with_maxima(
+    branch: OrbitBranch, measure: Measure, quantities: Iterable[ReportedMaximum]
+) -> tuple[OrbitBranch, list[MeasuredMotion]]:
+    """The branch with a point at the largest value of each quantity, and all points measured."""
+    points, measured = list(branch.points), [measure(point) for point in branch.points]
+    for quantity in quantities:
+        values = [
+            quantity.of(m) if not quantity.stable_only or branch.problem.orbit(p).stable else -np.inf
+            for p, m in zip(points, measured, strict=True)
+        ]
+        k = int(np.argmax(values))
+        if np.isfinite(values[k]):
+            _insert_maximum(branch.problem, points, measured, k, measure, quantity)
+    return replace(branch, points=tuple(points)), measured
+
+
+def _insert_maximum(
+    problem: Any,
+    points: list[BranchPoint],
+    measured: list[MeasuredMotion],
+    k: int,
+    measure: Measure,
+    q: ReportedMaximum,
+) -> None:
+    """Locate the maximum within the two steps about point k, and add the point if it is higher."""
+    from scipy.optimize import minimize_scalar
+
+    best: tuple[float, float, BranchPoint, MeasuredMotion] | None = None
+    floor = q.of(measured[k])
+
+    def depth(share: float) -> float:
+        nonlocal best
+        a, b, at = (points[k - 1], points[k], 1.0 + share) if share < 0 else (points[k], points[k + 1], share)
+        point = between(problem, a, b, at, SETTINGS)
+        if point is None or (q.stable_only and not problem.orbit(point).stable):
+            return -0.5 * floor
+        motion = measure(point)
+        height = q.of(motion)
+        if best is None or height > best[0]:
+            best = height, share, point, motion
+        return -height
+
+    bounds = (-1.0 if k > 0 else 0.0, 1.0 if k + 1 < len(points) else 0.0)
+    if bounds[0] < bounds[1]:
+        minimize_scalar(depth, bounds=bounds, method="bounded", options={"xatol": SHARE})
+    if best is not None and best[0] > floor * (1.0 + SAME_HEIGHT):
+        _, share, point, motion = best
+        where = k if share < 0 else k + 1
+        points.insert(where, point)
+        measured.insert(where, motion)

@@ -1,0 +1,157 @@
+"""Branches that leave others: at period doublings with twice the period, at branch points with the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamsim.analyses.response.branches import (
+    Budget,
+    Half,
+    coincides,
+    joined,
+    walk,
+)
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.continuation import Settings, follow_orbits
+from beamsim.orbits.shooting import (
+    ForcedOrbits,
+    special_points,
+    switch_at_branch_point,
+    switch_at_period_doubling,
+)
+from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.typing import Floats
+
+SAME_PARAMETER = 1e-4  # relative distance within which a bifurcation belongs to a branch that is known
+FEWEST_POINTS = 30  # that a branch gets where many share what is left
+
+
+@dataclass(frozen=True, eq=False)
+class _Leaving:
+    """A bifurcation from which branches leave."""
+
+    branch: OrbitBranch
+    event: SpecialPoint
+    at_stable: bool  # whether motions beside it on the branch are stable
+
+    @property
+    def multiple(self) -> int:
+        """Periods of the excitation in one of the motions that leave."""
+        return int(self.branch.problem.multiple) * (2 if self.event.kind == "period_doubling" else 1)
+
+
+def side_branches(
+    main: list[OrbitBranch], reach: tuple[float, float], longest: int, budget: Budget
+) -> list[OrbitBranch]:
+    """The branches that leave others, each once, and those that leave them.
+
+    Those beside stable motions come first, and among these the ones far from those that were followed.
+    """
+    known: list[OrbitBranch] = []
+    followed_at: list[float] = []
+    waiting = [leaving for branch in main for leaving in _leaving(branch, longest)]
+    while waiting:
+        leaving = min(waiting, key=lambda each: (not each.at_stable, -_distance(each, followed_at)))
+        waiting.remove(leaving)
+        if any(_ends_at(branch, leaving) for branch in known):
+            continue
+        if budget.spent() or len(main) + len(known) >= budget.branches:
+            budget.not_followed += 1
+            continue
+        followed_at.append(leaving.event.parameter)
+        share = max(FEWEST_POINTS, budget.left // (len(waiting) + 1))
+        for branch in _branches(leaving, [*main, *known], reach, budget, share):
+            if len(branch.points) < 2:
+                continue
+            known.append(branch)
+            waiting += _leaving(branch, longest)
+    return known
+
+
+def _distance(leaving: _Leaving, followed_at: list[float]) -> float:
+    """From the nearest bifurcation that was followed, so that all of the range is served."""
+    return min((abs(leaving.event.parameter - value) for value in followed_at), default=0.0)
+
+
+def _leaving(branch: OrbitBranch, longest: int) -> list[_Leaving]:
+    places = {id(point): k for k, point in enumerate(branch.points)}
+    found = []
+    for event in branch.special:
+        if event.kind in ("period_doubling", "branch_point"):
+            k = places[id(event.point)]
+            beside = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
+            found.append(_Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
+    return [leaving for leaving in found if leaving.multiple <= longest]
+
+
+def _ends_at(branch: OrbitBranch, leaving: _Leaving) -> bool:
+    if branch.problem.multiple != leaving.multiple:
+        return False
+    value = leaving.event.parameter
+    ends = branch.points[0], branch.points[-1]
+    return any(abs(p.parameter - value) < SAME_PARAMETER * abs(value) for p in ends)
+
+
+def _branches(
+    leaving: _Leaving, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
+) -> list[OrbitBranch]:
+    """One branch of doubled period; at a branch point those to both sides."""
+    problem, event = leaving.branch.problem, leaving.event
+    if event.kind == "period_doubling":
+        switched = switch_at_period_doubling(problem, event)
+        return [] if switched is None else [_followed(*switched, [], reach, budget, share)]
+    found: list[OrbitBranch] = []
+    others = [branch for branch in known if branch is not leaving.branch]
+    k = next(i for i, point in enumerate(leaving.branch.points) if point is event.point)
+    before, after = (
+        leaving.branch.points[max(k - 1, 0)],
+        leaving.branch.points[min(k + 1, len(leaving.branch.points) - 1)],
+    )
+    for start in switch_at_branch_point(problem, event, after.u - before.u):
+        if not coincides(start, [*others, *found]) and not budget.spent():
+            found.append(_followed(problem, start, [*known, *found], reach, budget, share))
+    return found
+
+
+def _followed(
+    problem: ForcedOrbits, start: BranchPoint, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget,
+    share: int,
+) -> OrbitBranch:  # fmt: skip
+    """A branch until it is back: with its halves alike again, or on a known branch."""
+    most = min(budget.side_points, share, budget.left)
+    limit = "sweep.most_side_points" if most == budget.side_points else "sweep.most_points"
+    branch = follow_orbits(problem, start, *reach, Settings(most_points=most))
+    last: Floats | None = None
+    apart, close = False, 0
+
+    def halves_alike(point: BranchPoint) -> Outcome | None:
+        """Beyond such a motion every one comes again, half its period later."""
+        nonlocal last
+        unlike = _unlike(problem, point)
+        if last is not None and float(last @ unlike) < 0:
+            return Outcome.of(OutcomeCode.BACK_TO_PERIOD, multiple=problem.multiple // 2)
+        last = unlike
+        return None
+
+    def joins(point: BranchPoint) -> Outcome | None:
+        nonlocal apart, close
+        together = coincides(point, known)
+        apart = apart or not together
+        close = close + 1 if apart and together else 0
+        return Outcome.of(OutcomeCode.JOINED_BRANCH, parameter=point.parameter) if close == 2 else None
+
+    half: Half = walk(
+        branch, lambda a, b, settings, failed: special_points(problem, a, b, settings, failed), budget, limit,
+        joins if known else halves_alike,
+    )  # fmt: skip
+    return joined(problem, [half])
+
+
+def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
+    """Difference of the states half a period apart, relative to the size of the motion."""
+    flow, _ = problem.flow_at(point.parameter)
+    n2 = 2 * flow.system.size
+    half = flow.states_at(point.data, np.array([0.5 * point.data.duration]))[0]
+    return np.asarray((half - point.u[:-1][:n2]) / problem.scale(point.u)[0][:n2])

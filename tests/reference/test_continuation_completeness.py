@@ -1,0 +1,175 @@
+"""What a response curve holds: coexisting and symmetry-broken motions, maxima between points, what was left out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from beamsim.analyses.response.analysis import frequency_response
+from beamsim.errors import ScenarioError
+from beamsim.outcomes import OutcomeCode, OutcomeKind
+from beamsim.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BEAM, MASSES = CONFIGS / "one_sided_65hz.yaml", CONFIGS / "chain_two_dof.yaml"
+STOPS = """[{name: below, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0.3 mm},
+            {name: above, position: 270 mm, side: above, stiffness: 151.1 kN/m, gap: 0.3 mm}]"""
+
+
+def curve(case, *changes):
+    return frequency_response(load_scenario(case, list(changes)))
+
+
+def continuation(low, high, more=""):
+    return f"sweep={{kind: continuation, from: {low}, to: {high}, {more}}}"
+
+
+def in_level(*changes):
+    path = "sweep.continue_in={kind: level, from: 0.2 N, to: 0.1 N}"
+    return curve(MASSES, "excitation.frequency=0.72 rad/s", "sweep.from=null", "sweep.to=null", path, *changes)
+
+
+@pytest.fixture(scope="module")
+def levels():
+    return in_level()
+
+
+def test_coexisting_motions_with_contact_are_found(levels):
+    """From 0.2 to 0.1 N the linear motion is stable, but motions that meet the stop exist throughout."""
+    linear, *others = levels.branches
+    assert levels.complete
+    assert linear.peak_force["stop"].max() == 0.0
+    for level in (0.1, 0.15, 0.2):
+        assert any(
+            b.parameter.min() <= level * (1 + 1e-9) and b.parameter.max() >= level * (1 - 1e-9)
+            and b.peak_force["stop"].min() > 0 for b in others
+        )  # fmt: skip
+    assert any(np.any(b.stable) for b in others)
+
+
+def test_the_coexisting_motion_attracts_an_independent_integration(levels):
+    branch = next(b for b in levels.branches[1:] if b.period_multiple == 1 and np.any(b.stable))
+    k = int(np.flatnonzero(branch.stable)[0])
+    level, w = branch.parameter[k], 0.72
+
+    def rates(t, y):
+        x1, x2, v1, v2 = y
+        stop = -100.0 * max(x1 - 1.0, 0.0)
+        f1 = -(x1 - x2) - 0.03 * (v1 - v2) + stop
+        f2 = (x1 - x2) + 0.03 * (v1 - v2) - x2 - 0.03 * v2 + level * np.sin(w * t)
+        return [v1, v2, f1, f2]
+
+    T = 2 * np.pi / w
+    peaks = set()
+    for size in (0.0, 2.0):  # initial deflections
+        done = solve_ivp(rates, (0, 100 * T), [-size, -0.6 * size, 0, 0], rtol=1e-8, atol=1e-10, max_step=T / 20)
+        last = done.t > 99 * T
+        peaks.add(round(float(np.abs(done.y[0, last]).max()), 2))
+    linear = levels.branches[0].peak_displacement["first"]
+    assert min(peaks) == pytest.approx(np.interp(level, [0.1, 0.2], [linear.min(), linear.max()]), abs=0.03)
+    assert max(peaks) == pytest.approx(branch.peak_displacement["first"][k], rel=0.02)
+
+
+def test_seeking_can_be_left_out(levels):
+    alone = in_level("sweep.seek_at=0")
+    assert len(alone.branches) == 1 < len(levels.branches)
+
+
+@pytest.fixture(scope="module")
+def symmetric():
+    return curve(BEAM, f"snubbers={STOPS}", continuation("64 Hz", "72 Hz"))
+
+
+def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
+    """To both sides of the symmetric curve, one the mirror image of the other half a period later."""
+    main = symmetric.branches[0]
+    assert np.all(np.abs(main.max_displacement["tip"] + main.min_displacement["tip"]) < 1e-9)
+    assert "branch_point" in {e.kind for e in main.special}
+    sides = {1: [], -1: []}
+    for branch in symmetric.branches:
+        mean = branch.max_displacement["tip"] + branch.min_displacement["tip"]
+        for k in np.flatnonzero(branch.stable & (np.abs(mean) > 1e-3 * branch.peak_displacement["tip"])):
+            if branch.period_multiple == 1:
+                sides[int(np.sign(mean[k]))].append(branch.parameter[k])
+    for values in sides.values():
+        assert np.ptp(values) > 0.3  # Hz
+    assert len(symmetric.branches) < 20  # no branch is followed again
+
+
+def test_maxima_are_those_of_the_continuous_curve():
+    """Stored points alone gave 4.1527 mm at 81.610 Hz."""
+    values = [81.53, 81.55, 81.57, 81.59, 81.61]
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(81, 82, f"points_at: {values}, seek_at: 0"))
+    (peak,) = [p for p in result.summary["peaks"] if p["probe"] == "tip"]
+    assert peak["value_m"] == pytest.approx(4.15427e-3, abs=5e-9)
+    assert peak["frequency_hz"] == pytest.approx(81.570, abs=2e-3)
+    (branch,) = result.branches
+    for value in values:
+        (k,) = np.flatnonzero(np.isclose(branch.parameter, value, rtol=1e-13, atol=0.0))
+        assert branch.residual[k] < 1e-11
+        assert branch.peak_displacement["tip"][k] <= peak["value_m"]
+
+
+def test_harmonics_are_stored_as_many_as_asked_for():
+    few, many = (curve(BEAM, continuation(80, 80.5, f"stored_harmonics: {n}")).branches[0] for n in (5, 12))
+    assert few.harmonics["tip"].shape[1] == 6
+    assert many.harmonics["tip"].shape[1] == 13
+    np.testing.assert_array_equal(many.order, np.arange(13))
+    np.testing.assert_allclose(many.harmonics["tip"][0, :6], few.harmonics["tip"][0], rtol=1e-12)
+
+
+def test_branches_end_at_the_ends_of_the_range():
+    """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(20, 20.6, "longest_period: 1, seek_at: 0"))
+    values = np.concatenate([b.parameter for b in result.branches])
+    assert values.min() == 20.0
+    assert values.max() == pytest.approx(20.6, rel=1e-12)
+    assert len(result.branches) > 1
+
+
+def test_bands_without_a_stable_motion_are_listed():
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(60, 70, "seek_at: 0"))
+    assert result.outcome.kind is OutcomeKind.COMPLETE
+    (note,) = result.outcome.parts
+    assert note.code is OutcomeCode.NO_STABLE_MOTION
+    first, _ = note.numbers["ranges"]
+    assert first == pytest.approx((60.0, 62.977585), abs=0.05)  # a Neimark–Sacker point
+    assert "no stable motion found: 60 to 62.9" in result.status
+    (bands,) = {tuple(band["band"]) for band in result.summary["without_stable_motion"][:1]}
+    assert bands == pytest.approx(first)
+
+
+@pytest.mark.parametrize("limit", ["most_side_points: 5", "most_points: 150", "most_branches: 2"])
+def test_a_limit_that_is_reached_is_an_outcome(limit):
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(96, 120, f"seek_at: 0, {limit}"))
+    assert result.outcome.kind is OutcomeKind.STOPPED
+    assert f"sweep.{limit.partition(':')[0]}" in result.status
+
+
+def test_one_branch_does_not_spend_the_points_of_all():
+    """Followed from 20 Hz alone, the curve spends hundreds of points below 21 Hz."""
+    result = curve(
+        CONFIGS / "continuation_60_120hz.yaml",
+        continuation(20, 120, "seek_at: 0, longest_period: 1, most_points: 700, most_branch_points: 300"),
+    )
+    covered = [(b.parameter.min(), b.parameter.max()) for b in result.branches]
+    assert max(high for _, high in covered) == pytest.approx(120.0)
+    assert any(low <= 110 <= high for low, high in covered)
+    assert not result.complete
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (continuation(60, 70, "points_at: [80]"), "sweep.points_at[0] = 80 lies outside the range"),
+        (continuation(60, 70, "stored_harmonics: 900"), "sweep.stored_harmonics = 900 is too many"),
+        (
+            "sweep={kind: continuation, points_at: [1], continue_in: {kind: level, from: 1, to: 2}}",
+            "give points_at there",
+        ),
+    ],
+)
+def test_refusals(change, text):
+    with pytest.raises(ScenarioError, match=text.replace("[", r"\[").replace("]", r"\]")):
+        load_scenario(BEAM, [change])
