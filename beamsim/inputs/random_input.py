@@ -1,9 +1,12 @@
 """Random input from a table of power spectral density.
 
-.. math:: s(t) = \\sum_k \\sqrt{2 S(f_k) \\Delta f}\\, \\cos(2\\pi f_k t + \\varphi_k), \\qquad f_k = k \\Delta f,
+.. math:: s(t) = \\sum_k r_k \\sqrt{2 S(f_k) \\Delta f}\\, \\cos(2\\pi f_k t + \\varphi_k), \\qquad f_k = k \\Delta f,
 
-with independent uniform phases. The sum is Gaussian by the central limit theorem and has exactly the given density
-(S. O. Rice, Bell System Technical Journal 23, 1944).
+with independent uniform phases. With fixed amplitudes, :math:`r_k = 1`, every realisation has exactly the given
+density; the sum is Gaussian by the central limit theorem, but its mean square over a period is always the same. With
+random ones, :math:`r_k^2` exponentially distributed with unit mean, the sum is a Gaussian process: its mean square over
+a period T has the relative variance :math:`\\int S^2 df / (T (\\int S df)^2)` (S. O. Rice, Bell System Technical
+Journal 23, 1944).
 """
 
 from __future__ import annotations
@@ -38,18 +41,23 @@ def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
 
 
 def _spectrum(
-    at_hz: Floats, value: Floats, period: float, count: int, generator: np.random.Generator
+    at_hz: Floats, value: Floats, period: float, count: int, generator: np.random.Generator, gaussian: bool
 ) -> tuple[Floats, Complexes]:
     """Frequencies (Hz) and complex amplitudes of the sines."""
     frequency = np.arange(count // 2 + 1) / period
     amplitude = np.sqrt(2 * density(frequency, at_hz, value) / period)
-    return frequency, amplitude * np.exp(1j * generator.uniform(0, 2 * np.pi, frequency.size))
+    phase = generator.uniform(0, 2 * np.pi, frequency.size)
+    if gaussian:
+        amplitude = amplitude * np.sqrt(generator.standard_exponential(frequency.size))
+    return frequency, amplitude * np.exp(1j * phase)
 
 
-def noise(at_hz: Floats, value: Floats, period: float, rate: float, generator: np.random.Generator) -> Floats:
-    """Samples of one period, at ``rate`` (rounded up to a whole number of samples)."""
+def noise(
+    at_hz: Floats, value: Floats, period: float, rate: float, generator: np.random.Generator, gaussian: bool = False
+) -> Floats:
+    """Samples of one period, at ``rate`` (rounded up to a whole number of samples); amplitudes fixed or Gaussian."""
     count = int(np.ceil(period * rate))
-    _, amplitude = _spectrum(at_hz, value, period, count, generator)
+    _, amplitude = _spectrum(at_hz, value, period, count, generator, gaussian)
     return np.asarray(np.fft.irfft(0.5 * count * amplitude, count))
 
 
@@ -72,7 +80,8 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
             )
         )
     count = int(np.ceil(period * rate))
-    frequency, amplitude = _spectrum(at, value, period, count, np.random.default_rng(excitation.seed))
+    generator = np.random.default_rng(excitation.seed)
+    frequency, amplitude = _spectrum(at, value, period, count, generator, excitation.amplitudes == "random")
     one_period = np.fft.irfft(0.5 * count * amplitude, count)
     step = period / count
     index = np.arange(int(np.ceil(total / step)) + 2)

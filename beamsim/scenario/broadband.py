@@ -154,6 +154,9 @@ class RandomInput(Driven):
     """Density over frequency; log-log interpolation between the points, zero outside."""
     seed: NotNegativeWhole = 0
     """Seed of the random numbers: the same seed gives the same input."""
+    amplitudes: Literal["fixed", "random"] | None = None
+    """Amplitudes of the sines: fixed by the density, or random as those of a Gaussian process, whose RMS scatters
+    between records. By default fixed, but random in a study over seeds."""
     period: Duration | None = None
     """The noise is a sum of sines that repeats after this time; the run's duration by default."""
     sample_rate: Frequency | None = None

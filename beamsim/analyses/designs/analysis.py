@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.cases import CaseTask, analysis_of, case_scenario, solve_case, warm_up
+from beamsim.analyses.designs.cases import CaseTask, Place, analysis_of, case_scenario, solve_case, warm_up
 from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
 from beamsim.analyses.limits import margin_of
@@ -81,6 +81,8 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
     )
     base = _base(scenario)
     places = tuple(parameter.places for parameter in varied)
+    if _varies_seed(places):
+        base["excitation"].setdefault("amplitudes", "random")
     return DesignPlan(
         scenario=scenario,
         analysis=analysis,
@@ -197,7 +199,7 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         margins=margins,
         limits=limits,
         failures=failures,
-        warnings=plan.scenario.warnings,
+        warnings=(*plan.scenario.warnings, *_about_seeds(plan)),
         wall_time_s=wall_time_s,
         fingerprint=plan.fingerprint,
     ).with_summary(
@@ -229,6 +231,27 @@ def _base(scenario: Scenario) -> dict[str, Any]:
     if scenario.sweep is not None and not scenario.sweep.levels:
         del base["sweep"]["levels"]  # an empty list is refused
     return base
+
+
+def _varies_seed(places: Iterable[Iterable[Place]]) -> bool:
+    """Whether the study draws several realisations of a random input, whose scatter it shows."""
+    return any(place == ("excitation", "seed") for of_parameter in places for place in of_parameter)
+
+
+def _about_seeds(plan: DesignPlan) -> list[str]:
+    """What the scatter between the seeds of a random input means."""
+    task = plan.tasks[0]
+    if not _varies_seed(task.places):
+        return []
+    if task.base["excitation"]["amplitudes"] == "random":
+        return [
+            "the seeds are realisations of a Gaussian process (excitation.amplitudes: random): they scatter as records "
+            "of this duration do"
+        ]
+    return [
+        "excitation.amplitudes = fixed: the seeds scatter less than records of a Gaussian process of this duration; "
+        "leave it out if the scatter matters"
+    ]
 
 
 def _fingerprint(base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str) -> str:

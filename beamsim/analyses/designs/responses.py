@@ -23,6 +23,9 @@ QUANTITIES: dict[str, tuple[str, str]] = {
     "max_displacement": ("m", "highest displacement, relative to the base"),
     "peak_acceleration": ("m/s^2", "largest absolute acceleration"),
     "peak_force": ("N", "largest contact force"),
+    "rms_displacement": ("m", "root mean square of the displacement, relative to the base"),
+    "rms_absolute_acceleration": ("m/s^2", "root mean square of the absolute acceleration"),
+    "rms_force": ("N", "root mean square of the contact force"),
     "contact_share": ("1", "share of the time in contact"),
     "contacts": ("1", "number of closings"),
     "largest_gap": ("m", "largest opening between structure and snubber"),
@@ -58,6 +61,9 @@ def run_responses(result: RunResult) -> Responses:
         values[f"snubbers/{name}/contacts"] = float(s["contacts"][name])
         values[f"snubbers/{name}/largest_gap"] = s["largest_gap_m"][name]
         values[f"snubbers/{name}/static_force"] = s["static_force_n"][name]
+    for signal in result.random.signals if result.random is not None else ():
+        where = "snubbers" if signal.quantity == "force" else "probes"
+        values[f"{where}/{signal.name}/rms_{signal.quantity}"] = signal.rms
     if "largest_bending_stress_pa" in s:
         values["bending_stress"] = s["largest_bending_stress_pa"]
         values["bending_stress_position"] = s["largest_bending_stress_position_m"]
@@ -79,7 +85,7 @@ def sweep_responses(result: SweepResult) -> Responses:
         for name, envelope in curve.force.items():
             values[f"{curve.name}/snubbers/{name}/peak_force"] = float(envelope.peak.max())
         for name, share in curve.contact_share.items():
-            values[f"{curve.name}/snubbers/{name}/contact_share"] = float(np.mean(share))
+            values[f"{curve.name}/snubbers/{name}/contact_share"] = float(curve.weights @ share)
         for name, reached in curve.limited.items():
             quantity, _, snubber = name.partition(" ")
             place = f"snubbers/{snubber}/largest_gap" if quantity == "gap" else quantity

@@ -1,0 +1,94 @@
+"""Random input with random amplitudes: scatter between seeds as in a Gaussian process, in the input and in studies."""
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.designs.analysis import design_study, plan_designs
+from beamsim.inputs.random_input import density, noise
+from beamsim.scenario import load_scenario
+
+TABLE = (np.array([5.0, 20.0, 80.0]), np.array([0.01, 0.04, 0.01]))
+DURATION = 8.0
+
+
+def scatter_in_theory(frequency, s):
+    """Relative standard deviation of the root mean square over the duration (S. O. Rice, 1944)."""
+    step = frequency[1] - frequency[0]
+    return 0.5 * np.sqrt(np.sum(s**2) / (DURATION * step)) / np.sum(s)
+
+
+def rms_of_seeds(count, gaussian):
+    x = (noise(*TABLE, DURATION, 400.0, np.random.default_rng(seed), gaussian) for seed in range(count))
+    return np.array([np.sqrt(np.mean(samples**2)) for samples in x])
+
+
+def test_rms_scatters_between_seeds_as_theory_says():
+    expected = scatter_in_theory(f := np.linspace(0, 100, 100_001), density(f, *TABLE))
+    seeds = 2000
+    rms = rms_of_seeds(seeds, gaussian=True)
+    # the standard deviation of a sample of 2000 is known to 1.6 %
+    assert rms.std() / rms.mean() == pytest.approx(expected, rel=0.06)
+    total = np.sum(density(f, *TABLE)) * (f[1] - f[0])
+    assert np.mean(rms**2) == pytest.approx(total, rel=4 * 2 * expected / np.sqrt(seeds))
+    fixed = rms_of_seeds(20, gaussian=False)
+    assert fixed.std() / fixed.mean() < 1e-9 < expected
+
+
+def test_the_density_is_kept_on_average_and_lines_are_exponentially_distributed():
+    lines = []
+    for seed in range(400):
+        x = noise(*TABLE, DURATION, 400.0, np.random.default_rng(seed), True)
+        lines.append(np.abs(np.fft.rfft(x)[1:]) ** 2 * 2 * DURATION / x.size**2)
+    frequency = np.arange(1, len(lines[0]) + 1) / DURATION
+    inside = (frequency > 6) & (frequency < 79)
+    power = np.array(lines)[:, inside] / density(frequency[inside], *TABLE)
+    assert power.mean() == pytest.approx(1.0, abs=0.02)
+    assert power.std() == pytest.approx(
+        1.0, abs=0.03
+    )  # mean and standard deviation of an exponential distribution agree
+    assert np.mean(power > 3.0) == pytest.approx(np.exp(-3.0), rel=0.05)
+
+
+def study(seeds, **excitation):
+    psd = [{"frequency": 5, "density": "0.02 g^2/Hz"}, {"frequency": 60, "density": "0.02 g^2/Hz"}]
+    return load_scenario({
+        "chain": {"masses": [1], "springs": [15_000], "damping": {"kind": "modal", "ratio": 0.2}},
+        "probes": [{"name": "mass", "mass": 1}],
+        "excitation": {"kind": "random", "applied_to": "base", "psd": psd, **excitation},
+        "run": {"duration": DURATION, "sample_rate": 300, "start": "rest"},
+        "vary": {"kind": "grid", "parameters": [{"path": "excitation.seed", "values": list(range(seeds))}]},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("amplitudes", ["random", "fixed"])
+def test_a_study_over_seeds_says_what_its_scatter_means(amplitudes):
+    result = design_study(study(2, **({} if amplitudes == "random" else {"amplitudes": "fixed"})), workers=1)
+    assert result.responses["probes/mass/rms_displacement"].values.shape == (2,)
+    assert any(f"amplitudes{': ' if amplitudes == 'random' else ' = '}{amplitudes}" in w for w in result.warnings)
+
+
+@pytest.mark.slow
+def test_a_study_over_seeds_scatters_as_a_gaussian_process():
+    """The response of an oscillator with 20 % damping; with amplitudes that are fixed on request it scatters less."""
+    seeds = 60
+    f = np.linspace(5, 60, 20_001)
+    r = f / (np.sqrt(15_000) / (2 * np.pi))
+    gain = (1 / (2 * np.pi * f) ** 2 * r**2) ** 2 / ((1 - r**2) ** 2 + (0.4 * r) ** 2)
+    expected = scatter_in_theory(f, gain) / np.sqrt(0.9)  # a tenth of the run is left out
+    found = {}
+    for amplitudes in ("random", "fixed"):
+        result = design_study(study(seeds, **({} if amplitudes == "random" else {"amplitudes": "fixed"})), workers=1)
+        rms = result.responses["probes/mass/rms_displacement"].values
+        found[amplitudes] = np.std(rms) / np.mean(rms)
+    assert found["random"] == pytest.approx(expected, rel=0.35)  # of 60 cases it is known to 9 %
+    assert found["fixed"] < 0.6 * found["random"]
+
+
+def test_other_studies_and_single_runs_keep_fixed_amplitudes():
+    scenario = study(2)
+    assert plan_designs(scenario).tasks[0].base["excitation"]["amplitudes"] == "random"
+    assert scenario.excitation.amplitudes is None
+    other = load_scenario(scenario.model_dump(mode="json", by_alias=True, exclude_none=True), [
+        "vary={kind: grid, parameters: [{path: 'chain.masses[0]', values: [1, 2]}]}",
+    ])  # fmt: skip
+    assert "amplitudes" not in plan_designs(other).tasks[0].base["excitation"]
