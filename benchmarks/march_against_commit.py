@@ -1,6 +1,6 @@
-"""Speed of the march in two checkouts, measured alternately: transient, swept sine, and periodic orbit.
+"""Speed in two checkouts, measured alternately: march of a transient, swept sine, periodic orbit, and whole runs.
 
-python benchmarks/march_against_commit.py BEFORE AFTER
+python benchmarks/march_against_commit.py BEFORE AFTER [NAME ...]
 
 BEFORE and AFTER are folders with a checkout of beamsim each. Two processes wait for orders; each order is one timed
 repetition, so that both see the same moods of the machine. The smallest processor time of each counts.
@@ -16,7 +16,8 @@ import sys
 import time
 from pathlib import Path
 
-REPETITIONS = {"transient": 400, "orbit": 400, "swept sine": 15}
+RUNS = ("one_sided_65hz", "chain_two_dof", "released_panel", "random_vibration")  # `beamsim.run`
+REPETITIONS = {"transient": 400, "orbit": 400, "swept sine": 15, **dict.fromkeys(RUNS, 20)}
 CASE = "configs/one_sided_65hz.yaml"
 SWEEP = "configs/sweep_up_down.yaml"
 MODULES = {  # where a name is, in checkouts of today and in older ones
@@ -65,7 +66,16 @@ def tasks():
 
     slow = {"reduction.modes": 6, "sweep.direction": "up", "sweep.levels": ["2 g"], "sweep.to": "40 Hz"}
     swept = beamsim.load_scenario(SWEEP, slow)
-    return {"transient": transient, "orbit": orbit, "swept sine": lambda: find("sweep")(swept).summary["cycles"]}
+    runs = {}
+    for name in RUNS:
+        whole = beamsim.load_scenario(f"configs/{name}.yaml")
+        runs[name] = lambda whole=whole: beamsim.run(whole).summary["events"]
+    return {
+        "transient": transient,
+        "orbit": orbit,
+        "swept sine": lambda: find("sweep")(swept).summary["cycles"],
+        **runs,
+    }
 
 
 def serve():
@@ -83,6 +93,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
+    parser.add_argument("names", nargs="*", help="what is measured; everything by default")
     arguments = parser.parse_args()
     workers = []
     for folder in (arguments.before, arguments.after):
@@ -100,11 +111,11 @@ def main():
         seconds, work = worker.stdout.readline().split()
         return float(seconds), work
 
-    for name, count in REPETITIONS.items():
+    for name, count in {name: REPETITIONS[name] for name in arguments.names or REPETITIONS}.items():
         work = [once(worker, name)[1] for worker in workers]  # compiles
         times = [[once(worker, name)[0] for worker in workers] for _ in range(count)]
         before, after = (1e3 * min(column) for column in zip(*times, strict=True))
-        print(f"{name:12s} before {before:9.3f} ms  after {after:9.3f} ms  ratio {after / before:.3f}  work {work}")
+        print(f"{name:16s} before {before:9.3f} ms  after {after:9.3f} ms  ratio {after / before:.3f}  work {work}")
     for worker in workers:
         worker.stdin.close()
         worker.wait()

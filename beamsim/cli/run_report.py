@@ -53,17 +53,20 @@ def _stress(result: RunResult, stress: float) -> str:
     return f"{si(stress, 'Pa')} at {body}x = {si(s['largest_bending_stress_position_m'], 'm')}"
 
 
-def _spectral_lines(_: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """The strongest lines of the first probe: order (or Hz) and level, in order of frequency."""
-    first = next((line["probe"] for line in lines), None)
+    first = next((line["probe"] for line in lines), "")
+    moves = first and result.summary["max_displacement_m"][first] > result.summary["min_displacement_m"][first]
+    without = "no distinct line: a continuous spectrum" if moves else "no motion"
     return {
-        f"{first} {quantity.replace('_', ' ')}": ", ".join(_strongest(lines, first, quantity)) or "none"
+        f"{first} {quantity.replace('_', ' ')}": ", ".join(_strongest(lines, first, quantity)) or without
         for quantity in dict.fromkeys(line["quantity"] for line in lines)
     }
 
 
-def _strongest(lines: Sequence[Mapping[str, Any]], probe: str | None, quantity: str) -> Iterator[str]:
-    matching = [k for k in lines if (k["probe"], k["quantity"]) == (probe, quantity) and k["kind"] != "mean"]
+def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) -> Iterator[str]:
+    of_motion = (line for line in lines if line["kind"] not in ("mean", "residual"))
+    matching = [line for line in of_motion if (line["probe"], line["quantity"]) == (probe, quantity)]
     strongest = sorted(matching, key=lambda line: -line["amplitude"])[:LINES_SHOWN]
     for line in sorted(strongest, key=lambda line: float(line["frequency_hz"])):
         yield f"{_order(line)} ({line['amplitude_db']:.0f} dB)"

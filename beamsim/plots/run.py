@@ -281,15 +281,15 @@ def _last_part(result: RunResult) -> float:
 
 def _highest_shown(spectra: Sequence[Spectrum], forced: bool) -> float:
     unit = spectra[0].excitation_hz if forced else 1.0
-    nyquist = float(spectra[0].frequency_hz[-1]) / unit
+    end = float(spectra[0].frequency_hz[-1]) / unit
     strong = [
         line.frequency_hz / unit
         for s in spectra
         for line in s.lines
         if line.amplitude_db > -60.0 and line.kind != "mean"
     ]
-    limit = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=nyquist)
-    return min(limit, nyquist) or 1.0
+    limit = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=end)
+    return min(limit, end) or 1.0
 
 
 def _place(result: RunResult, at: str | None) -> SnubberHistory | ProbeHistory:

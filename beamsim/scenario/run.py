@@ -87,8 +87,11 @@ class SpectrumSettings(Schema):
     """Analyse only this last part of the run; the whole run by default."""
     periods: Count | None = None
     """Number of periods of the excitation to analyse at the end of the run, instead of last."""
-    window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop"] = "hann"
-    """Window function."""
+    window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop", "decaying"] | None = None
+    """Window function; decaying, the falling half of a Hann window, sees the beginning of a shock. By default decaying
+    for a half-sine pulse, a step and a free or measured motion that dies away, hann for everything else."""
+    to: Frequency | None = None
+    """Highest frequency of the spectra; by default that of the modes kept and of the excitation."""
 
     def settle(self) -> None:
         """Reject two lengths."""

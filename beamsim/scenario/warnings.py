@@ -75,7 +75,7 @@ def _timing(scenario: _Doubted) -> Iterator[str]:
     if run.output_rate < 10.0 * highest:
         yield (
             f"run.sample_rate = {run.output_rate:g} Hz is {run.output_rate / highest:.3g} samples a period: "
-            "superharmonics fold back into the spectrum"
+            "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
         )
     if isinstance(excitation, HalfSine) and run.output_rate < 10.0 / excitation.duration:
         yield (

@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.analyses.run.spectrum import FLOOR_DB, cosine_window, project, spectrum
+from beamsim.analyses.run.records import project
+from beamsim.analyses.run.spectrum import FLOOR_DB, spectrum
+from beamsim.analyses.run.windows import Window
 
 RATE = 20_000.0
 
@@ -180,8 +182,8 @@ def test_empty_record_is_refused():
 def test_windows_are_those_of_scipy(name):
     from scipy.signal import get_window
 
-    np.testing.assert_allclose(cosine_window(name, 64), get_window(name, 64), atol=1e-15)
-    np.testing.assert_allclose(cosine_window("rectangular", 5), 1.0)
+    np.testing.assert_allclose(Window(name).values(np.arange(64) / 64), get_window(name, 64), atol=1e-15)
+    np.testing.assert_allclose(Window("rectangular").values(np.arange(5) / 5), 1.0)
 
 
 def test_projection_of_a_long_record_in_blocks():

@@ -50,6 +50,12 @@ RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
 MENDED: dict[str, str] = {
+    **dict.fromkeys(
+        ("* json/spectral_lines/*", "* run* file/spectra/*", "* compare* file/*_spectrum@r*"),
+        "spectra of motions in closed form: lines by integrals, curves up to the highest mode kept at a rate of their "
+        "own; samples at the output rate folded modes above half of it",
+    ),
+    **dict.fromkeys(("* json/rms_*", "* file/summary@rms_*"), "root mean squares are new in the summary"),
     "* file/*@outcome_numbers/*": "files keep the numbers of an outcome beside its text",
     "* file/work@evaluations": "contacts are phases now: round-off of the watched functions, which the count follows",
     "* file/level_*@evaluations": "the same in sweeps",

@@ -37,6 +37,9 @@ REWORDED = {
     **{text: [f"{text}{part}" for part in _PARTS] for text in _RESPONSES},
     **{f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS},
     **{text: ["frequency of the excitation, or of a free motion"] for text in _FREQUENCIES},
+    "mean, fundamental, superharmonic, subharmonic or other": [
+        "mean, fundamental, superharmonic, subharmonic, other; residual: of no physical mode"
+    ],
     "curve of the peak": ["name of the curve"],
     "probe of the peak": ["name of the probe"],
     "direction of the peak": ["direction of the sweep"],

@@ -135,7 +135,9 @@ def _start(result: RunResult, x: Floats, excitation: float, name: str, warnings:
     """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
     if settings is not None and (settings.last is not None or settings.periods is not None):
-        return min((s.start_s for s in result.spectra.values()), default=float(result.time[0]))
+        duration = max((s.duration_s for s in result.spectra.values()), default=np.inf)
+        share = min(duration / float(result.time[-1] - result.time[0]), 1.0)
+        return float(result.time[-round(share * (result.time.size - 1))])  # whole periods: one end of the two
     if not np.isfinite(excitation):
         return float(result.time[0])
     start, deviation = settled_from(result.time, x, 1.0 / excitation)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.run.spectrum import project
+from beamsim.analyses.run.records import project
 from beamsim.typing import Complexes, Floats, Ints
 
 _PHASES = 720  # grid for the initial guess of Newton's method

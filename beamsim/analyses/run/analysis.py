@@ -20,6 +20,7 @@ from beamsim.analyses.run.outputs import (
     velocities,
 )
 from beamsim.analyses.run.result import (
+    MAIN_QUANTITY,
     ONLY_BEAM,
     BodyResult,
     EnergyHistory,
@@ -31,7 +32,7 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.run.spectrum import spectrum
+from beamsim.analyses.run.spectra import QUANTITIES, spectra_of_motion, spectra_of_samples
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
@@ -134,6 +135,7 @@ class _RunMotion:
     contact_share: Floats
     work: Work
     warnings: tuple[str, ...] = ()
+    trajectory: Trajectory | None = None  # where it is known in closed form
 
 
 def _steps_in_time(system: StructuralSystem, settings: Run) -> bool:
@@ -226,6 +228,7 @@ def _exact(
             states=len(flow.states),
             processor_time_s=trajectory.processor_time_s,
         ),
+        trajectory=trajectory,
     )
 
 
@@ -397,18 +400,11 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
 
 
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
-    assert scenario.run is not None
-    spectra = {}
-    for quantity, group, unit in (
-        ("absolute_acceleration", "acceleration", "m/s^2"),
-        ("displacement", "displacement", "m"),
-    ):
-        for i, probe in enumerate(system.probes):
-            spectra[probe.name, quantity] = spectrum(
-                motion.time, motion.values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz,
-                probe.name, quantity, unit,
-            )  # fmt: skip
-    return spectra
+    if motion.trajectory is None or motion.trajectory.end <= 0.0:
+        return spectra_of_samples(scenario, system, motion.time, motion.values)
+    groups = _groups(system, motion.trajectory.flow).groups
+    outputs = OutputSet({name: groups[name] for name in QUANTITIES})
+    return spectra_of_motion(scenario, system, motion.trajectory, outputs)
 
 
 def _summary(
@@ -426,6 +422,10 @@ def _summary(
         "min_displacement_m": _named(probes, low),
         "max_displacement_m": _named(probes, high),
         "peak_acceleration_g": _named(probes, np.maximum(np.abs(low_a), np.abs(high_a)) / STANDARD_GRAVITY),
+        "rms_displacement_m": _named(probes, np.array([spectra[p, "displacement"].rms for p in probes])),
+        "rms_acceleration_g": _named(
+            probes, np.array([spectra[p, MAIN_QUANTITY].rms for p in probes]) / STANDARD_GRAVITY
+        ),
         "peak_force_n": _named(names, motion.extremes["force"][2][:count]),
         "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0][:count], 0.0)),
         "contact_share": _named(names, motion.contact_share[:count]),

@@ -88,7 +88,7 @@ class SpectralLine:
     amplitude: float = dataset("{unit}", "amplitude of the line, zero to peak")
     amplitude_db: float = dataset("dB", "20 log10(amplitude / max |x|)")
     phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
-    kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic or other")
+    kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other; residual: of no physical mode")
 
 
 @declared
@@ -106,6 +106,14 @@ class Spectrum:
     start_s: float = attribute("s", "beginning of the part that is analysed")
     duration_s: float = attribute("s", "its duration")
     lines: tuple[SpectralLine, ...] = table("lines", Counter("line", "number of the line"), default=())
+    # None in files of earlier versions
+    rate_hz: float | None = attribute("Hz", "rate of the samples that the curve is made of", default=None)
+    folded: float | None = attribute(  # None of a record of samples
+        "{unit}", "bound on the amplitude that sampling adds to the curve; lines are free of it", default=None
+    )
+    rms: float | None = attribute(
+        "{unit}", "root mean square over the part that is analysed, mean included", default=None
+    )
 
 
 @declared
@@ -223,6 +231,8 @@ _SUMMARY = (
     Entry("peak_acceleration_g", "g", "largest magnitude of a probe's absolute acceleration", "peak acceleration"),
     Entry("peak_force_n", "N", "largest contact force of a snubber", "peak contact force"),
     Entry("largest_gap_m", "m", "largest opening of a contact"),
+    Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra"),
+    Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
     Entry("contact_share", "1", "share of the time in contact of a snubber", "time in contact"),
     Entry("contacts", "1", "closings of a snubber; a contact that begins at t = 0 counts"),
     Entry("events", "1", "closings and openings of all snubbers"),

@@ -1,4 +1,4 @@
-"""Signals: single-sided spectra and the table of harmonics of a sampled time history."""
+"""Single-sided spectra of time histories and of motions in closed form, and the table of their lines."""
 
 from __future__ import annotations
 
@@ -8,42 +8,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.result import SpectralLine, Spectrum
-from beamsim.typing import Complexes, Floats
+from beamsim.analyses.run.windows import Window
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.analyses.run.records import Record
     from beamsim.scenario import SpectrumSettings
 
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 
-# Coefficients of w_k = sum_j (-1)^j a_j cos(2 pi j k / N); importing scipy.signal would cost most of a second.
-_COSINE_SUMS = {
-    "rectangular": (1.0,),
-    "hann": (0.5, 0.5),
-    "hamming": (0.54, 0.46),
-    "blackman": (0.42, 0.50, 0.08),
-    "blackmanharris": (0.35875, 0.48829, 0.14128, 0.01168),
-    "flattop": (0.21557895, 0.41663158, 0.277263158, 0.083578947, 0.006947368),
-}
-
-# The rule for a line, see `spectrum`.
+# The rule for a line, see `spectrum_of`.
 _WORTH_LISTING = 1e-3  # of the largest line: 60 dB
 _OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
+_OVER_SKIRTS = 10**0.5  # the same in a decaying record, whose lines are broad: 10 dB over an octave on either side
 _OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
 _ROUND_OFF = 1e-12  # of max |x|
 _DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
 _LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
 _MOST_LINES = 50
 _ORDERS_OF_A_SHORT_RECORD = 10
-
-
-def cosine_window(name: str, length: int) -> Floats:
-    """Periodic window of ``length`` samples; the names are those of a scenario's ``run.spectrum.window``."""
-    angle = 2.0 * np.pi * np.arange(length) / length
-    window = np.zeros(length)
-    for j, a in enumerate(_COSINE_SUMS[name]):
-        window += (-1.0) ** j * a * np.cos(j * angle)
-    return window
 
 
 def amplitude_db(amplitude: Floats, peak: float) -> Floats:
@@ -62,38 +47,6 @@ def line_kind(order: Fraction) -> str:
     return "fundamental" if order == 1 else "superharmonic"
 
 
-def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[float, Complexes]:
-    r"""Least-squares projection on a mean and sinusoids of known frequencies, without leakage.
-
-    Minimises :math:`\sum w (x - m - \sum_k \mathrm{Im}\, c_k e^{2 \pi i f_k t})^2`, so that
-    :math:`c_k = A_k e^{i \varphi_k}` stands for :math:`A_k \sin(2 \pi f_k t + \varphi_k)`.
-
-    Parameters
-    ----------
-    time, x : (n,) s, any unit.
-    frequency_hz : (k,) distinct, above zero, below half the sample rate.
-    weight : (n,) 1 by default.
-
-    Returns
-    -------
-    mean, c : the mean and (k,) complex amplitudes in the unit of x.
-    """
-    frequency = np.asarray(frequency_hz, dtype=float)
-    size = 1 + 2 * frequency.size
-    gram = np.zeros((size, size))
-    right = np.zeros(size)
-    block = max(1, 4_000_000 // size)  # bounds the memory of a long record
-    for first in range(0, x.size, block):
-        angle = 2.0 * np.pi * (time[first : first + block, None] - time[0]) * frequency
-        basis = np.concatenate([np.ones((angle.shape[0], 1)), np.sin(angle), np.cos(angle)], axis=1)
-        weighted = basis if weight is None else basis * weight[first : first + block, None]
-        gram += weighted.T @ basis
-        right += weighted.T @ x[first : first + block]
-    fit = np.linalg.lstsq(gram, right, rcond=None)[0]
-    c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
-    return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])
-
-
 def spectrum(
     time: Floats,
     x: Floats,
@@ -103,46 +56,16 @@ def spectrum(
     quantity: str,
     unit: str,
 ) -> Spectrum:
-    r"""Single-sided peak-amplitude spectrum of the last part of a record, and its table of lines.
+    """Spectrum of the last part of a record of samples, see `spectrum_of`.
 
-    With the window :math:`w` of the N samples analysed and :math:`\bar x` their weighted mean,
-
-    .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
-              A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
-
-    (the line at half the sample rate is not doubled). The division by :math:`\sum w` corrects the
-    window's coherent gain: a sinusoid on a bin shows its own amplitude with every window; the mean is
-    taken out first because it would otherwise leak into the first bins.
-
-    *Part analysed*: ``settings.periods`` excitation periods (nearest whole number of samples; as many
-    whole periods as there are if the record is shorter), else ``settings.last`` seconds, else
-    everything. Always the end of the record.
-
-    *Lines*. The record is examined once more with a Blackman–Harris window (side lobes at -92 dB),
-    whatever window was asked for. A local maximum is a line when it lies less than 60 dB below the
-    largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
-    floor around it: the lower quartile of the spectrum within one excitation frequency, at least
-    32 bins, on either side. It belongs to the order m/n (n up to 4, as long as the excitation frequency
-    over n is at least 4 bins) when its interpolated frequency is within half a bin of it and it is
-    locked to the excitation: its complex amplitudes in the two halves of the record differ by less than
-    half. The fundamental need not be locked. What belongs to no order (a decaying transient, or
-    everything when there is no excitation frequency) is of the kind "other". Amplitude and phase come
-    from the least-squares projection on the exact frequencies of all lines together, so no line leaks
-    into another, weighted by the Blackman–Harris window, so that nothing else leaks into them. A record
-    of 1 to 8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise
-    floor; below one period only the mean is known. The mean is always listed, at most 50 lines beside it.
-
-    Samples are taken of the motion as it is, without a low-pass filter: what a jump of the acceleration
-    holds beyond half the sample rate folds back, and shows up as lines of the kind "other".
-
-    Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
-    0 or 180 degrees, its sign.
+    Samples are taken as they are: what they hold beyond half the sample rate has folded back, and shows up as lines of
+    the kind "other".
 
     Parameters
     ----------
     time : (n,) s, equally spaced.
     x : (n,) the signal, in ``unit``.
-    settings : part and window.
+    settings : part and window; a Hann window if it names none.
     excitation_hz : Hz, nan where there is no single excitation frequency.
     probe, quantity, unit : labels carried into the result.
 
@@ -157,21 +80,80 @@ def spectrum(
         raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
-    time, x = time[-length:], x[-length:]
+    record = SampledRecord(time[-length:], x[-length:], rate)
+    return spectrum_of(record, settings.window or "hann", excitation_hz, probe, quantity, unit)
+
+
+def spectrum_of(
+    record: Record,
+    window: str,
+    excitation_hz: float,
+    probe: str,
+    quantity: str,
+    unit: str,
+    residual_hz: tuple[float, ...] = (),
+) -> Spectrum:
+    r"""Single-sided peak-amplitude spectrum of a record, and its table of lines.
+
+    With the window :math:`w` of the N samples of the record and :math:`\bar x` their weighted mean,
+
+    .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
+              A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
+
+    (the line at half the sample rate is not doubled). The division by :math:`\sum w` corrects the
+    window's coherent gain: a sinusoid on a bin shows its own amplitude with every window; the mean is
+    taken out first because it would otherwise leak into the first bins.
+
+    *Lines*. The record is examined once more with a Blackman–Harris window (side lobes at -92 dB),
+    whatever window was asked for; with the falling half of it where the window is ``decaying``. A local maximum is a
+    line when it lies less than 60 dB below the
+    largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
+    floor around it: the lower quartile of the spectrum within one excitation frequency, at least
+    32 bins, on either side (10 dB, and an octave on either side, in a ``decaying`` window, where damping makes lines
+    broad). It belongs to the order m/n (n up to 4, as long as the excitation frequency
+    over n is at least 4 bins) when its interpolated frequency is within half a bin of it and it is
+    locked to the excitation: its complex amplitudes in the two halves of the record differ by less than
+    half. The fundamental need not be locked. What belongs to no order (a decaying transient, or
+    everything when there is no excitation frequency) is of the kind "other", or "residual" at a frequency of
+    ``residual_hz``. Amplitude and phase come
+    from the least-squares projection on the exact frequencies of all lines together, so no line leaks
+    into another, weighted by the Blackman–Harris window, so that nothing else leaks into them. Of a motion in closed
+    form the projection is that of the continuous motion, see `beamsim.analyses.run.records`. A record
+    of 1 to 8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise
+    floor; below one period only the mean is known. The mean is always listed, at most 50 lines beside it.
+
+    Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
+    0 or 180 degrees, its sign.
+
+    Parameters
+    ----------
+    record : the part that is analysed.
+    window : of the curve.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    probe, quantity, unit : labels carried into the result.
+    residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
+    """
+    shape, x, rate = Window.named(window), record.x, record.rate
     peak = float(np.max(np.abs(x)))
-    amplitude = _windowed_amplitude(x, cosine_window(settings.window, length))
+    amplitude = _windowed_amplitude(x, shape)
+    kept = record.band(amplitude.size)
+    bound = record.folded(shape)
+    lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz) if np.isfinite(peak) else ()
     return Spectrum(
         probe=probe,
         quantity=quantity,
         unit=unit,
-        frequency_hz=np.arange(amplitude.size) * rate / length,
-        amplitude=amplitude,
-        amplitude_db=amplitude_db(amplitude, peak),
+        frequency_hz=np.arange(kept) * rate / x.size,
+        amplitude=amplitude[:kept],
+        amplitude_db=amplitude_db(amplitude[:kept], peak),
         excitation_hz=excitation_hz,
-        window=settings.window,
-        start_s=float(time[0]),
-        duration_s=length / rate,
-        lines=_lines(time, x, rate, excitation_hz, peak) if np.isfinite(peak) else (),
+        window=window,
+        start_s=float(record.time[0]),
+        duration_s=x.size / rate,
+        lines=lines,
+        rate_hz=rate,
+        folded=bound,
+        rms=record.rms(),
     )
 
 
@@ -193,7 +175,10 @@ def _samples_analysed(
     )
 
 
-def _windowed_amplitude(x: Floats, window: Floats) -> Floats:
+def _windowed_amplitude(x: Floats, shape: Window) -> Floats:
+    window = shape.values(np.arange(x.size) / x.size)
+    if shape.one_sided:
+        window[0] *= 0.5  # the beginning is a jump
     total = float(np.sum(window))
     if total <= 0:  # a window of one or two samples may be nothing but its zero
         window, total = np.ones(x.size), float(x.size)
@@ -212,36 +197,47 @@ class _Candidate:
     peak_hz: float  # interpolated
 
 
-def _lines(time: Floats, x: Floats, rate: float, excitation_hz: float, peak: float) -> tuple[SpectralLine, ...]:
+def _lines(
+    record: Record, excitation_hz: float, peak: float, one_sided: bool, residual_hz: tuple[float, ...]
+) -> tuple[SpectralLine, ...]:
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
-    bins = excitation_hz * x.size / rate if forced else np.nan  # excitation frequency in bins
-    weight = None
+    bins = excitation_hz * record.x.size / record.rate if forced else np.nan  # excitation frequency in bins
+    window = None
     if forced and bins < 2 * _LOBE:
-        candidates = _orders_of_short_record(time, x, rate, excitation_hz, peak) if bins >= 1 - _ROUND_OFF else []
+        candidates = _orders_of_short_record(record, excitation_hz, peak) if bins >= 1 - _ROUND_OFF else []
     else:
-        candidates = _peaks(x, rate, excitation_hz, peak)
-        weight = cosine_window("blackmanharris", x.size) if candidates else None
+        examined = Window("blackmanharris", one_sided)
+        candidates = _peaks(record, examined, excitation_hz, peak)
+        window = examined if candidates else None
         if forced and candidates:
-            candidates = _only_locked(time, x, candidates)
+            candidates = _only_locked(record, candidates)
     candidates = sorted(candidates, key=lambda c: c.frequency_hz)
-    mean, c = project(time, x, np.array([k.frequency_hz for k in candidates]), weight)
+    mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
+    near = 2.0 * record.rate / record.x.size
 
     def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
         return SpectralLine(
             order, frequency, amplitude, float(amplitude_db(np.array(amplitude), peak)), phase_deg, kind
         )
 
+    def kind_of(candidate: _Candidate) -> str:
+        if candidate.order is not None:
+            return line_kind(candidate.order)
+        return "residual" if any(abs(candidate.frequency_hz - f) <= near for f in residual_hz) else "other"
+
     lines = [line(0.0 if forced else np.nan, 0.0, abs(mean), 180.0 if mean < 0 else 0.0, "mean")]
     for k, value in zip(candidates, c, strict=True):
         order = k.frequency_hz / excitation_hz if forced else np.nan
-        kind = "other" if k.order is None else line_kind(k.order)
-        lines.append(line(order, k.frequency_hz, float(np.abs(value)), float(np.degrees(np.angle(value))), kind))
+        amplitude, phase = float(np.abs(value)), float(np.degrees(np.angle(value)))
+        lines.append(line(order, k.frequency_hz, amplitude, phase, kind_of(k)))
     return tuple(lines)
 
 
-def _peaks(x: Floats, rate: float, excitation_hz: float, peak: float) -> list[_Candidate]:
+def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
     """Local maxima that are lines, strongest first, each with the order its frequency suggests."""
-    amplitude = _windowed_amplitude(x, cosine_window("blackmanharris", x.size))
+    x, rate = record.x, record.rate
+    amplitude = _windowed_amplitude(x, window)
+    amplitude = amplitude[: record.band(amplitude.size)]
     inner = np.arange(_LOBE - 1, amplitude.size - 1)
     if inner.size == 0:
         return []
@@ -257,8 +253,11 @@ def _peaks(x: Floats, rate: float, excitation_hz: float, peak: float) -> list[_C
     reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
     found: dict[Fraction | float, _Candidate] = {}
     for j in top:
-        floor = float(np.percentile(amplitude[max(1, j - reach) : j + reach + 1], 25))
-        if amplitude[j] < _OVER_FLOOR * floor:
+        low, high = (
+            (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
+        )
+        floor = float(np.percentile(amplitude[max(1, low) : high], 25))
+        if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
             continue
         frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
         order = _nearest_order(frequency, excitation_hz, bin_hz) if forced else None
@@ -286,12 +285,10 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
     return None
 
 
-def _only_locked(time: Floats, x: Floats, candidates: list[_Candidate]) -> list[_Candidate]:
+def _only_locked(record: Record, candidates: list[_Candidate]) -> list[_Candidate]:
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
-    half = x.size // 2
     frequency = np.array([k.frequency_hz for k in candidates])
-    _, early = project(time[:half], x[:half], frequency)
-    _, late = project(time[half:], x[half:], frequency)
+    (_, early), (_, late) = (half.project(frequency) for half in record.halves())
     locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
     return [
         k if k.order is None or k.order == 1 or steady else _Candidate(None, k.peak_hz, k.peak_hz)
@@ -299,14 +296,13 @@ def _only_locked(time: Floats, x: Floats, candidates: list[_Candidate]) -> list[
     ]
 
 
-def _orders_of_short_record(
-    time: Floats, x: Floats, rate: float, excitation_hz: float, peak: float
-) -> list[_Candidate]:
+def _orders_of_short_record(record: Record, excitation_hz: float, peak: float) -> list[_Candidate]:
+    time, x, rate = record.time, record.x, record.rate
     highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
     frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
     if frequency.size == 0:
         return []
-    mean, c = project(time, x, frequency)
+    mean, c = record.project(frequency)
     residual = x - mean - np.sin(2 * np.pi * time[:, None] * frequency + np.angle(c)) @ np.abs(c)
     floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
     amplitude = np.abs(c)

@@ -1,0 +1,215 @@
+r"""Records that a spectrum is made of: samples, or a motion in closed form.
+
+Both are projected on sinusoids of known frequencies by least squares, with a window as weight. Of samples the sums are
+taken as they are. Of a motion in closed form they are integrals: those of the sinusoids are transforms of the window,
+those of the motion are Fourier integrals over the pieces between its events, so that nothing is folded and no sampling
+rate enters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from beamsim.analyses.run.windows import Window
+from beamsim.flow.fourier import MotionPart
+from beamsim.typing import Complexes, Floats
+
+MOST_TERMS = 5_000_000  # segments x basis functions x frequencies, above which a projection takes the samples
+RECTANGULAR = Window("rectangular")
+
+
+class Record(Protocol):
+    """The part of a signal that is analysed."""
+
+    @property
+    def time(self) -> Floats:
+        """(N,) s, equally spaced."""
+
+    @property
+    def x(self) -> Floats:
+        """(N,) samples, unit of the signal."""
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+
+    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
+        """Mean and complex amplitudes of sinusoids, see `project`."""
+
+    def halves(self) -> tuple[Record, Record]:
+        """The first and the second half."""
+
+    def band(self, lines: int) -> int:
+        """How many of the lines from 0 to half the rate belong to the spectrum."""
+
+    def folded(self, window: Window) -> float | None:
+        """Bound on the amplitude that folds into a line of the spectrum; None where that is not known."""
+
+    def rms(self) -> float:
+        """Root mean square, mean included."""
+
+
+@dataclass(frozen=True)
+class SampledRecord:
+    """Equally spaced samples."""
+
+    time: Floats
+    x: Floats
+    rate: float
+
+    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
+        """By sums over the samples."""
+        weight = None if window is None else window.values(np.arange(self.x.size) / self.x.size)
+        return project(self.time, self.x, frequency_hz, weight)
+
+    def halves(self) -> tuple[SampledRecord, SampledRecord]:
+        """Half of the samples each."""
+        half = self.x.size // 2
+        return self._part(slice(0, half)), self._part(slice(half, None))
+
+    def _part(self, part: slice) -> SampledRecord:
+        return replace(self, time=self.time[part], x=self.x[part])
+
+    def band(self, lines: int) -> int:
+        """All lines."""
+        return lines
+
+    def folded(self, window: Window) -> float | None:
+        """Not known."""
+        return None
+
+    def rms(self) -> float:
+        """Of the samples."""
+        return float(np.sqrt(np.mean(self.x**2)))
+
+
+@dataclass(frozen=True)
+class MotionRecord:
+    """One output of a motion in closed form, with samples for the curve.
+
+    Parameters
+    ----------
+    part : the output on the part that is analysed.
+    begin, duration : s, of that part.
+    time, x, rate : samples that divide the duration, see `Record`.
+    highest_hz : end of the spectrum.
+    """
+
+    part: MotionPart
+    begin: float
+    duration: float
+    time: Floats
+    x: Floats
+    rate: float
+    highest_hz: float
+
+    @property
+    def _sampled(self) -> SampledRecord:
+        return SampledRecord(self.time, self.x, self.rate)
+
+    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
+        """By integrals; by sums over the samples where a motion has very many pieces (a sampled input)."""
+        window = window or RECTANGULAR
+        frequencies = (2 * window.cosines.size - 1) * (1 + np.size(frequency_hz))
+        if self.part.segments * self.part.table.shape[1] * frequencies > MOST_TERMS:
+            return self._sampled.project(frequency_hz, window)
+        omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
+
+        def transform(nu: Floats) -> Complexes:
+            return window.transform(nu.ravel(), self.duration).reshape(nu.shape)
+
+        across, along = transform(np.subtract.outer(omega, omega)), transform(np.add.outer(omega, omega))
+        alone = transform(omega)
+        total = float(transform(np.zeros(1))[0].real)
+        gram = np.block(
+            [
+                [np.array([[total]]), -alone.imag[None], alone.real[None]],
+                [-alone.imag[:, None], 0.5 * (across - along).real, -0.5 * (along + across).imag],
+                [alone.real[:, None], -0.5 * (along - across).imag, 0.5 * (across + along).real],
+            ]
+        )
+        moved = window.weigh(lambda nu: self.part.integrals(nu)[0], np.append(0.0, omega), self.duration)
+        right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
+        fit = _solved(gram / total, right / total)
+        c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
+        return float(fit[0]), c * np.exp(-1j * omega * self.begin)
+
+    def halves(self) -> tuple[MotionRecord, MotionRecord]:
+        """Both halves of the duration."""
+        half, size = 0.5 * self.duration, self.x.size // 2
+        middle = self.begin + half
+        first = replace(
+            self, part=self.part.between(self.begin, middle), duration=half, time=self.time[:size], x=self.x[:size]
+        )
+        second = replace(
+            self, part=self.part.between(middle, self.begin + self.duration), begin=middle, duration=half,
+            time=self.time[size:], x=self.x[size:],
+        )  # fmt: skip
+        return first, second
+
+    def band(self, lines: int) -> int:
+        """Up to the highest frequency."""
+        return min(lines, int(self.highest_hz * self.duration * (1 + 1e-12)) + 1)
+
+    def folded(self, window: Window) -> float:
+        """In closed form, see `beamsim.flow.fourier_kernels.folded`."""
+        turn, step = window.turn(self.duration), self.duration / self.x.size
+        reach = 2.0 * np.pi * self.highest_hz + (window.cosines.size - 1) * turn
+        bound = float(self.part.folded(step, reach, open_ends=window.open_ended)[0])
+        # where a window comes to zero at its ends its curvature jumps
+        curvature = float(np.abs(window.cosines) @ (np.arange(window.cosines.size) * turn) ** 2)
+        bound += 0.0163 * step**3 * curvature * float(np.max(np.abs(self.x)))
+        return 2.0 * bound / float(window.transform(np.zeros(1), self.duration)[0].real)
+
+    def rms(self) -> float:
+        """In closed form where the motion is made of exponentials alone, else of the samples."""
+        square = self.part.mean_squares()
+        return self._sampled.rms() if square is None else float(np.sqrt(max(square[0], 0.0)))
+
+
+def _solved(gram: Floats, right: Floats) -> Floats:
+    """Solution of normal equations; that of least norm where they are singular (two lines of one frequency)."""
+    scale = np.sqrt(np.diag(gram))
+    if np.all(scale > 0):
+        scaled = gram / np.outer(scale, scale)
+        try:
+            if np.diag(np.linalg.cholesky(scaled)).min() > 1e-4:
+                return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray(np.linalg.lstsq(gram, right, rcond=None)[0])
+
+
+def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[float, Complexes]:
+    r"""Least-squares projection on a mean and sinusoids of known frequencies, without leakage.
+
+    Minimises :math:`\sum w (x - m - \sum_k \mathrm{Im}\, c_k e^{2 \pi i f_k t})^2`, so that
+    :math:`c_k = A_k e^{i \varphi_k}` stands for :math:`A_k \sin(2 \pi f_k t + \varphi_k)`.
+
+    Parameters
+    ----------
+    time, x : (n,) s, any unit.
+    frequency_hz : (k,) distinct, above zero, below half the sample rate.
+    weight : (n,) 1 by default.
+
+    Returns
+    -------
+    mean, c : the mean and (k,) complex amplitudes in the unit of x.
+    """
+    frequency = np.asarray(frequency_hz, dtype=float)
+    size = 1 + 2 * frequency.size
+    gram = np.zeros((size, size))
+    right = np.zeros(size)
+    block = max(1, 4_000_000 // size)  # bounds the memory of a long record
+    for first in range(0, x.size, block):
+        angle = 2.0 * np.pi * (time[first : first + block, None] - time[0]) * frequency
+        basis = np.concatenate([np.ones((angle.shape[0], 1)), np.sin(angle), np.cos(angle)], axis=1)
+        weighted = basis if weight is None else basis * weight[first : first + block, None]
+        gram += weighted.T @ basis
+        right += weighted.T @ x[first : first + block]
+    fit = _solved(gram, right)
+    c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
+    return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])

@@ -1,0 +1,128 @@
+"""The spectra of a run: which part is analysed, through which window, up to which frequency."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.analyses.run.outputs import OutputSet
+from beamsim.analyses.run.records import MotionRecord
+from beamsim.analyses.run.result import Spectrum
+from beamsim.analyses.run.spectrum import spectrum, spectrum_of
+from beamsim.flow.fourier import MotionPart
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.flow.trajectory import Trajectory
+    from beamsim.scenario import Scenario, SpectrumSettings
+
+QUANTITIES = {"acceleration": ("absolute_acceleration", "m/s^2"), "displacement": ("displacement", "m")}
+SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
+HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
+MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
+FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
+DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
+
+
+def spectra_of_samples(
+    scenario: Scenario, system: StructuralSystem, time: Floats, values: dict[str, Floats]
+) -> dict[tuple[str, str], Spectrum]:
+    """Spectra of a motion that is known at the output times alone; ``values`` by group of outputs, (nt, probes)."""
+    assert scenario.run is not None
+    found = {}
+    for group, (quantity, unit) in QUANTITIES.items():
+        for i, probe in enumerate(system.probes):
+            found[probe.name, quantity] = spectrum(
+                time, values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz, probe.name, quantity,
+                unit,
+            )  # fmt: skip
+    return found
+
+
+def spectra_of_motion(
+    scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, outputs: OutputSet
+) -> dict[tuple[str, str], Spectrum]:
+    """Spectra of a motion in closed form, whatever the output rate.
+
+    Parameters
+    ----------
+    outputs : the groups ``acceleration`` and ``displacement``, a row for each probe.
+    """
+    assert scenario.run is not None
+    settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
+    duration = _duration(settings, trajectory.end, excitation_hz)
+    begin = trajectory.end - duration
+    content = _highest_content(scenario, system, trajectory)
+    highest = settings.to or content
+    rate = SAMPLES_OF_A_PERIOD * max(highest, content)
+    size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
+    rate = size / duration
+    highest = min(highest, rate / SAMPLES_OF_A_PERIOD)
+    part = MotionPart.of(trajectory, outputs, begin, trajectory.end, np.pi * rate)
+    samples, end = part.samples(size), part.at_end()
+    time = begin + np.arange(size) / rate
+    kept, modes = system.modes.kept_modes, system.modes
+    residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
+    found = {}
+    column = 0
+    for quantity, unit in QUANTITIES.values():
+        for probe in system.probes:
+            x = np.ascontiguousarray(samples[:, column])
+            window = settings.window or _suited_window(scenario, x)
+            if window == "rectangular":
+                x[0] = 0.5 * (x[0] + end[column])  # both ends of the part are one sample of the periodic record
+            record = MotionRecord(part.one(column), begin, duration, time, x, rate, highest)
+            found[probe.name, quantity] = spectrum_of(
+                record, window, excitation_hz, probe.name, quantity, unit, residual
+            )
+            column += 1
+    return found
+
+
+def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:
+    """Length of the part at the end of the run that is analysed, s."""
+    if settings.last is not None:
+        return min(settings.last, available)
+    if settings.periods is not None and np.isfinite(excitation_hz) and excitation_hz > 0:
+        whole = min(settings.periods, int(available * excitation_hz * (1 + 1e-12)))
+        if whole >= 1:
+            return min(available, whole / excitation_hz)
+    return available
+
+
+def _highest_content(scenario: Scenario, system: StructuralSystem, trajectory: Trajectory) -> float:
+    """Frequency, Hz, up to which the motion has a meaning: of the modes kept, and of the excitation."""
+    modes = system.modes
+    if modes.static_vectors == 0:
+        structure = max(float(np.abs(state.exponent.imag).max()) for state in trajectory.flow.states) / (2.0 * np.pi)
+    else:
+        structure = float(modes.closed_frequencies_hz[modes.kept_modes - 1]) if modes.kept_modes else 0.0
+    highest = max(1.05 * structure, 2.0 * scenario.excitation.highest_frequency_hz)
+    if np.isfinite(system.excitation_frequency_hz):
+        highest = max(highest, HIGHEST_ORDER * system.excitation_frequency_hz)
+    pieces = np.diff(trajectory.flow.sources.start)
+    if pieces.size > MANY_PIECES:
+        highest = max(highest, 0.5 / float(np.median(pieces)))
+    return highest
+
+
+def _even_size(samples: float) -> int:
+    """A number of samples, not less, whose largest prime factor is small."""
+    size = int(np.ceil(samples))
+    step = 1 << max(size.bit_length() - 5, 0)
+    return -(-size // step) * step
+
+
+def _suited_window(scenario: Scenario, x: Floats) -> str:
+    """Hann for a motion that lasts, ``decaying`` for a shock and for what dies away, of which the beginning counts."""
+    kind = scenario.excitation.kind
+    if kind in ("half_sine", "step"):
+        return "decaying"
+    if kind in ("none", "sampled") and x.size >= 4:
+        quarter, y = x.size // 4, x - np.mean(x)
+        first, last = (float(np.sqrt(np.mean(part**2))) for part in (y[:quarter], y[-quarter:]))
+        if last < DECAYED * first:
+            return "decaying"
+    return "hann"

@@ -1,0 +1,137 @@
+"""Fourier analysis of a computed motion in closed form: integrals at given frequencies, samples for a curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.trajectory import Trajectory
+from beamsim.typing import Complexes, Floats, Ints
+
+
+def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+    """The motion from ``begin`` to ``end`` (s, within the trajectory), its segments cut there; events are left out."""
+    inside = (trajectory.time + trajectory.length > begin) & (trajectory.time < end)
+    time, y = trajectory.time[inside].copy(), trajectory.y[inside].copy()
+    stop = np.minimum(trajectory.time[inside] + trajectory.length[inside], end)
+    if time.size and time[0] < begin:
+        time[0], y[0] = begin, trajectory.states_at(np.array([begin]))[0]
+    none = np.zeros(0, dtype=np.int64)
+    return replace(
+        trajectory, end=end, time=time, length=stop - time, state=trajectory.state[inside],
+        piece=trajectory.piece[inside], y=y, event_time=np.zeros(0), event_contact=none, event_phase=none,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MotionPart:
+    """Outputs on a part of a motion, of which one or more are analysed.
+
+    Free oscillations above ``cut`` (rad/s) are left out of the samples and integrals: they would fold, and the
+    vectors that a reduction adds for static deflections have such frequencies without a meaning.
+
+    Parameters
+    ----------
+    motion : cut to the part, see `part_of`.
+    table : (S, T, k) coefficients of the outputs; ``dropped`` those of the terms that are left out.
+    """
+
+    motion: Trajectory
+    table: Complexes
+    dropped: Complexes
+
+    @classmethod
+    def of(
+        cls, trajectory: Trajectory, output_of: Callable[[Ints], LinearOutput], begin: float, end: float, cut: float
+    ) -> MotionPart:
+        """The outputs between two times."""
+        flow = trajectory.flow
+        table = flow.output_table(output_of)
+        high = np.zeros(table.shape[:2], dtype=bool)
+        for s, state in enumerate(flow.states):
+            free = state.term_source >= flow.sources.count
+            fast = np.abs(state.exponent.imag[state.term_basis]) > cut
+            high[s, : free.size] = free & fast & (state.power[state.term_basis] == 0)
+        dropped = np.where(high[:, :, None], table, 0.0)
+        return cls(part_of(trajectory, begin, end), table - dropped, dropped)
+
+    def one(self, index: int) -> MotionPart:
+        """The output with this number alone."""
+        column = slice(index, index + 1)
+        return replace(
+            self,
+            table=np.ascontiguousarray(self.table[:, :, column]),
+            dropped=np.ascontiguousarray(self.dropped[:, :, column]),
+        )
+
+    def between(self, begin: float, end: float) -> MotionPart:
+        """A shorter part."""
+        return replace(self, motion=part_of(self.motion, begin, end))
+
+    @property
+    def segments(self) -> int:
+        """Number of pieces between events, breakpoints of the inputs and horizons of the tables."""
+        return int(self.motion.time.size)
+
+    def samples(self, count: int) -> Floats:
+        """(count, k) at equal steps from the beginning of the part; the end would be the next."""
+        from beamsim.flow.fourier_kernels import sample_evenly
+
+        m, out = self.motion, np.zeros((count, self.table.shape[2]))
+        step = float(m.end - m.time[0]) / count
+        sample_evenly(m.flow.tables(), m.flow.inputs(), self.table, m.time, m.length, m.state, m.piece, m.y, step, out)
+        return out
+
+    def at_end(self) -> Floats:
+        """(k,) at the end of the part."""
+        from beamsim.flow.march_kernels import sample
+
+        m, out = self.motion, np.empty((1, self.table.shape[2]))
+        times = np.array([m.end])
+        sample(*m.flow.kernel_arguments(), self.table, m.time, m.state, m.piece, m.y, times, out)
+        return np.asarray(out[0])
+
+    def mean_squares(self) -> Floats | None:
+        """(k,) mean of the square, nothing left out; None where the motion holds powers of time."""
+        from beamsim.flow.kernels import pair_integrals
+
+        m, count = self.motion, self.table.shape[2]
+        if any(np.any(s.power) for s in m.flow.states):
+            return None
+        out, weight, table = np.empty((1, count)), np.eye(count), self.table + self.dropped
+        pair_integrals(
+            m.flow.tables(), m.flow.inputs(), table, table, weight, m.time, m.length, m.state, m.piece, m.y,
+            np.array([m.end]), out,
+        )  # fmt: skip
+        return np.asarray(out[0] / (m.end - m.time[0]))
+
+    def integrals(self, omega: Floats) -> Complexes:
+        r"""(k, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt` over the part, t_0 its beginning; omega in rad/s."""
+        from beamsim.flow.fourier_kernels import fourier_integrals
+
+        m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)
+        fourier_integrals(
+            m.flow.tables(), m.flow.inputs(), self.table, m.time, m.length, m.state, m.piece, m.y, omega, out
+        )
+        return out
+
+    def folded(self, step: float, reach: float, *, open_ends: bool) -> Floats:
+        """(k,) bound on the difference between Fourier sums of samples and `integrals`, and on what is left out.
+
+        Parameters
+        ----------
+        step : s, between samples.
+        reach : rad/s, highest angular frequency for which it holds; below the ``cut`` of the part.
+        open_ends : whether the window of the analysis is not zero at both ends.
+        """
+        from beamsim.flow.fourier_kernels import folded
+
+        m, out = self.motion, np.zeros(self.table.shape[2])
+        folded(
+            m.flow.tables(), m.flow.inputs(), self.table, self.dropped, m.time, m.length, m.state, m.piece, m.y,
+            step, reach, open_ends, out,
+        )  # fmt: skip
+        return out

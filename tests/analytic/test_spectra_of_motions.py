@@ -1,0 +1,192 @@
+"""Spectra of motions in closed form: no line is folded, whatever the output rate; what the curve folds is bounded."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run.analysis import exact_flow
+from beamsim.analyses.run.outputs import accelerations, displacements, stack
+from beamsim.analyses.run.windows import Window
+from beamsim.cli.report import table_rows
+from beamsim.flow.fourier import MotionPart
+from beamsim.flow.transient import simulate
+from beamsim.system.build import build_system
+
+BEAM = {
+    "length": 0.7, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700,
+    "damping": {"kind": "modal", "ratio": 0.001},
+}  # fmt: skip
+TIP = {"name": "tip", "position": 0.7, "side": "below", "stiffness": 1e5, "gap": 0.05}
+RELEASED = {
+    "beam": BEAM, "snubbers": [TIP], "excitation": {"kind": "none"},
+    "run": {"duration": 1.0, "sample_rate": 2000, "start": {"released_force": {"position": 0.7, "force": 5.0}}},
+}  # fmt: skip
+BOUNCING = {
+    "beam": BEAM,
+    "snubbers": [{**TIP, "gap": 0.0, "damping": {"kind": "viscous", "coefficient": 20.0}}],
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": 20.0},
+    "run": {"duration": 0.5},
+    "reduction": {"modes": 5},
+}  # fmt: skip
+
+
+def run(case, **changes):
+    return beamsim.run(beamsim.load_scenario(case, {key.replace("__", "."): value for key, value in changes.items()}))
+
+
+def lines_of(result, quantity="absolute_acceleration"):
+    return next(s for s in result.spectra.values() if s.quantity == quantity).lines
+
+
+def test_every_line_of_a_released_beam_is_a_mode():
+    """At 2 kHz, samples fold the mode at 1317 Hz to 683 Hz, and the residual vector's 2310 Hz to 310 Hz."""
+    result = run(RELEASED)
+    kept = result.summary["open_frequencies_hz"][: result.summary["kept_modes"]]
+    found = [line.frequency_hz for line in lines_of(result) if line.kind == "other"]
+    assert found == pytest.approx(kept, abs=0.1)
+    assert result.summary["events"] == 0
+
+
+@pytest.mark.parametrize("case", [RELEASED, BOUNCING], ids=["released", "bouncing"])
+def test_spectra_do_not_depend_on_the_output_rate(case):
+    # the modes kept follow the rate where their number is not given
+    one, other = (run(case, run__sample_rate=rate, reduction__modes=5) for rate in (500.0, 7000.0))
+    assert one.time.size != other.time.size
+    for key, spectrum in one.spectra.items():
+        np.testing.assert_allclose(spectrum.frequency_hz, other.spectra[key].frequency_hz, rtol=1e-13)
+        largest = spectrum.amplitude.max()
+        np.testing.assert_allclose(spectrum.amplitude, other.spectra[key].amplitude, atol=1e-11 * largest)
+        for a, b in zip(spectrum.lines, other.spectra[key].lines, strict=True):
+            assert (a.kind, a.frequency_hz) == (b.kind, pytest.approx(b.frequency_hz, rel=1e-9))
+            assert a.amplitude == pytest.approx(b.amplitude, rel=1e-9, abs=1e-11 * largest)
+
+
+@pytest.fixture(scope="module")
+def bouncing():
+    scenario = beamsim.load_scenario(BOUNCING)
+    system = build_system(scenario)
+    flow = exact_flow(system, scenario.run.duration)
+    shape = np.array([probe.shape for probe in system.probes])
+
+    def outputs(phases):
+        return stack(accelerations(flow, shape, phases, absolute=True), displacements(flow, shape))
+
+    trajectory = simulate(flow, system.initial_state)
+    assert trajectory.event_time.size > 10
+    return trajectory, outputs
+
+
+def quadrature(trajectory, outputs, begin, end, weight):
+    """Gauss-Legendre over the pieces between events, panels short against the fastest motion and the weight."""
+    node, share = np.polynomial.legendre.leggauss(24)
+    inside = trajectory.event_time[(trajectory.event_time > begin) & (trajectory.event_time < end)]
+    cuts = np.concatenate([[begin], inside, [end]])
+    fastest = max(float(np.abs(state.exponent).max()) for state in trajectory.flow.states)
+    total = 0.0
+    for a, b in pairwise(cuts):
+        edges = np.linspace(a, b, int((b - a) * fastest / 6.0) + 2)
+        h = np.diff(edges)[:, None]
+        t = (edges[:-1, None] + 0.5 * h * (1 + node)).ravel()
+        x = trajectory.sample(t, outputs)
+        total = total + (x * (0.5 * h * share).ravel()[:, None]).T @ weight(t)
+    return total
+
+
+@pytest.mark.parametrize("window", ["rectangular", "hann", "blackmanharris", "flattop", "decaying"])
+def test_windowed_integrals_against_quadrature(bouncing, window):
+    trajectory, outputs = bouncing
+    begin, end = 0.1234, 0.4567
+    part, shape, T = MotionPart.of(trajectory, outputs, begin, end, np.inf), Window.named(window), end - begin
+    omega = 2 * np.pi * np.array([0.0, 20.0, 60.0, 333.3, 1234.5])
+    found = np.array([shape.weigh(lambda nu, j=j: part.one(j).integrals(nu)[0], omega, T) for j in range(2)])
+    expected = quadrature(
+        trajectory, outputs, begin, end,
+        lambda t: shape.values((t - begin) / T)[:, None] * np.exp(-1j * np.outer(t - begin, omega)),
+    )  # fmt: skip
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    assert np.abs(found - expected).max() > 0.0 or size.max() == 0.0
+    np.testing.assert_allclose(found / size, expected / size, atol=1e-11)
+
+
+def test_mean_squares_against_quadrature(bouncing):
+    trajectory, outputs = bouncing
+    part = MotionPart.of(trajectory, outputs, 0.1, 0.4, np.inf)
+    square = lambda t: trajectory.sample(t, outputs)  # noqa: E731
+    expected = np.diag(quadrature(trajectory, outputs, 0.1, 0.4, square)) / 0.3
+    np.testing.assert_allclose(part.mean_squares(), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("samples", [1024, 4096, 16384])
+def test_what_samples_fold_is_below_the_bound(bouncing, samples):
+    """Fourier sums against the integrals, over the band of a curve; the bound is near the largest difference."""
+    trajectory, outputs = bouncing
+    begin, end = 0.1, 0.4
+    T, highest = end - begin, samples / (2.56 * (end - begin))
+    part = MotionPart.of(trajectory, outputs, begin, end, np.pi * samples / T)
+    whole = MotionPart.of(trajectory, outputs, begin, end, np.inf)
+    count = int(highest * T)
+    window = Window("hann")
+    omega = 2 * np.pi * np.linspace(1, count, 60).astype(int) / T
+    x = part.samples(samples) * window.values(np.arange(samples) / samples)[:, None]
+    sums = T / samples * np.exp(-1j * np.outer(omega, np.arange(samples) * T / samples)) @ x
+    for j in range(2):
+        exact = window.weigh(lambda nu, j=j: whole.one(j).integrals(nu)[0], omega, T)
+        bound = part.one(j).folded(T / samples, omega[-1] + 2 * np.pi / T, open_ends=False)[0]
+        error = np.abs(sums[:, j] - exact).max()
+        assert error <= bound + 1e-13 * np.abs(exact).max()
+        assert bound <= 30 * error or j == 1  # the displacement's are near round-off
+
+
+def test_samples_are_those_of_the_motion(bouncing):
+    trajectory, outputs = bouncing
+    part = MotionPart.of(trajectory, outputs, 0.1, 0.4, np.inf)
+    expected = trajectory.sample(0.1 + 0.3 * np.arange(5000) / 5000, outputs)
+    np.testing.assert_allclose(part.samples(5000), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_lines_and_rms_of_a_mass_on_a_spring():
+    """A released undamped mass: a cosine, seen through any window as its amplitude."""
+    case = {
+        "chain": {"masses": [1.0], "springs": [(2 * np.pi * 5.3) ** 2, 0.0]},
+        "excitation": {"kind": "none"},
+        "run": {"duration": 7.7, "sample_rate": 11.0, "start": {"displacement": [0.02]}},
+    }
+    result = run(case)
+    spectrum = next(s for s in result.spectra.values() if s.quantity == "displacement")
+    (line,) = (line for line in spectrum.lines if line.kind == "other")
+    assert line.frequency_hz == pytest.approx(5.3, abs=1e-3)
+    assert line.amplitude == pytest.approx(0.02, rel=1e-4)
+    turn = 2 * np.pi * 5.3 * 7.7
+    assert spectrum.rms == pytest.approx(0.02 * np.sqrt(0.5 + np.sin(2 * turn) / (4 * turn)), rel=1e-10)
+    assert result.summary["rms_displacement_m"][spectrum.probe] == spectrum.rms
+
+
+def test_a_shock_is_seen_from_its_beginning():
+    shock = {
+        "beam": {**BEAM, "damping": {"kind": "modal", "ratio": 0.03}},
+        "excitation": {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "5 ms"},
+        "run": {"duration": 2.0},
+    }
+    by_default, through_hann = run(shock), run(shock, run__spectrum__window="hann")
+    window = {s.window for s in by_default.spectra.values()}
+    assert window == {"decaying"}
+    first, second = (
+        {line.frequency_hz for line in lines_of(r) if line.kind == "other"} for r in (by_default, through_hann)
+    )
+    modes = by_default.summary["open_frequencies_hz"]
+    seen = [sum(any(abs(f - mode) < 0.03 * mode for f in found) for mode in modes[:4]) for found in (first, second)]
+    assert seen[0] == 4
+    level = [max(line.amplitude_db for line in lines_of(r) if line.kind == "other") for r in (by_default, through_hann)]
+    assert level[0] > level[1] + 6.0
+
+
+@pytest.mark.parametrize(("case", "expected"), [(BOUNCING, None), (RELEASED, "no motion")], ids=["bouncing", "at rest"])
+def test_none_is_never_said_of_a_motion(case, expected):
+    changes = {"run__start": "rest"} if expected else {"run__duration": 0.02}
+    rows = [text for _, text in table_rows("run", run(case, **changes))]
+    said = [text for text in rows if text.startswith(("tip absolute acceleration", "tip displacement"))]
+    assert len(said) == 2
+    assert not any(text.endswith("none") for text in said)
+    assert all((expected in text) if expected else ("no motion" not in text) for text in said)
