@@ -44,7 +44,11 @@ class OutcomeCode(Enum):
 
     # complete
     COMPLETE = OutcomeKind.COMPLETE, "", ""
-    REACHED_END = OutcomeKind.COMPLETE, "reached {place}", ""
+    REACHED_END = (
+        OutcomeKind.COMPLETE,
+        "reached {place}[, where mode {mode} holds {share:.0%} of the energy and mode {other} {other_share:.0%}]",
+        "",
+    )
     CLOSED_CURVE = OutcomeKind.COMPLETE, "closed curve", ""
     JOINED_BRANCH = OutcomeKind.COMPLETE, "joined another branch at {place}", ""
     BACK_TO_PERIOD = OutcomeKind.COMPLETE, "back to period {multiple}", ""
@@ -94,9 +98,15 @@ class OutcomeCode(Enum):
     # nonlinear modes
     MODE_LOST = (
         OutcomeKind.STOPPED,
-        "stopped[ at {place}]: no motion dominated by mode {mode} was found within the next {steps} steps"
-        "[; at the last point that mode held {share:.0%} of the energy]",
+        "stopped[ at {place}]: the branch turns back into a tongue of internal resonance, and no motion of mode {mode} "
+        "was found beyond it[; at the last point that mode held {share:.0%} of the energy and mode {other} "
+        "{other_share:.0%}]",
         "[{remedy}]",
+    )
+    MODE_TRANSFERRED = (
+        OutcomeKind.STOPPED,
+        "stopped[ at {place}]: mode {mode} has transferred its energy to mode {other} and holds {share:.1%} of it",
+        "ask for mode {other}, or begin beyond the resonance of both",
     )
     NO_FURTHER_MOTION = OutcomeKind.STOPPED, "stopped: no further motion in these two modes alone was found", ""
     ENERGY_UNBOUNDED = (

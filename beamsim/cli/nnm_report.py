@@ -6,11 +6,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.report import Row, Texts, counted, few, percent, si
 from beamsim.orbits.branch import special_name
 
+SMALL_SHARE = 0.5  # of the energy in the mode, below which the smallest is reported
 SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
 POLE_MARGIN = 3.0  # a pole further away than this multiple of the largest small factor does not affect the orders
 
@@ -191,6 +194,15 @@ def _spectrum(result: NormalModeResult, drift: float) -> str:
     )
 
 
+def _share(result: NormalModeResult, smallest: float) -> str:
+    if smallest >= SMALL_SHARE:
+        return ""
+    point = int(np.argmin(result.backbone.share))
+    _, unit = _PARAMETERS[result.parameter]
+    at = f"{'' if unit else 'stiffness factor '}{result.backbone.parameter[point]:.4g}{unit}"
+    return f"mode {result.mode} holds {percent(smallest)} of it at {at}, where it is smallest"
+
+
 def _solver(result: NormalModeResult, time: float) -> str:
     over = "full-period" if "full_period" in result.summary else "half-period"
     return f"{over} shooting, processor time {si(time, 's')}"
@@ -209,5 +221,6 @@ TEXTS: Texts = {
     "phase_resonance": _phase_resonance,
     "motion_drift": _spectrum,
     "largest_residual": lambda _, residual: f"{residual:.2g}",
+    "smallest_share": _share,
     "processor_time_s": _solver,
 }

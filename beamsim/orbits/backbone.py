@@ -10,21 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Settings, correct
+from beamsim.orbits.continuation import Settings, correct, follow_orbits
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.orbits.tongues import Tongues, resonance_between
+from beamsim.orbits.tongues import TRANSFERRED, Tongues, resonance_between
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
-SHORTER = (0.12, 0.03, 0.008)  # the same where the nonlinearity is strong
 CLEAR = 0.95  # share of energy above which a motion is outside every tongue
 SAME_TONGUE = 4.0  # steps of the backbone within which a resonance of the same mode and order is the same tongue
-LEAST_SHARE = 0.5  # of the energy in the requested mode
+LEAST_SHARE = 0.5  # of the energy in the requested mode, for a motion that is not reached by continuity
+LEAST_PART = 0.7  # the same against the share outside tongues, where the mode holds less
+FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
+GRADUAL = 0.1  # of the energy, that the mode may lose over a unit of the parameter (of a logarithm, or a factor of one)
+SMALLEST = 1e-11  # step by arclength: at a grazing of a stiff stop the branch turns within the stop's compliance
+MOST_SHORT = 60  # points followed by arclength over one step
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
 FURTHEST_JUMP = 0.8  # the same beyond a tongue
 FURTHEST_SEARCH = 1.5  # the same where nothing else was found
@@ -74,6 +79,7 @@ class Backbone:
     tongues: list[OrbitBranch] = field(default_factory=list)
     jumps: list[Jump] = field(default_factory=list)
     _clear: list[BranchPoint] = field(default_factory=list, repr=False)
+    _least: float = LEAST_SHARE
     _recent: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
 
     def __post_init__(self) -> None:
@@ -90,51 +96,71 @@ class Backbone:
         forward = 1.0 if self.end > begin else -1.0
         full = abs(self.end - begin) / self.points
         a, clean = self.start.towards(forward), self.start
-        step = full
+        step, drifting = full, False
         self._clear = [a]
         yield a
         while (self.end - a.parameter) * forward > 1e-12 * full:
             remaining = abs(self.end - a.parameter)
+            self._least = min(LEAST_SHARE, LEAST_PART * self.share(clean))
             b = None
             for part in STEPS:
                 reach = min(part * step, remaining)
                 b = self._at(a, clean, a.parameter + forward * reach, forward)
                 if b is not None or (part > 1.0 and reach == remaining):
                     break
-            if b is None and self.share(a) > CLEAR:
-                b, step = self._shorter(a, step, remaining, forward)
-            if b is None:
-                b = self._beyond(a, clean, full, forward)
-                if b is None:
-                    self.outcome = Outcome.of(
-                        OutcomeCode.MODE_LOST, parameter=a.parameter, mode=self.mode + 1, steps=LONGEST_JUMP
-                    )
-                    return
+            ahead = [b] if b is not None else self._continued(a, full, forward, gradual=True)
+            if ahead:
+                for before, point in pairwise([a, *ahead]):
+                    self._crossed(before, point, forward)
             else:
-                self._crossed(a, b, forward)
-            yield b
-            a = b
+                b = self._beyond(a, clean, full, forward)
+                ahead = [b] if b is not None else self._continued(a, full, forward, gradual=False)
+                if not ahead:
+                    self.outcome = Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
+                    return
+            yield from ahead
+            a = ahead[-1]
+            if self.share(a) < TRANSFERRED:
+                self.outcome = Outcome.of(OutcomeCode.MODE_TRANSFERRED, parameter=a.parameter, **self._shared(a))
+                return
             step = min(full, 1.6 * step)
-            self._recent = [*self._recent[-3:], b]
-            if self.share(b) > 0.5 * (1.0 + LEAST_SHARE):
-                clean = b
-                self._clear.append(b)
-        self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.end)
+            self._recent = [*self._recent[-3:], *ahead][-4:]
+            drifting = drifting or (b is None and self.share(a) <= CLEAR)
+            if drifting or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
+                clean = a
+                self._clear.append(a)
+        shared = self._shared(a) if self.share(a) < LEAST_SHARE else {}
+        self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.end, **shared)
 
-    def _shorter(
-        self, a: BranchPoint, step: float, remaining: float, forward: float
-    ) -> tuple[BranchPoint | None, float]:
-        """A much shorter step, for strong nonlinearity far from any tongue."""
-        for part in SHORTER:
-            reach = min(part * step, remaining)
-            t = a.tangent
-            if abs(t[-1]) < 1e-3:
+    def _shared(self, point: BranchPoint) -> dict[str, float]:
+        """The mode with its share of the energy, and the mode with the largest of the other shares."""
+        shares = self.orbits.share_at(point)
+        others = np.delete(shares, self.mode)
+        other = int(np.argmax(others)) if others.size else 0
+        return {
+            "mode": self.mode + 1, "share": float(shares[self.mode]), "other": other + 1 + (other >= self.mode),
+            "other_share": float(others.max(initial=0.0)),
+        }  # fmt: skip
+
+    def _continued(self, a: BranchPoint, full: float, forward: float, *, gradual: bool) -> list[BranchPoint]:
+        """Points of the branch from a to about a step further, by arclength.
+
+        They end where the parameter turns back. With ``gradual`` they also end where the mode has less than `CLEAR` of
+        the energy and loses it quickly, to a tongue.
+        """
+        low, high = sorted((a.parameter, self.end))
+        points: list[BranchPoint] = []
+        for point in follow_orbits(self.orbits, a, low, high, Settings(most_points=MOST_SHORT, smallest_step=SMALLEST)):
+            if point is a:
+                continue
+            along, lost = float(point.tangent[-1]) * forward, self.share(a) - self.share(point)
+            slowly = along >= FORWARD and lost <= GRADUAL * abs(point.parameter - a.parameter)
+            if along <= 0 or (gradual and self.share(point) <= CLEAR and not slowly):
                 break
-            guess = a.u + forward * reach / (t[-1] * a.scale[-1]) * t * a.scale
-            b = self._solve(guess, a.parameter + forward * reach, FURTHEST, forward)
-            if b is not None and self.share(b) > CLEAR:
-                return b, part * step
-        return None, step
+            points.append(point)
+            if abs(point.parameter - a.parameter) >= full:
+                break
+        return points
 
     def _at(self, a: BranchPoint, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
@@ -162,17 +188,9 @@ class Backbone:
         row[-1] = 1.0
         settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=JUMP_ITERATIONS)
         point = correct(self.orbits, guess, row, value / float(scale[-1]), scale, settings, furthest=furthest)
-        if point is None or self.share(point) <= LEAST_SHARE or not self._once(point):
+        if point is None or self.share(point) <= self._least or not self.orbits.swings_once(point, self.mode):
             return None
         return point.towards(forward)
-
-    def _once(self, point: BranchPoint) -> bool:
-        """Whether the mode has swung to its other side half a period on: a motion run through twice has not."""
-        q, _, factor, _ = self.orbits.split(point.u)
-        still = self.orbits.family.rest(factor)
-        shape = self.orbits.vectors[:, self.mode]
-        other = point.data.passage.end[: self.orbits.n]
-        return float(shape @ (q - still)) * float(shape @ (other - still)) < 0
 
     def _guesses(self, clean: BranchPoint, value: float) -> Iterator[Floats]:
         """First guesses beyond a tongue: the last clear motion, and the linear mode alone, at periods extrapolated."""

@@ -20,6 +20,8 @@ from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
+SETTLED = 1e-13  # a Newton step shorter than this is round-off
+STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off
 SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale as it is
 CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
 ROUND_OFF = 1e-14  # smallest change of a share that means anything
@@ -146,6 +148,8 @@ def correct(
         off = float(row @ w - target)
         # a guess is taken as it is only where it is as good as a step of Newton's method would make it
         good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
+        # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
+        good = good or (moved <= SETTLED and size <= STIFF * settings.tolerance)
         if good and abs(off) <= 1e-9 + settings.tolerance:
             tangent, sign = _null_vector(Jw, reference)
             if reference is not None and orient == 0.0:

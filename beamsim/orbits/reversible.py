@@ -144,6 +144,12 @@ class BrakeOrbits:
         q, _, factor, _ = self.split(point.u)
         return self.share(q, factor)
 
+    def swings_once(self, point: BranchPoint, mode: int) -> bool:
+        """Whether a mode has swung to its other side half a period on: a motion run through twice has not."""
+        q, _, factor, _ = self.split(point.u)
+        rest, shape = self.family.rest(factor), self.vectors[:, mode]
+        return float(shape @ (q - rest)) * float(shape @ (point.data.passage.end[: self.n] - rest)) < 0
+
     def half_traces(self, point: BranchPoint) -> Complexes:
         """(n,) (mu + 1/mu)/2 of each pair of multipliers, from the furthest outside [-1, 1]."""
         period = self.split(point.u)[1]

@@ -215,7 +215,9 @@ def _followed(
         )  # fmt: skip
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
         path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
-        work.expansion = compare_expansion(system, path, modes_of(system, path, *exact_points(system, path)))
+        work.expansion = compare_expansion(
+            system, path, modes_of(system, path, *exact_points(system, path, work.followed))
+        )
     return work
 
 
@@ -274,7 +276,7 @@ def _shown(branches: tuple[BranchResult, ...]) -> tuple[int, int]:
 
 
 def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Outcome:
-    """How the first of the methods that did not end well ended."""
+    """How the first of the methods that did not end well ended; or the shares of energy at the backbone's end."""
     ends = [work.followed.backbone.outcome]
     if work.left_out:
         ends.append(Outcome.of(OutcomeCode.INTERRUPTED, before=work.left_out))
@@ -284,4 +286,6 @@ def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Ou
         ends.append(work.relaxed.outcome)
     if resonance is not None:
         ends.append(resonance.outcome)
-    return combined(ends)
+    outcome = combined(ends)
+    backbone = work.followed.backbone.outcome
+    return backbone if outcome is COMPLETE and "share" in backbone.numbers else outcome

@@ -23,6 +23,7 @@ from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.analyses.nnm.paths import ModeBranches
     from beamsim.system.structural import StructuralSystem
 
 ORDERS = (0, 1, 2)
@@ -135,17 +136,23 @@ def expansion_path(
     )
 
 
-def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[BrakeOrbits, list[BranchPoint | None]]:
-    """The exact motion at each factor of an expansion, by half-period shooting from the expansion itself.
+def exact_points(
+    structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None
+) -> tuple[BrakeOrbits, list[BranchPoint | None]]:
+    """The exact motion at each factor of an expansion: that of a backbone, or by shooting from the expansion itself.
 
-    None where Newton's method ends on another motion (in the tongue of an internal resonance).
+    Without a motion of the backbone it must be close to the expansion. None where Newton's method ends on another
+    motion: in the tongue of an internal resonance, or one that is run through twice.
     """
     case = _case(structure, path.mode, path.energy)
-    orbits = BrakeOrbits(case.family, energy=path.energy)
+    orbits = BrakeOrbits(case.family, energy=path.energy) if branches is None else branches.problem
     points: list[BranchPoint | None] = [None] * path.factor.size
     weight = case.family.omega
     for i in np.argsort(path.factor):
         factor = float(path.factor[i])
+        points[i] = None if branches is None else branches.at_factor(factor)
+        if points[i] is not None:
+            continue
         guess = path.coordinates[i, 2]
         period = 1.0 / path.frequency_hz[i, 2] if path.frequency_hz[i, 2] > 0 else 1.0 / path.linear_frequency_hz
         point = solve_at(orbits, orbits.unknowns(guess, period, factor), Settings(iterations=15), factor)
@@ -153,8 +160,8 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath) -> tuple[Brak
             continue
         q = point.u[: orbits.n]
         far = np.linalg.norm(weight * (q - guess)) > FURTHEST * np.linalg.norm(weight * q)
-        if not far and orbits.share_at(point)[case.mode] > LEAST_SHARE:
-            points[i] = point
+        own_mode = orbits.share_at(point)[case.mode] > LEAST_SHARE and orbits.swings_once(point, case.mode)
+        points[i] = point if own_mode and not far else None
     return orbits, points
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,9 +32,9 @@ MOST_POINTS = 3000  # in frequency
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
 START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
+ROUND_OFF = 1e-12  # of a stiffness factor
 FIRST_ENERGY = 1e-6  # J, of a motion to begin with where the frequency changes
 START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion is linear
-LEFT_OVER = 0.6  # share of the energy at a backbone's end below which the mode has lost it bit by bit, not to a tongue
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,19 @@ class ModeBranches:
         """The shooting problem of the backbone and the tongues."""
         problem: BrakeOrbits = self.backbone.problem
         return problem
+
+    def at_factor(self, factor: float) -> BranchPoint | None:
+        """The motion of a backbone in the stiffness factor between its points; None where a jump crosses the factor."""
+        points, gaps = self.backbone.points, {jump.start for jump in self.jumps}
+        forward = points[-1].parameter >= points[0].parameter
+        for a, b in pairwise(points):
+            low, high = (a.parameter, b.parameter) if forward else (b.parameter, a.parameter)
+            if low - ROUND_OFF <= factor <= high + ROUND_OFF:
+                share = (factor - a.parameter) / (b.parameter - a.parameter)
+                if a.parameter in gaps and 0.0 < share < 1.0:
+                    return None
+                return solve_at(self.problem, (1.0 - share) * a.u + share * b.u, Settings(iterations=12), factor)
+        return None
 
 
 @dataclass
@@ -207,22 +221,10 @@ class ModePath:
         jumps = tuple(BranchJump(self.shown(j.start), self.shown(j.end), j.mode + 1, j.ratio) for j in backbone.jumps)
         outcome = self.ended(backbone.outcome, points[-1])
         if outcome.code is OutcomeCode.MODE_LOST:
-            outcome = self._lost(outcome, float(orbits.share_at(points[-1])[self.mode]))
+            outcome = outcome.but(remedy="begin beyond it (nnm.continue_in.from), or ask for another mode")
         branch = OrbitBranch(orbits, points, outcome, kind="backbone")
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
         return ModeBranches(branch, tuple(tongues), jumps)
-
-    def _lost(self, outcome: Outcome, share: float) -> Outcome:
-        """The end of a backbone, with the share of energy in its mode and a remedy."""
-        if share > LEFT_OVER:
-            remedy = "steps are a hundredth of the range, so that a nearer nnm.continue_in.to may go on"
-            return outcome.but(remedy=remedy)
-        remedy = "the rest is in others: ask for a mode that keeps its energy"
-        if self.parameter == "energy":
-            remedy += ", or follow the frequency, which asks for no share"
-        elif self.family.equilibrium is not None:
-            remedy += ", or follow the energy at full stiffness, where modes are those about rest, its contacts closed"
-        return outcome.but(share=share, remedy=remedy)
 
     def shown(self, value: float) -> float:
         """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,8 +47,7 @@ def compare_relaxed(
     orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
     begin = clock.process_time()
-    gaps = {jump.start for jump in branches.jumps}
-    exact = [_exact_at(orbits, points, gaps, float(factor)) for factor in factors]
+    exact = [branches.at_factor(float(factor)) for factor in factors]
     shooting_passages = orbits.family.passages
     shooting_time_s += clock.process_time() - begin
     steps: list[RelaxedStep] = []
@@ -77,21 +74,6 @@ def _why(step: RelaxedStep, settings: RelaxedMinimisationMethod) -> Outcome:
     if step.stalled:
         return Outcome.of(OutcomeCode.NO_DESCENT, **ended)
     return Outcome.of(OutcomeCode.TOO_FEW_ITERATIONS, iterations=settings.iterations, **ended)
-
-
-def _exact_at(
-    orbits: BrakeOrbits, points: Sequence[BranchPoint], gaps: set[float], factor: float
-) -> BranchPoint | None:
-    """The backbone's motion at a factor between its points; None where a jump crosses it."""
-    forward = points[-1].parameter >= points[0].parameter
-    for a, b in pairwise(points):
-        low, high = (a.parameter, b.parameter) if forward else (b.parameter, a.parameter)
-        if low <= factor <= high:
-            share = (factor - a.parameter) / (b.parameter - a.parameter)
-            if a.parameter in gaps and 0.0 < share < 1.0:
-                return None
-            return solve_at(orbits, (1.0 - share) * a.u + share * b.u, Settings(iterations=12), factor)
-    return None
 
 
 def _compared(

@@ -276,7 +276,8 @@ _SUMMARY = (
     Entry("motion_periods", "1", "number of these periods", of="motion.periods"),
     Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone",
              "largest residual"),
-    Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),
+    Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone",
+             "share of energy"),
     PROCESSOR_TIME,
 )  # fmt: skip
 
