@@ -164,6 +164,17 @@ class OutcomeCode(Enum):
         "stopped at {time:.6g} s after {evaluations} evaluations of the contact gaps, before the end of the run",
         "",
     )
+    NOT_FINITE = (
+        OutcomeKind.STOPPED,
+        "the motion leaves the range of floating-point numbers after {time:.6g} s",
+        "check the initial motion and the size of the loads",
+    )
+    ENERGY_NOT_BALANCED = (
+        OutcomeKind.UNTRUSTED,
+        "not reliable: the energy balance is wrong by {error:.2g} of the energy, from {time:.6g} s on by more than "
+        "{allowed:g}",
+        "[{remedy}]",
+    )
     INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator failed at {time:.6g} s: {reason}", ""
     NO_STEADY_STATE = OutcomeKind.STOPPED, "stopped at {place}: {reason}", ""
 

@@ -17,6 +17,7 @@ import numpy as np
 from beamsim.flow.compiled import njit
 
 EPS = 2.220446049250313e-16
+LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
 
 
 class Tables(NamedTuple):
@@ -457,6 +458,8 @@ def extremes(  # type: ignore[no-untyped-def]
                 top += size[0, b] * largest[b]
                 bent += size[0, b] * bend[b]
             if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
+                continue
+            if not top < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
                 continue
             tau = 0.0
             while True:

@@ -16,7 +16,7 @@ from beamsim.flow.march import Log, Motion, carry
 from beamsim.flow.state_tables import pad
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -299,6 +299,10 @@ def sweep(
     )  # fmt: skip
     cycles, finished = march.cycles, motion.piece >= windows.count
     duration = np.bincount(windows.cycle, weights=windows.length, minlength=windows.cycles).astype(float)
+    outcome, reached = carried.outcome, windows.cycles if finished else int(windows.cycle[motion.piece])
+    if not np.all(np.isfinite(y)):
+        reached = int(np.argmin(np.all(np.isfinite(cycles.square), axis=1)))
+        outcome = Outcome.of(OutcomeCode.NOT_FINITE, time=float(windows.start[windows.cycle == reached][0]))
     return CycleRecord(
         flow=flow,
         order=march.order,
@@ -309,12 +313,12 @@ def sweep(
         contact_share=cycles.closed_time / duration[:, None],
         closings=cycles.closings,
         final_y=y,
-        reached=windows.cycles if finished else int(windows.cycle[motion.piece]),
+        reached=reached,
         end=march.time_of(motion),
         events=carried.events,
         segments=carried.segments,
         evaluations=carried.evaluations,
-        outcome=carried.outcome,
+        outcome=outcome,
         processor_time_s=clock.process_time() - begin,
         log=carried.log,
     )

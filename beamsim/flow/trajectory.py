@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 
 PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
@@ -41,6 +41,26 @@ class Trajectory:
     def event_closing(self) -> Bools:
         """(E,) whether the contact touches after the event."""
         return np.asarray(self.flow.system.contacts.arrays.touching[self.event_contact, self.event_phase])
+
+    def up_to_finite(self) -> Trajectory:
+        """The motion up to the first segment that does not start from finite numbers, with an outcome that says so."""
+        finite = np.append(np.all(np.isfinite(self.y), axis=1), np.all(np.isfinite(self.final_y)))
+        kept = max(int(np.argmin(finite)) - 1, 0)  # its end is where the next one starts
+        if finite[-1] and finite.all():
+            return self
+        end = float(self.time[kept])
+        before = self.event_time < end
+        kept_segments = slice(0, max(kept, 1))
+        return replace(
+            self,
+            end=end,
+            time=self.time[kept_segments], length=self.length[kept_segments] * (kept > 0),
+            state=self.state[kept_segments], piece=self.piece[kept_segments], y=self.y[kept_segments],
+            event_time=self.event_time[before], event_contact=self.event_contact[before],
+            event_phase=self.event_phase[before],
+            final_y=self.y[kept],
+            outcome=Outcome.of(OutcomeCode.NOT_FINITE, time=end),
+        )  # fmt: skip
 
     def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""

@@ -47,7 +47,8 @@ def simulate(
     if log is None or not log.time.size:  # out of budget within the first segment: at least the start is known
         one, no_event = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
         log = Log(np.zeros(1), np.zeros(1), one + motion.state, one, y[None, :].copy(), np.zeros(0), no_event, no_event)
-    return Trajectory(flow, motion.time, *log, y, carried.evaluations, carried.outcome, processor)
+    trajectory = Trajectory(flow, motion.time, *log, y, carried.evaluations, carried.outcome, processor)
+    return trajectory if np.all(np.isfinite(y)) else trajectory.up_to_finite()
 
 
 @cache

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.limits import margins
-from beamsim.analyses.run.energy import balance_error, energy_history, stored_energy
+from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
 from beamsim.analyses.run.outputs import (
     OutputSet,
     accelerations,
@@ -90,7 +90,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
         events=motion.events,
         spectra=spectra,
         **_bodies(scenario, system, motion),
-        energy=motion.energy,
+        energy=motion.balance.history,
         modes=system.modes,
         work=motion.work,
         warnings=(*scenario.warnings, *system.warnings, *motion.warnings),
@@ -126,8 +126,7 @@ class _RunMotion:
     time: Floats
     values: dict[str, Floats]  # by output group
     closed: Bools
-    energy: EnergyHistory
-    energy_error: float
+    balance: EnergyBalance
     events: EventLog
     extremes: dict[str, tuple[Floats, Floats, Floats, Floats]]  # lowest, its time, highest, its time
     extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
@@ -190,7 +189,7 @@ def _exact(
     groups = _groups(system, flow)
     closed = flow.system.contacts.touching(trajectory.phases_at(times))
     values = groups.split(trajectory.sample(times, groups), flow.system.contacts.start)
-    energy, energy_error = energy_history(trajectory, times)
+    balance = energy_history(trajectory, times)
 
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
     seeds = {name: (times, values[name]) for name in searched}
@@ -210,12 +209,11 @@ def _exact(
     order = np.argsort(extreme_times)
     return _RunMotion(
         method="exact",
-        outcome=_with_limit(trajectory.outcome),
+        outcome=balance.checked(_with_limit(trajectory.outcome)),
         time=times,
         values=values,
         closed=closed,
-        energy=energy,
-        energy_error=energy_error,
+        balance=balance,
         events=_events(system, trajectory),
         extremes=extremes,
         extreme_times=extreme_times,
@@ -269,6 +267,7 @@ def _reference(
     if system.cubic.count:
         stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
+    balance = EnergyBalance.of(trajectory.time, energy, trajectory.power_in)
     searched = {name: values[name] for name in SEARCHED if name in values}
     if system.stress is not None:
         searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.stress)))
@@ -278,12 +277,11 @@ def _reference(
     }
     return _RunMotion(
         method=f"reference ({integrator}, rtol {rtol:g})",
-        outcome=_with_limit(trajectory.outcome),
+        outcome=balance.checked(_with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         time=at,
         values=values,
         closed=flow.system.contacts.touching(trajectory.phases),
-        energy=energy,
-        energy_error=balance_error(at, energy, trajectory.power_in),
+        balance=balance,
         events=_events(system, trajectory),
         extremes=extremes,
         extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
@@ -432,7 +430,7 @@ def _summary(
         "contacts": {name: int(count) for name, count in zip(names, closings, strict=True)},
         "events": int(motion.events.time.size),
         "linear": motion.work.events == 0 and system.cubic.count == 0,
-        "energy_error": motion.energy_error,
+        "energy_error": motion.balance.error,
         "static_force_n": {s.name: s.preload for s in system.snubbers},
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "gap_m": {s.name: s.gap for s in system.snubbers},

@@ -6,6 +6,8 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from beamsim.analyses.run.outputs import OutputSet, stack, velocities
@@ -13,7 +15,10 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
+
+LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
 
 
 def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints) -> Floats:
@@ -29,11 +34,44 @@ def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints)
     )
 
 
-def energy_history(trajectory: Trajectory, times: Floats) -> tuple[EnergyHistory, float]:
-    """Energies at the output times and the relative error of their balance.
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energies at the output times, and how far they are from balance."""
 
-    The error is the largest imbalance over max(stored energy, integral of |power in|).
-    """
+    history: EnergyHistory
+    error: float  # largest imbalance over max(stored energy, integral of |power in|); 0 for a motionless structure
+    lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
+
+    @classmethod
+    def of(cls, times: Floats, history: EnergyHistory, power: Floats) -> EnergyBalance:
+        """Compare the energies; ``power`` (nt,) is that of the loads, W."""
+        imbalance = np.abs(history.work_in - history.dissipated - (history.stored - history.stored[0]))
+        scale = max(float(history.stored.max()), float(np.trapezoid(np.abs(power), times)))
+        if scale == 0.0:
+            return cls(history, 0.0, None)
+        lost = np.flatnonzero(~np.isfinite(imbalance) | (np.isfinite(scale) & (imbalance > LARGEST_ERROR * scale)))
+        return cls(history, float(imbalance.max() / scale), float(times[lost[0]]) if lost.size else None)
+
+    def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
+        """The outcome of the motion, which is not to be trusted where the balance is lost."""
+        if self.lost_at is None or outcome.code is OutcomeCode.NOT_FINITE:
+            return outcome
+        if not np.isfinite(self.error):
+            return Outcome.of(OutcomeCode.NOT_FINITE, time=self.lost_at)
+        parts = () if outcome.complete else (outcome,)
+        return Outcome.of(
+            OutcomeCode.ENERGY_NOT_BALANCED, *parts,
+            error=self.error, time=self.lost_at, allowed=LARGEST_ERROR, remedy=remedy,
+        )  # fmt: skip
+
+
+def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
+    """Energies at the output times and their balance."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
+        return _energy_history(trajectory, times)
+
+
+def _energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
     flow = trajectory.flow
     left, right, weight = _products(flow)
     integral = trajectory.product_integrals(times, left, right, weight)
@@ -48,14 +86,7 @@ def energy_history(trajectory: Trajectory, times: Floats) -> tuple[EnergyHistory
         stored[part] = stored_energy(flow, values["state"], values["penetration"], phases)
         power[part] = (trajectory.sample(times[part], left) * trajectory.sample(times[part], right)) @ weight[:, 1]
     history = EnergyHistory(work_in=integral[:, 1], dissipated=integral[:, 0], stored=stored)
-    return history, balance_error(times, history, power)
-
-
-def balance_error(times: Floats, history: EnergyHistory, power: Floats) -> float:
-    """Largest imbalance relative to max(stored energy, integral of |power in|); 0 for a motionless structure."""
-    imbalance = history.work_in - history.dissipated - (history.stored - history.stored[0])
-    scale = max(float(history.stored.max()), float(np.trapezoid(np.abs(power), times)))
-    return float(np.abs(imbalance).max() / scale) if scale > 0 else 0.0
+    return EnergyBalance.of(times, history, power)
 
 
 def _states(flow: ExactFlow) -> OutputSet:

@@ -1,0 +1,120 @@
+"""A motion whose energy is not in balance, or that is not finite, is not called complete."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run import analysis
+from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
+from beamsim.analyses.run.result import EnergyHistory
+from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.analyses.sweep.swept_sine import legs_of, profile_of, swept_flow
+from beamsim.cli.conclusion import exit_code
+from beamsim.flow.swept_sine import sweep
+from beamsim.flow.transient import simulate
+from beamsim.inputs.swept import cut_into_windows
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario import load_scenario
+from beamsim.store.results import write_result
+from beamsim.system.build import build_system
+
+CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+SHORT = ["run.duration=0.1 s", "run.sample_rate=5 kHz", "run.spectrum.last=0.05 s"]
+
+
+def tampered(share, since):
+    """The solver, its motion multiplied by 1 + share from a time on."""
+
+    def solver(*arguments, **options):
+        motion = simulate(*arguments, **options)
+        factor = np.where(motion.time >= since, 1 + share, 1.0)[:, None]
+        return replace(motion, y=motion.y * factor)
+
+    return solver
+
+
+@pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
+def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
+    monkeypatch.setattr(analysis, "simulate", tampered(share, 0.05))
+    result = beamsim.run(load_scenario(CASE, SHORT))
+    assert result.outcome.trusted is result.outcome.complete is trusted
+    assert (result.summary["energy_error"] <= LARGEST_ERROR) is trusted
+    if not trusted:
+        assert result.outcome.code is OutcomeCode.ENERGY_NOT_BALANCED
+        assert result.outcome.numbers["error"] == result.summary["energy_error"]
+        assert 0.05 <= result.outcome.numbers["time"] < 0.06
+        assert result.time[-1] == pytest.approx(0.1)  # the whole motion is kept
+        assert result.status.startswith("not reliable: the energy balance")
+        assert exit_code(result.outcome) == 3
+
+
+def test_lost_energy_is_stored_with_its_code(monkeypatch, tmp_path):
+    monkeypatch.setattr(analysis, "simulate", tampered(1e-4, 0.05))
+    write_result(beamsim.run(load_scenario(CASE, SHORT)), tmp_path / "case.h5")
+    assert beamsim.open_result(tmp_path / "case.h5").outcome.code is OutcomeCode.ENERGY_NOT_BALANCED
+
+
+def test_a_start_that_is_not_finite_has_an_outcome():
+    system = build_system(load_scenario(CASE, SHORT))
+    start = system.initial_state.copy()
+    start[0] = np.nan
+    motion = simulate(analysis.exact_flow(system, 0.1), start)
+    assert motion.outcome.code is OutcomeCode.NOT_FINITE
+    assert motion.outcome.numbers["time"] == motion.end == 0.0
+    assert not motion.outcome.complete
+
+
+def test_a_motion_that_overflows_is_kept_up_to_there(monkeypatch):
+    """The twin without the tampering is complete (above)."""
+
+    def solver(*arguments, **options):
+        motion = simulate(*arguments, **options)
+        later = motion.time[:, None] >= 0.05
+        return replace(motion, y=np.where(later, np.inf, motion.y), final_y=motion.final_y * np.inf).up_to_finite()
+
+    monkeypatch.setattr(analysis, "simulate", solver)
+    result = beamsim.run(load_scenario(CASE, SHORT))
+    assert result.outcome.code is OutcomeCode.NOT_FINITE
+    end = result.outcome.numbers["time"]
+    assert 0.03 < end < 0.05
+    assert result.time[-1] <= end
+    assert np.all(np.isfinite(result.probes["tip"].displacement))
+    assert exit_code(result.outcome) == 3
+
+
+@pytest.mark.parametrize("size", [np.inf, np.nan])
+def test_energies_beyond_floating_point_are_an_outcome(size):
+    times = np.linspace(0.0, 1.0, 11)
+    stored = np.where(times < 0.45, 1.0, size)
+    with np.errstate(invalid="ignore"):
+        balance = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, stored), 0 * times)
+    assert balance.checked(COMPLETE).code is OutcomeCode.NOT_FINITE
+    limit = Outcome.of(OutcomeCode.EVENT_LIMIT, time=1.0, events=7)
+    kept = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, times), 0 * times).checked(limit)
+    assert (kept.code, kept.parts) == (OutcomeCode.ENERGY_NOT_BALANCED, (limit,))
+
+
+def test_the_search_for_extremes_ends_whatever_the_size():
+    system = build_system(load_scenario(CASE, SHORT))
+    motion = tampered(1e200, 0.05)(analysis.exact_flow(system, 0.1), system.initial_state)
+    delta, _ = motion.flow.penetrations()
+    highest, _, evaluations = motion.maxima(lambda _: delta, np.zeros(1), np.zeros(1))
+    assert np.isfinite(highest[0])
+    assert evaluations < 100_000
+
+
+def test_a_sweep_that_is_not_finite_has_an_outcome():
+    scenario = load_scenario(
+        CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
+    )
+    system = sweep_system(scenario)
+    legs = legs_of(scenario.sweep)
+    flow = swept_flow(system, cut_into_windows(legs, profile_of(scenario.sweep, scenario.excitation, 1.0)))
+    delta, _ = flow.template.penetrations()
+    start = system.initial_state
+    assert sweep(flow, start, lambda _: delta).outcome.complete
+    record = sweep(flow, np.nan * start, lambda _: delta)
+    assert (record.outcome.code, record.reached) == (OutcomeCode.NOT_FINITE, 0)
