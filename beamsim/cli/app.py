@@ -76,15 +76,17 @@ def run(
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
     from beamsim.cli.conclusion import Reporting, finish, prepared
+    from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
 
     scenario, target = prepared("run", case, set_, output, check=check)
     reporting = Reporting(not no_plots, json, quiet, check)
-    with progress_bar(f"simulating {case.name}", shown=reporting.progress) as progress:
+    bar = progress_bar(f"simulating {case.name}", shown=reporting.progress)
+    with interruptible() as interrupted, bar as progress:
         from beamsim.analyses.run.analysis import run as simulate
 
-        result = simulate(scenario, progress)
-    finish("run", result, target, reporting)
+        result = simulate(scenario, progress, interrupted)
+    finish("run", result, target, reporting, interrupted.signal)
 
 
 @app.command()

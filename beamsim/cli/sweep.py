@@ -111,13 +111,16 @@ def _refuse_others(kind: str, options: Mapping[str, object]) -> None:
 def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
     """Compute a swept or stepped sine, saving partial results."""
     from beamsim.cli.conclusion import finish
+    from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
 
-    with progress_bar("sweeping", shown=reporting.progress) as progress:
+    with interruptible() as interrupted, progress_bar("sweeping", shown=reporting.progress) as progress:
         from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep
 
         earlier = earlier_sweep(target, scenario) if resume else None
-        result = compute(scenario, progress, save=lambda part: write_sweep(part, target), resume=earlier)
-    finish("sweep", result, target, reporting)
+        result = compute(
+            scenario, progress, stop=interrupted, save=lambda part: write_sweep(part, target), resume=earlier
+        )
+    finish("sweep", result, target, reporting, interrupted.signal)

@@ -96,16 +96,11 @@ class MotionPart:
 
     def mean_squares(self) -> Floats | None:
         """(k,) mean of the square, nothing left out; None where the motion holds powers of time."""
-        from beamsim.flow.kernels import pair_integrals
-
         m, count = self.motion, self.table.shape[2]
         if any(np.any(s.power) for s in m.flow.states):
             return None
-        out, weight, table = np.empty((1, count)), np.eye(count), self.table + self.dropped
-        pair_integrals(
-            m.flow.tables(), m.flow.inputs(), table, table, weight, m.time, m.length, m.state, m.piece, m.y,
-            np.array([m.end]), out,
-        )  # fmt: skip
+        table = self.table + self.dropped
+        out = m.integrals(np.array([m.end]), np.concatenate([table, table], axis=2), np.eye(count))
         return np.asarray(out[0] / (m.end - m.time[0]))
 
     def integrals(self, omega: Floats) -> Complexes:

@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from beamsim.flow.compiled import njit
+from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import _coefficients, _exp, _fill_sources
-from beamsim.flow.sweep_kernels import _moments
 
 ORDERS = 8  # of the terms of the Euler-Maclaurin series in which jumps are taken as they are
 # Largest |B_k(theta)| / k! of the Bernoulli polynomials on [0, 1]: 1/2, 1/12, then at most 2.05 / (2 pi)^k
@@ -51,7 +51,7 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
     gamma = np.zeros((k, tables.exponent.shape[1]), dtype=np.complex128)
     shift = np.zeros(count, dtype=np.complex128)
     turn = np.zeros(count, dtype=np.complex128)
-    moments = np.zeros(1 + (tables.power.max() if tables.power.size else 0), dtype=np.complex128)
+    moment = np.zeros(1 + (tables.power.max() if tables.power.size else 0), dtype=np.complex128)
     for g in range(seg_time.size):
         s, T = seg_state[g], seg_length[g]
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
@@ -74,10 +74,10 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
                     second = _exponential_integral(above, T, grown * np.conj(turn[w]))
                 else:
                     scale = T ** (p + 1)
-                    _moments(below * T, grown * turn[w], p, moments)
-                    first = scale * moments[p]
-                    _moments(above * T, grown * np.conj(turn[w]), p, moments)
-                    second = scale * moments[p]
+                    moments(below * T, grown * turn[w], p, moment)
+                    first = scale * moment[p]
+                    moments(above * T, grown * np.conj(turn[w]), p, moment)
+                    second = scale * moment[p]
                 for j in range(k):
                     c = gamma[j, b]
                     out[j, w] += 0.5 * (c * first + np.conj(c * second)) * shift[w]

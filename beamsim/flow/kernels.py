@@ -1,4 +1,4 @@
-"""Compiled kernels of the exact flow: the motion on a segment, the search for events, extremes, integrals.
+"""Compiled kernels of the exact flow: the motion on a segment, the search for events, extremes.
 
 The march that joins the segments is in :mod:`beamsim.flow.march_kernels`.
 
@@ -399,9 +399,12 @@ def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def
 
 @njit(cache=True, error_model="numpy")
 def extremes(  # type: ignore[no-untyped-def]
-    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, highest, when, relative
+    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, highest, when, relative, at, most
 ):
     """Raise ``highest`` (k,) to the largest value of each output over all segments, ``when`` (k,) with it.
+
+    Returns the number of evaluations, and whether it is done. If not, ``most`` were used: called again it goes on from
+    ``at`` (segment, output, time within the segment).
 
     The same certified march as the contact search, on ``highest - output``: a stretch is skipped only where the
     curvature bound proves that it holds no value above ``highest`` (1 + relative).
@@ -416,7 +419,8 @@ def extremes(  # type: ignore[no-untyped-def]
     real, imag, magnitude = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag), np.abs(table)
     out = np.zeros((1, 4))
     evaluations = 0
-    for g in range(seg_time.size):
+    for g in range(int(at[0]), seg_time.size):
+        at[0] = g
         s = seg_state[g]
         nb = tables.n_basis[s]
         H = seg_length[g]
@@ -446,7 +450,9 @@ def extremes(  # type: ignore[no-untyped-def]
             elif power[b] == 1:
                 for j in range(k):
                     rate[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
-        for j in range(k):
+        for j in range(int(at[1]), k):
+            tau = at[2]
+            at[1], at[2] = j, 0.0
             # most segments hold no new extreme, which their size or one look at their start proves: first with what
             # all outputs share, then with the output's own coefficients, whose parts have cancelled
             if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
@@ -461,8 +467,10 @@ def extremes(  # type: ignore[no-untyped-def]
                 continue
             if not top < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
                 continue
-            tau = 0.0
             while True:
+                if evaluations > most:
+                    at[2] = tau
+                    return evaluations, False
                 reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
                 evaluations += 1
                 f, slope, bound, noise = out[0, 0], out[0, 1], out[0, 2], out[0, 3]
@@ -483,155 +491,5 @@ def extremes(  # type: ignore[no-untyped-def]
                 tau = min(tau + h, H)
                 if tau == before:
                     tau = min(H, tau + H * 1e-9)
-    return evaluations
-
-
-@njit(cache=True, error_model="numpy")
-def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
-    """int_0^tau exp(lam s) ds with e = exp(lam tau)."""
-    x = lam * tau
-    if abs(x.real) + abs(x.imag) < 1e-3:
-        return tau * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x / 120.0))))
-    return (e - 1.0) / lam
-
-
-@njit(cache=True, error_model="numpy")
-def pair_integrals(  # type: ignore[no-untyped-def]
-    tables, inputs, left, right, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, time, out
-):
-    """Exact cumulative integrals of sums of products: out[i, q] = int_0^time[i] sum_k weight[k, q] left_k right_k dt.
-
-    For segments whose basis functions are pure exponentials. ``left`` and ``right`` are (S, T, K) tables, ``weight`` is
-    (K, Q), ``time`` increases.
-    """
-    K = left.shape[2]
-    Q = weight.shape[1]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    B = tables.exponent.shape[1]
-    a = np.zeros((K, B), dtype=np.complex128)
-    c = np.zeros((K, B), dtype=np.complex128)
-    size = np.zeros((K, B))
-    plus = np.zeros((Q, B, B), dtype=np.complex128)
-    minus = np.zeros((Q, B, B), dtype=np.complex128)
-    e = np.zeros(B, dtype=np.complex128)
-    start = np.zeros(Q)
-    value = np.zeros(Q)
-    i = 0
-    for g in range(seg_time.size):
-        s = seg_state[g]
-        nb = tables.n_basis[s]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
-        _combine(tables, s, left, zeta, a, size)
-        _combine(tables, s, right, zeta, c, size)
-        for q in range(Q):
-            for b in range(nb):
-                for d in range(nb):
-                    plus[q, b, d] = 0.0
-                    minus[q, b, d] = 0.0
-            for k in range(K):
-                w = 0.5 * weight[k, q]
-                if w != 0.0:
-                    for b in range(nb):
-                        x = w * a[k, b]
-                        if x != 0.0:
-                            for d in range(nb):
-                                plus[q, b, d] += x * c[k, d]
-                                minus[q, b, d] += x * np.conj(c[k, d])
-        exponent = tables.exponent[s]
-        end = seg_time[g] + seg_length[g]
-        last = g == seg_time.size - 1
-        while True:
-            at_end = i >= time.size or (time[i] >= end and not last) or time[i] > end
-            tau = seg_length[g] if at_end else time[i] - seg_time[g]
-            _fill_basis(exponent, tables.power[s], nb, tau, e)
-            for q in range(Q):
-                value[q] = start[q]
-            for b in range(nb):
-                for d in range(nb):
-                    up = _integral(exponent[b] + exponent[d], tau, e[b] * e[d])
-                    across = _integral(exponent[b] + np.conj(exponent[d]), tau, e[b] * np.conj(e[d]))
-                    for q in range(Q):
-                        value[q] += (plus[q, b, d] * up + minus[q, b, d] * across).real
-            if at_end:
-                for q in range(Q):
-                    start[q] = value[q]
-                break
-            for q in range(Q):
-                out[i, q] = value[q]
-            i += 1
-    while i < time.size:
-        for q in range(Q):
-            out[i, q] = start[q]
-        i += 1
-
-
-@njit(cache=True, error_model="numpy")
-def panel_integrals(  # type: ignore[no-untyped-def]
-    tables, inputs, table, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, time,
-    radians, node, gauss, fastest, out,
-):  # fmt: skip
-    """The integrals of `pair_integrals` by Gauss-Legendre on panels, for segments with powers of time as well.
-
-    ``table`` (S, T, 2 K) holds the left factors, then the right ones. Rule r, ``node[r]`` and ``gauss[r]`` on [-1, 1]
-    up to the first zero weight, serves for panels of at most ``radians[r]`` of the motion ``fastest``, rad/s.
-    """
-    K = table.shape[2] // 2
-    Q = weight.shape[1]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    B = tables.exponent.shape[1]
-    rows_real, rows_imag = np.zeros((B, 2 * K)), np.zeros((B, 2 * K))
-    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
-    e = np.zeros(B, dtype=np.complex128)
-    x = np.zeros(2 * K)
-    inner, total, lost = np.zeros(Q), np.zeros(Q), np.zeros(Q)
-    rules = radians.size
-    i = 0
-    for g in range(seg_time.size):
-        s = seg_state[g]
-        nb = tables.n_basis[s]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
-        _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
-        exponent = tables.exponent[s]
-        power = tables.power[s]
-        last = g == seg_time.size - 1
-        done = 0.0
-        while True:
-            reached = i >= time.size or time[i] - seg_time[g] > seg_length[g]
-            reached = reached or (not last and time[i] >= seg_time[g + 1])
-            tau = seg_length[g] if reached else time[i] - seg_time[g]
-            turn = (tau - done) * fastest
-            rule = 0
-            while rule < rules - 1 and turn > radians[rule]:
-                rule += 1
-            panels = max(1, math.ceil(turn / radians[rule]))
-            width = (tau - done) / panels
-            for q in range(Q):
-                inner[q] = 0.0
-            for p in range(panels if width > 0.0 else 0):
-                middle = done + (p + 0.5) * width
-                for r in range(node.shape[1]):
-                    factor = 0.5 * gauss[rule, r] * width
-                    if factor == 0.0:
-                        break
-                    _fill_basis(exponent, power, nb, middle + 0.5 * width * node[rule, r], e)
-                    _outputs(rows_real, rows_imag, e, nb, x)
-                    for j in range(K):
-                        product = x[j] * x[K + j] * factor
-                        for q in range(Q):
-                            inner[q] += weight[j, q] * product
-            for q in range(Q):
-                # the sum of very many small parts, compensated (W. Kahan, Comm. ACM 8, 1965)
-                part = inner[q] - lost[q]
-                grown = total[q] + part
-                lost[q] = (grown - total[q]) - part
-                total[q] = grown
-            done = tau
-            if reached:
-                break
-            for q in range(Q):
-                out[i, q] = total[q]
-            i += 1
-    while i < time.size:
-        for q in range(Q):
-            out[i, q] = total[q]
-        i += 1
+        at[1] = 0.0
+    return evaluations, True

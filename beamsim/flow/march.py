@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 
 FIRST_LOG = 64
 LONGEST_LOG = 2048  # segments between two reports of progress
+EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which signals are handled: less than half a second
+
+
+def never() -> bool:
+    """A motion that nobody stops."""
+    return False
 
 
 class Log(NamedTuple):
@@ -114,32 +120,36 @@ def carry(
     max_events: int,
     max_evaluations: int,
     progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
 ) -> Carried:
     """Carry a motion on to the last of ``stops``: times, or in a sweep numbers of windows.
 
     Contact states are built as they are visited. More than ``max_events`` events or ``max_evaluations`` evaluations of
     the watched functions end the motion early, with an outcome that says so. ``keep`` logs segments and events;
-    ``progress`` is called with the time reached, now and then and at every stop.
+    ``progress`` is called with the time reached, now and then and at every stop; ``stop`` says whether to end there.
     """
-    from beamsim.flow.march_kernels import BUDGET, DONE
+    from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
 
     room, parts = FIRST_LOG if keep else 0, []
     segments = events = evaluations = 0
     outcome, code = COMPLETE, DONE
-    for stop in stops:
+    for end in stops:
         while outcome.complete:
             log = Log.room(room, motion.y.size, max_events + 1 - events)
-            code, n_seg, n_ev, n_eval = motion.advance(flow, stop, log, max_evaluations - evaluations)
+            most = min(max_evaluations - evaluations, EVALUATIONS_A_CALL)
+            code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
             segments, events, evaluations = segments + n_seg, events + n_ev, evaluations + n_eval
             if keep:
                 parts.append(log.first(n_seg, n_ev))
                 room = min(2 * room, LONGEST_LOG)
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
-            if code == BUDGET:
+            if code == STUCK or (code == BUDGET and evaluations >= max_evaluations):
                 outcome = Outcome.of(OutcomeCode.EVALUATION_LIMIT, time=flow.time_of(motion), evaluations=evaluations)
             elif events > max_events:
                 outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=flow.time_of(motion), events=events)
+            elif stop():
+                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=flow.time_of(motion), unit="s")
             elif progress is not None:
                 progress(flow.time_of(motion))
             if code == DONE:

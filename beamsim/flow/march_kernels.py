@@ -38,7 +38,7 @@ from beamsim.flow.sweep_kernels import (
     watch_response,
 )
 
-DONE, NEED_STATE, BUDGET, FULL = 0, 1, 2, 3
+DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 
 
 @njit(cache=True, error_model="numpy")
@@ -52,7 +52,8 @@ def march(  # type: ignore[no-untyped-def]
 
     Returns (status, t, piece, state, guard, segments, events, evaluations): DONE at the end; NEED_STATE when the state
     that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when the log is
-    full; BUDGET when ``most_evaluations`` were used.
+    full; BUDGET when ``most_evaluations`` were used: called again it goes on; STUCK when a step has no length. A
+    segment that takes that many evaluations alone is split.
     """
     B, most = tables.exponent.shape[1], tables.guard_contact.shape[1]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
@@ -119,6 +120,7 @@ def march(  # type: ignore[no-untyped-def]
             tau = 0.0
             hit = -1
             floors[:] = 0.0
+            most_here = n_eval + most_evaluations
             while guards > 0:
                 reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
                 if swept is not None:
@@ -133,8 +135,12 @@ def march(  # type: ignore[no-untyped-def]
                 tau += step
                 if tau >= H:
                     break
-                if tau == before or n_eval > most_evaluations:
-                    return BUDGET, t, piece, state, guard, n_seg, n_ev, n_eval
+                if tau == before:
+                    return STUCK, t, piece, state, guard, n_seg, n_ev, n_eval
+                if n_eval > most_here:
+                    H = tau
+                    whole = False
+                    break
             tau = _crossing(out, hit, tau) if hit >= 0 else H
             if swept is not None and tau > 0.0:
                 keep_segment(tables, swept, response, state, piece, t, tau, zeta, used)

@@ -16,6 +16,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import Guard
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 
@@ -73,6 +74,7 @@ def integrate(
     cubic: CubicSprings | None = None,
     max_events: int = 1_000_000,
     progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
 ) -> ReferenceTrajectory:
     """Integrate from t = 0 through the increasing output ``times`` with ``scipy.integrate.solve_ivp``.
 
@@ -80,6 +82,7 @@ def integrate(
     ----------
     integrator : a method of ``solve_ivp``; the thesis used a stiff BDF.
     rtol, atol : as in SciPy; atol acts on mass-normalised displacements and velocities alike.
+    stop : asked after every step whether to end there.
     """
     from scipy.integrate import solve_ivp
 
@@ -97,11 +100,11 @@ def integrate(
     ev_contact: list[int] = []
     ev_phase: list[int] = []
     while True:
-        stop = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
+        until = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
         right_hand_side.begin(t, phases)
         solution = solve_ivp(  # type: ignore[call-overload]
-            right_hand_side, (t, stop), y, method=integrator, rtol=rtol, atol=atol, max_step=max_step,
-            events=right_hand_side.events(), dense_output=True,
+            right_hand_side, (t, until), y, method=integrator, rtol=rtol, atol=atol, max_step=max_step,
+            events=[*right_hand_side.events(), _stopping(stop, t)], dense_output=True,
         )  # fmt: skip
         restarts += 1
         if solution.status < 0:
@@ -119,6 +122,9 @@ def integrate(
         t = end
         if solution.status == 1:
             hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
+            if hit == len(right_hand_side.guards):
+                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=t, unit="s")
+                break
             contact, guard = right_hand_side.guards[hit]
             right_hand_side.reset(contact, guard, t, y)
             phases = contacts.after(phases, contact, guard.next)
@@ -253,6 +259,25 @@ class _RightHandSide:
         value.terminal = True  # type: ignore[attr-defined]
         value.direction = -1.0  # type: ignore[attr-defined]
         return value
+
+
+def _stopping(stop: Callable[[], bool], begin: float) -> Callable[[float, Floats], float]:
+    """An event within the step after which ``stop`` says so."""
+    before, cut = begin, np.inf
+
+    def value(t: float, _: Floats) -> float:
+        nonlocal before, cut
+        if cut == np.inf:
+            if t > before and stop():
+                cut = 0.5 * (before + t)
+            else:
+                before = t
+                return 1.0
+        return cut - t
+
+    value.terminal = True  # type: ignore[attr-defined]
+    value.direction = -1.0  # type: ignore[attr-defined]
+    return value
 
 
 def _source_values(flow: ExactFlow, times: Floats) -> tuple[Floats, Floats]:

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from beamsim.flow.march import Log, Motion
+from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (
     LARGEST_LOG,
     MOST_EVALUATIONS,
@@ -33,10 +33,10 @@ from beamsim.typing import Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import ContactState
     from beamsim.flow.exact import ExactFlow
+    from beamsim.flow.kernels import Inputs, Tables
 
 NEAR = 1e-4  # |i k w - lambda| over w below which more than four digits would be lost
 DIFFERENCE = 1e-6  # relative step of the differences
-FIRST_LOG = 256
 
 
 class SeriesFlow(PeriodicFlow):
@@ -57,6 +57,23 @@ class SeriesFlow(PeriodicFlow):
     @abstractmethod
     def by_difference(self, start: Floats, duration: float, direction: Direction, t: float) -> Floats:
         """Central difference by a direction."""
+
+
+@dataclass
+class _NumberedAlike:
+    """A transient flow whose new states are numbered in another flow too; see `beamsim.flow.march.Marched`."""
+
+    flow: SeriesFlow
+    exact: ExactFlow
+
+    def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
+        return self.exact.kernel_arguments()
+
+    def follow(self, state: int, guard: int) -> int:
+        return self.flow.number_in(self.exact, self.exact.following(state, guard))
+
+    def time_of(self, motion: Motion) -> float:
+        return motion.time
 
 
 def is_resonant(states: Sequence[ContactState], multiple: Ints, omega: float) -> bool:
@@ -87,24 +104,16 @@ def carry_by_series(
 
 def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
     """The passage without its derivatives."""
-    from beamsim.flow.march_kernels import DONE, FULL, NEED_STATE
-
-    N, room = flow.size, FIRST_LOG
-    first = flow.number_in(exact, flow.starting_state(start, t))
-    while True:
-        motion, log = Motion(start.copy(), first, time=t), Log.room(room, N)
-        code, n_seg, n_ev, _ = motion.advance(exact, t + duration, log, MOST_EVALUATIONS)
-        if code == DONE:
-            break
-        if code == NEED_STATE:
-            flow.number_in(exact, exact.following(motion.state, motion.guard))
-        elif code == FULL and room < LARGEST_LOG:
-            room *= 4
-        else:
-            raise WorkExceeded(f"no end after {n_ev} contact events in {duration:.6g} s")
-    log = log.first(n_seg, n_ev)
+    motion = Motion(start.copy(), flow.number_in(exact, flow.starting_state(start, t)), time=t)
+    carried = carry(
+        _NumberedAlike(flow, exact), motion, (t + duration,), keep=True, max_events=LARGEST_LOG,
+        max_evaluations=MOST_EVALUATIONS,
+    )  # fmt: skip
+    log = carried.log
+    if not carried.outcome.complete or log is None:
+        raise WorkExceeded(carried.outcome.message)
     slope = _rate(flow, motion.y, exact.states[motion.state].phases, t + duration)
-    no_parameters = np.zeros((N, 0))
+    no_parameters = np.zeros((flow.size, 0))
     return Passage(
         start, motion.y, no_parameters, no_parameters, slope, duration, log.time, log.length, log.state, log.y,
         log.event_time, log.event_contact, log.event_phase, np.inf,

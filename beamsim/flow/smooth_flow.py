@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import (
@@ -27,8 +28,8 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats, Ints
 
-FIRST_LOG = 128
-LARGEST_LOG = 131072
+STEPS_A_CALL = 128  # of the compiled integration, between which signals are handled
+MOST_STEPS = 131072  # of a passage
 RADIANS = 3.0  # of the fastest mode, the longest step
 
 
@@ -69,19 +70,17 @@ class SmoothFlow(PeriodicFlow):
         added = float(np.abs(contacts.stiffness) @ (contacts.shape**2).sum(axis=1))
         fastest = float(np.sqrt(self.system.stiffness.max(initial=0.0) + added))
         self._longest = RADIANS / fastest if fastest > 0 else np.inf
-        self._room(FIRST_LOG)
+        n, m = self.system.size, self.system.contacts.count
+        self._log = (
+            np.empty(STEPS_A_CALL), np.empty(STEPS_A_CALL), np.empty((STEPS_A_CALL, m), dtype=np.bool_),
+            np.empty((STEPS_A_CALL, 2 * n)), np.empty(STEPS_A_CALL), np.empty(STEPS_A_CALL, dtype=np.int64),
+            np.empty(STEPS_A_CALL, dtype=np.bool_),
+        )  # fmt: skip
 
     def set(self, omega: float | None = None, level: float | None = None) -> None:
         """Change frequency and level."""
         self.omega = self.omega if omega is None else float(omega)
         self.level = self.level if level is None else float(level)
-
-    def _room(self, length: int) -> None:
-        n, m = self.system.size, self.system.contacts.count
-        self._log = (
-            np.empty(length), np.empty(length), np.empty((length, m), dtype=np.bool_), np.empty((length, 2 * n)),
-            np.empty(length), np.empty(length, dtype=np.int64), np.empty(length, dtype=np.bool_),
-        )  # fmt: skip
 
     def _arrays(self, parameters: Sequence[Parameter]) -> Any:
         from beamsim.flow.taylor_kernels import SmoothSystem
@@ -126,30 +125,30 @@ class SmoothFlow(PeriodicFlow):
         """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`."""
         from beamsim.flow import taylor_kernels
 
-        n, m, P = self.system.size, self.system.contacts.count, len(parameters)
-        N = 2 * n
+        m, P, N = self.system.contacts.count, len(parameters), self.size
         self.passages += 1
         arrays = self._arrays(parameters)
+        y, closed = start.copy(), self.starting_state(start, t) > 0
+        sens, slope = np.eye(N, N + P), np.zeros(N)
+        end, toggled, smallest, steps = t + duration, -1, np.inf, 0
+        parts: list[tuple[NDArray[np.generic], ...]] = []
         while True:
-            y, closed = start.copy(), self.starting_state(start, t) > 0
-            sens = np.zeros((N, N + P))
-            sens[np.arange(N), np.arange(N)] = 1.0
-            slope = np.zeros(N)
             log = self._log
-            code, steps, events, smallest = taylor_kernels.carry_smooth(
-                arrays, t, t + duration, closed, y, sens, P, self._longest, log[0], log[1], log[2], log[3], log[4],
-                log[5], log[6], slope,
-            )  # fmt: skip
-            if code == taylor_kernels.DONE and np.all(np.isfinite(y)):
+            code, t, toggled, count, events, speed = taylor_kernels.carry_smooth(
+                arrays, t, end, toggled, closed, y, sens, P, self._longest, *log, slope
+            )
+            rows = [count] * 4 + [events] * 3
+            parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))
+            steps, smallest = steps + count, min(smallest, speed)
+            if code != taylor_kernels.FULL or steps >= MOST_STEPS or not np.all(np.isfinite(y)):
                 break
-            if code != taylor_kernels.FULL or log[0].size >= LARGEST_LOG or not np.all(np.isfinite(y)):
-                raise WorkExceeded(f"no end after {steps} steps and {events} contact events")
-            self._room(4 * log[0].size)
-        weights = 1 << np.arange(m)
+        time, length, touching, states, *event = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if code != taylor_kernels.DONE or not np.all(np.isfinite(y)):
+            raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
         return Passage(
             start, y, sens[:, :N].copy(), sens[:, N:].copy(), slope, duration,
-            log[0][:steps].copy(), log[1][:steps].copy(), log[2][:steps] @ weights, log[3][:steps].copy(),
-            log[4][:events].copy(), log[5][:events].copy(), log[6][:events].astype(np.int64), float(smallest),
+            time, length, touching @ (1 << np.arange(m)), states, event[0], event[1], event[2].astype(np.int64),
+            float(smallest),
         )  # fmt: skip
 
     def phases_in(self, passage: Passage) -> Ints:

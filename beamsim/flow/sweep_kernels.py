@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import njit
+from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import EPS, _combine, _exp
 
 MOST_POWERS = 48  # of a forced response's polynomial
@@ -414,43 +415,6 @@ def _make_work(kept, K, B, DM):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _moments(x, ex, top, out):  # type: ignore[no-untyped-def]
-    """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top, with ex = e^x; the direction of recursion that is stable."""
-    if abs(x.real) + abs(x.imag) < 2.0:
-        term = 1.0 + 0.0j
-        total = complex(1.0 / (top + 1), 0.0)
-        for i in range(1, 60):
-            term = term * x / i
-            total += term / (top + 1 + i)
-            if abs(term.real) + abs(term.imag) < 1e-18:
-                break
-        out[top] = total
-        for q in range(top, 0, -1):
-            out[q - 1] = (ex - x * out[q]) / q
-        return
-    inverse = 1.0 / x
-    out[0] = (ex - 1.0) * inverse
-    upward = top if top <= 8 else min(top, int(abs(x)))
-    for q in range(1, upward + 1):
-        out[q] = (ex - q * out[q - 1]) * inverse
-    if upward < top:
-        # e^x sum_k (-x)^k q! / (q + 1 + k)!, from an index where it converges quickly
-        q = max(top, int(abs(x)) + 10)
-        term = ex / (q + 1)
-        total = term
-        for i in range(1, 400):
-            term = -term * x / (q + 1 + i)
-            total += term
-            if abs(term) < 1e-18 * abs(total):
-                break
-        while q > upward:
-            if q <= top:
-                out[q] = total
-            total = (ex - x * total) / q
-            q -= 1
-
-
-@njit(cache=True, error_model="numpy")
 def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: ignore[no-untyped-def]
     """Add a segment of length T, ``x`` after the start of window k, to what is kept of its cycle."""
     kept, windows, cycles, work = swept.kept, swept.windows, swept.cycles, response.work
@@ -537,9 +501,9 @@ def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
             twice = 0.5 * T if g == h else T
             for conjugate in range(2):
                 if conjugate == 0:
-                    _moments(work.exponent[g] + work.exponent[h], work.end[g] * work.end[h], dg + dh, moment)
+                    moments(work.exponent[g] + work.exponent[h], work.end[g] * work.end[h], dg + dh, moment)
                 else:
-                    _moments(
+                    moments(
                         work.exponent[g] + np.conj(work.exponent[h]),
                         work.end[g] * np.conj(work.end[h]),
                         dg + dh,
@@ -606,9 +570,9 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
             dg = work.degree[g]
             for conjugate in range(2):
                 if conjugate == 0:
-                    _moments(work.exponent[g] + down, work.end[g] * end, dg + top, moment)
+                    moments(work.exponent[g] + down, work.end[g] * end, dg + top, moment)
                 else:
-                    _moments(np.conj(work.exponent[g]) + down, np.conj(work.end[g]) * end, dg + top, moment)
+                    moments(np.conj(work.exponent[g]) + down, np.conj(work.end[g]) * end, dg + top, moment)
                 for p in range(dg + 1):
                     total = 0.0 + 0.0j
                     for q in range(top + 1):

@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block
-from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.march import Log, Motion, carry, never
 from beamsim.flow.state_tables import pad
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 OutputOf = Callable[[Ints], LinearOutput]
 
-WINDOWS_A_CALL = 512  # between two reports of progress
+WINDOWS_A_CALL = 128  # between two reports of progress, and between which signals are handled
 
 
 @dataclass
@@ -277,6 +277,7 @@ def sweep(
     max_evaluations: int = 2_000_000_000,
     max_events: int = 20_000_000,
     progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
 ) -> CycleRecord:
     """March through the whole sweep.
 
@@ -286,6 +287,7 @@ def sweep(
     output_of : outputs whose envelopes and harmonics are kept, by contact state, written for ``flow.template``.
     orders : tracked harmonics, multiples of the instantaneous frequency.
     keep_history : keep the segments, so that the time history can be sampled.
+    stop : asked several times a second whether to end the sweep there.
     """
     begin = clock.process_time()
     windows = flow.windows
@@ -295,7 +297,7 @@ def sweep(
     carried = carry(
         march, motion, (*range(WINDOWS_A_CALL, windows.count, WINDOWS_A_CALL), windows.count), keep=keep_history,
         max_events=max_events, max_evaluations=max_evaluations,
-        progress=None if progress is None else lambda _: progress(motion.piece / windows.count),
+        progress=None if progress is None else lambda _: progress(motion.piece / windows.count), stop=stop,
     )  # fmt: skip
     cycles, finished = march.cycles, motion.piece >= windows.count
     duration = np.bincount(windows.cycle, weights=windows.length, minlength=windows.cycles).astype(float)

@@ -341,13 +341,13 @@ def _add_up(c, h, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def carry_smooth(  # type: ignore[no-untyped-def]
-    s, t, t_end, closed, y, sens, parameters, longest, log_time, log_length, log_closed, log_y, ev_time, ev_contact,
-    ev_closing, slope,
+    s, t, t_end, toggled, closed, y, sens, parameters, longest, log_time, log_length, log_closed, log_y, ev_time,
+    ev_contact, ev_closing, slope,
 ):  # fmt: skip
     """Carry y (2n,), the contacts' state ``closed`` and ``sens`` (2n, columns), all in place, from t to t_end.
 
-    The last ``parameters`` columns are derivatives by parameters. Returns (status, steps, events, smallest event
-    speed).
+    The last ``parameters`` columns are derivatives by parameters; ``toggled`` is the contact whose event lies at the
+    start (-1: none). Returns (status, t, toggled, steps, events, smallest event speed); FULL when the log is full.
     """
     n = s.omega2.size
     nc = s.cubic.size
@@ -369,12 +369,11 @@ def carry_smooth(  # type: ignore[no-untyped-def]
         scale = max(scale, math.sqrt(abs(s.omega2[i])))
     steps = 0
     events = 0
-    toggled = -1
     smallest = np.inf
     stalled = 0
     while t < t_end:
         if steps == log_time.size or events == ev_time.size:
-            return FULL, steps, events, smallest
+            return FULL, t, toggled, steps, events, smallest
         for i in range(n):
             q[0, i] = y[i]
             v[0, i] = y[n + i]
@@ -416,7 +415,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
             t = t + h
             stalled = stalled + 1 if h == 0.0 else 0
             if stalled > 4:
-                return STUCK, steps, events, smallest
+                return STUCK, t, toggled, steps, events, smallest
             j = which
             ev_time[events] = t
             ev_contact[events] = j
@@ -443,7 +442,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
             closed[j] = not closed[j]
         else:
             t = t_end if ends else t + h
-    return DONE, steps, events, smallest
+    return DONE, t, toggled, steps, events, smallest
 
 
 @njit(cache=True, error_model="numpy")

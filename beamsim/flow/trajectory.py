@@ -9,13 +9,21 @@ import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.state_tables import pad
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
+WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
+EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
+VALUES_A_CALL = 50_000_000  # of terms times outputs, in sampling
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
 # rule's error on exp(i 2 turn t), the product's fastest part, is then below 2e-13
 GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))
+
+
+def no_check() -> None:
+    """A computation that nobody stops."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,19 @@ class Trajectory:
         table = self.flow.output_table(output_of)
         out = np.empty((times.size, table.shape[2]))
         in_a_row = np.ascontiguousarray(times)  # the kernel is compiled for these alone
-        sample(*self.flow.kernel_arguments(), table, self.time, self.state, self.piece, self.y, in_a_row, out)
+        rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
+        for first in range(0, times.size, rows):
+            part = slice(first, first + rows)
+            sample(
+                *self.flow.kernel_arguments(),
+                table,
+                self.time,
+                self.state,
+                self.piece,
+                self.y,
+                in_a_row[part],
+                out[part],
+            )
         return out
 
     def states_at(self, times: Floats) -> Floats:
@@ -95,22 +115,32 @@ class Trajectory:
         return np.asarray(self.length @ flags[self.state] / total) if total > 0 else np.zeros(flags.shape[1])
 
     def maxima(
-        self, output_of: Callable[[Ints], LinearOutput], seed: Floats, when: Floats
+        self,
+        output_of: Callable[[Ints], LinearOutput],
+        seed: Floats,
+        when: Floats,
+        check: Callable[[], None] = no_check,
     ) -> tuple[Floats, Floats, int]:
         """Largest values (k,) of outputs over the whole continuous motion, with their times.
 
         ``seed`` and ``when`` are values that are known to be reached; the better they are, the less the work.
         The result is within 1e-10 of the true maximum, relatively: the march skips only what its
-        curvature bound proves to be lower. Also returned: the number of evaluations.
+        curvature bound proves to be lower. Also returned: the number of evaluations. ``check`` is called several times
+        a second; an exception that it raises ends the search.
         """
         from beamsim.flow import kernels
 
         highest, at = np.array(seed, dtype=float), np.array(when, dtype=float)
-        evaluations = kernels.extremes(
+        arguments = (
             self.flow.tables(), self.flow.inputs(), self.flow.output_table(output_of),
-            self.time, self.length, self.state, self.piece, self.y, highest, at, PEAK_TOLERANCE,
+            self.time, self.length, self.state, self.piece, self.y, highest, at, PEAK_TOLERANCE, np.zeros(3),
         )  # fmt: skip
-        return highest, at, int(evaluations)
+        evaluations, done = 0, False
+        while not done:
+            check()
+            used, done = kernels.extremes(*arguments, EVALUATIONS_A_CALL)
+            evaluations += int(used)
+        return highest, at, evaluations
 
     def product_integrals(
         self,
@@ -118,26 +148,42 @@ class Trajectory:
         left_of: Callable[[Ints], LinearOutput],
         right_of: Callable[[Ints], LinearOutput],
         weight: Floats,
+        check: Callable[[], None] = no_check,
     ) -> Floats:
         """(nt, Q) integrals from 0 to ``times`` of ``sum_k weight[k, q] left_k right_k``.
 
-        In closed form where the motion consists of pure exponentials; by Gauss-Legendre panels short against the
-        fastest motion present where powers of time occur (rigid-body motion, resonance, sampled inputs).
+        In closed form; where polynomials in time are long and the times close together (sampled inputs), by
+        Gauss-Legendre panels short against the motion. ``check`` is called as by :meth:`maxima`.
         """
-        from beamsim.flow import kernels
+        table = np.concatenate([self.flow.output_table(left_of), self.flow.output_table(right_of)], axis=2)
+        return self.integrals(times, table, weight, check)
+
+    def integrals(
+        self, times: Floats, table: Complexes, weight: Floats, check: Callable[[], None] = no_check
+    ) -> Floats:
+        """The same of outputs in a table (S, T, 2 K), the left factors first."""
+        from beamsim.flow.integral_kernels import product_integrals
 
         flow, out, weight = self.flow, np.empty((times.size, weight.shape[1])), np.ascontiguousarray(weight)
-        left, right = flow.output_table(left_of), flow.output_table(right_of)
-        segments = (self.time, self.length, self.state, self.piece, self.y)
-        if all(not np.any(s.power) for s in flow.states):
-            kernels.pair_integrals(flow.tables(), flow.inputs(), left, right, weight, *segments, times, out)
-        else:
-            fastest = max(float(np.abs(s.exponent).max()) for s in flow.states)
-            kernels.panel_integrals(
-                flow.tables(), flow.inputs(), np.concatenate([left, right], axis=2), weight, *segments, times,
-                *_gauss_rules(), fastest, out,
-            )  # fmt: skip
+        group, degree = zip(*(_groups(s.exponent, s.power) for s in flow.states), strict=True)
+        at, total, lost = np.zeros(3), np.zeros(weight.shape[1]), np.zeros(weight.shape[1])
+        arguments = (
+            flow.tables(), flow.inputs(), table, weight, self.time, self.length, self.state, self.piece, self.y,
+            np.ascontiguousarray(times), pad(list(group)), pad(list(degree)), *_gauss_rules(), at, total, lost, out,
+        )  # fmt: skip
+        check()
+        while not product_integrals(*arguments, WORK_A_CALL):
+            check()
         return out
+
+
+def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
+    """Group of every basis function (those of equal exponents share one), and the largest power in each group."""
+    values: dict[complex, int] = {}
+    group = np.array([values.setdefault(complex(e), len(values)) for e in exponent], dtype=np.int64)
+    degree = np.zeros(len(values), dtype=np.int64)
+    np.maximum.at(degree, group, power)
+    return group, degree
 
 
 def _gauss_rules() -> tuple[Floats, Floats, Floats]:

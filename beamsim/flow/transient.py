@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.march import Log, Motion, carry, never
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats
@@ -23,12 +23,13 @@ def simulate(
     max_events: int = 1_000_000,
     max_evaluations: int = 2_000_000_000,
     progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
 ) -> Trajectory:
     """The motion from a state at t = 0, (q, q') and any internal states of the contacts, without time-stepping error.
 
     Contacts are found by the certified march of :mod:`beamsim.flow.march_kernels`. The work is bounded: a motion
     with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
-    with an outcome that says so.
+    with an outcome that says so, as does one that ``stop`` ends, which is asked several times a second.
 
     Returns
     -------
@@ -41,7 +42,7 @@ def simulate(
     motion = Motion(y, flow.state_index(flow.starting_state(y)))
     carried = carry(
         flow, motion, (end,), keep=True, max_events=max_events, max_evaluations=max_evaluations,
-        progress=None if progress is None else lambda t: progress(t / end),
+        progress=None if progress is None else lambda t: progress(t / end), stop=stop,
     )  # fmt: skip
     log, processor = carried.log, clock.process_time() - begin
     if log is None or not log.time.size:  # out of budget within the first segment: at least the start is known

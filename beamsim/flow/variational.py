@@ -19,7 +19,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts, Watched
 from beamsim.flow.contact_state import ContactState, build_state
-from beamsim.flow.march import FIRST_LOG, Log, Motion
+from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (
     LARGEST_LOG,
     MOST_EVALUATIONS,
@@ -84,7 +84,6 @@ class VariationalFlow(SeriesFlow):
         self._state_tables = StateTables(self.system.contacts)
         self._tables: Any = None
         self._known_parameters: dict[tuple[type[Parameter], ...], Any] = {}
-        self._log = Log.room(FIRST_LOG, self.size)
         contacts = self.system.contacts
         from beamsim.flow.kernels import Inputs
 
@@ -243,6 +242,8 @@ class VariationalFlow(SeriesFlow):
 
     def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
         """What the march takes; see :class:`beamsim.flow.march.Marched`."""
+        if self._tables is None:
+            self._prepare()
         return self._tables, self._inputs, None
 
     def follow(self, state: int, guard: int) -> int:
@@ -286,41 +287,34 @@ class VariationalFlow(SeriesFlow):
 
         A change of contacts or structure costs two more passages where the motion isn't made of pure exponentials.
         """
-        from beamsim.flow.march_kernels import DONE, FULL, NEED_STATE
         from beamsim.flow.orbit_kernels import carry_sensitivity
 
         N = self.size
         self.passages += 1
-        index = self.state_index(self.starting_state(start, t))
-        while True:
-            if self._tables is None:
-                self._prepare()
-            if self._resonant:
-                return carry_by_series(self, self.by_series(), start, duration, parameters, t)
-            motion = Motion(start.copy(), index, time=t)
-            code, n_seg, n_ev, _ = motion.advance(self, t + duration, self._log, MOST_EVALUATIONS)
-            if code == DONE:
-                break
-            if code == NEED_STATE:
-                self.follow(motion.state, motion.guard)
-            elif code == FULL and self._log.time.size < LARGEST_LOG:
-                self._log = Log.room(4 * self._log.time.size, N)
-            else:
-                raise WorkExceeded(f"no end after {n_ev} contact events in {motion.time - t:.6g} of {duration:.6g} s")
+        motion = Motion(start.copy(), self.state_index(self.starting_state(start, t)), time=t)
+        self.kernel_arguments()
+        if not self._resonant:
+            carried = carry(
+                self, motion, (t + duration,), keep=True, max_events=LARGEST_LOG, max_evaluations=MOST_EVALUATIONS
+            )
+        if self._resonant:  # from the start, or since a state that was not known before
+            return carry_by_series(self, self.by_series(), start, duration, parameters, t)
+        if not carried.outcome.complete or not np.all(np.isfinite(motion.y)):
+            raise WorkExceeded(carried.outcome.message or "the motion is not finite")
+        log = carried.log
+        assert log is not None
         exact = [p for p in parameters if self._simple or isinstance(p, Frequency | Level)]
         P = len(exact)
         sens = np.zeros((N, N + P))
         sens.flat[:: N + P + 1] = 1.0
         slope = np.zeros(N)
-        log = self._log.first(n_seg, n_ev)
         smallest = carry_sensitivity(
-            self._tables, self._inputs, self.system.contacts.arrays, self._variation, self._parameters(exact), n_seg,
-            *log[:5], log.event_contact, sens, slope,
+            self._tables, self._inputs, self.system.contacts.arrays, self._variation, self._parameters(exact),
+            log.time.size, *log[:5], log.event_contact, sens, slope,
         )  # fmt: skip
         passage = Passage(
-            start, motion.y, sens[:, :N], sens[:, N:], slope, duration, log.time.copy(), log.length.copy(),
-            log.state.copy(), log.y.copy(), log.event_time.copy(), log.event_contact.copy(), log.event_phase.copy(),
-            float(smallest),
+            start, motion.y, sens[:, :N], sens[:, N:], slope, duration, log.time, log.length, log.state, log.y,
+            log.event_time, log.event_contact, log.event_phase, float(smallest),
         )  # fmt: skip
         if len(parameters) > P:
             columns, k = [], 0

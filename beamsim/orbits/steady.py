@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
-from beamsim.flow.march import Motion, carry
+from beamsim.flow.march import Motion, carry, never
 from beamsim.flow.swept_sine import CycleMarch, SweptFlow
 from beamsim.inputs.swept import SweepWindows
 from beamsim.typing import Complexes, Floats, Ints
@@ -24,6 +24,10 @@ MOST_EVENTS = 2**62  # in a cycle: what bounds the work are the evaluations
 DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
 
 
+class MotionStopped(Exception):
+    """A motion was stopped from outside."""
+
+
 @dataclass
 class CycleStepper:
     """Carries a state cycle by cycle through a flow whose windows may change between calls.
@@ -32,11 +36,13 @@ class CycleStepper:
     ----------
     flow : its windows are replaced by ``use``; the diagonalised contact states are kept.
     channels_of : the channels' coefficients for given windows.
+    stop : asked several times a second whether to end.
     """
 
     flow: SweptFlow
     channels_of: Callable[[SweepWindows], Complexes]
     most_evaluations: int = 200_000_000
+    stop: Callable[[], bool] = never
     events: int = field(init=False, default=0)
     segments: int = field(init=False, default=0)
     evaluations: int = field(init=False, default=0)
@@ -56,6 +62,8 @@ class CycleStepper:
         ------
         ArithmeticError
             When the work exceeds ``most_evaluations``.
+        MotionStopped
+            When ``stop`` says so.
         """
         flow = self.flow
         order = np.zeros(0) if orders is None else np.asarray(orders, dtype=float)
@@ -65,10 +73,12 @@ class CycleStepper:
         for k in range(cycles):
             carried = carry(
                 march, motion, (k + 1,), keep=False, max_events=MOST_EVENTS,
-                max_evaluations=self.most_evaluations - self.evaluations,
+                max_evaluations=self.most_evaluations - self.evaluations, stop=self.stop,
             )  # fmt: skip
             self.events, self.segments = self.events + carried.events, self.segments + carried.segments
             self.evaluations += carried.evaluations
+            if carried.outcome.interrupted:
+                raise MotionStopped
             if not carried.outcome.complete:
                 raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
             states[k] = motion.y

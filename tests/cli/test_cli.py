@@ -52,7 +52,7 @@ def solved(monkeypatch, fabricated_run):
         error = None
         scenario = None
 
-        def __call__(self, scenario, progress=None):
+        def __call__(self, scenario, progress=None, stop=None):
             self.scenario = scenario
             if progress is not None:
                 progress(0.5)

@@ -197,12 +197,28 @@ def test_a_second_signal_ends_at_once(under_way, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_during_a_long_run_leaves_no_file(number, code, under_way, tmp_path):
-    process = under_way("run", CONFIGS / "one_sided_65hz.yaml", "--set", "run.duration=200 s", "--set",
-                        "run.sample_rate=200 Hz")  # fmt: skip
+LONG = {
+    "run": ("one_sided_65hz.yaml", "run.duration=2000 s", "run.sample_rate=200 Hz"),
+    "sweep": ("sweep_up_down.yaml", "sweep.rate=0.3 oct/min", "sweep.direction=up"),
+}
+
+
+@pytest.mark.parametrize(
+    ("command", "number", "code"),
+    [("run", signal.SIGINT, 130), ("run", signal.SIGTERM, 143), ("sweep", signal.SIGTERM, 143)],
+)
+def test_a_signal_during_a_long_motion_keeps_what_was_computed(command, number, code, under_way, tmp_path):
+    name, *overrides = LONG[command]
+    sets = [x for override in overrides for x in ("--set", override)]
+    process = under_way(command, CONFIGS / name, *sets, "-o", "case.h5")
     process.send_signal(number)
-    _, errors = process.communicate(timeout=120)
-    assert process.returncode == code
+    _, errors = process.communicate("go on\n", timeout=120)
+    assert process.returncode == code, errors
     assert "Traceback" not in errors
-    assert os.listdir(tmp_path) == []
+    assert os.listdir(tmp_path) == ["case.h5"]
+    kept = beamsim.open_result(tmp_path / "case.h5")
+    assert kept.outcome.interrupted
+    assert not kept.complete
+    if command == "run":
+        assert 0.0 < kept.time[-1] < 2000.0
+        assert kept.time[-1] <= kept.outcome.numbers["parameter"]

@@ -11,11 +11,9 @@ from beamsim.analyses.run import analysis
 from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.sweep.analysis import sweep_system
-from beamsim.analyses.sweep.swept_sine import legs_of, profile_of, swept_flow
+from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.cli.conclusion import exit_code
-from beamsim.flow.swept_sine import sweep
 from beamsim.flow.transient import simulate
-from beamsim.inputs.swept import cut_into_windows
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.store.results import write_result
@@ -111,10 +109,9 @@ def test_a_sweep_that_is_not_finite_has_an_outcome():
         CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
     )
     system = sweep_system(scenario)
-    legs = legs_of(scenario.sweep)
-    flow = swept_flow(system, cut_into_windows(legs, profile_of(scenario.sweep, scenario.excitation, 1.0)))
-    delta, _ = flow.template.penetrations()
-    start = system.initial_state
-    assert sweep(flow, start, lambda _: delta).outcome.complete
-    record = sweep(flow, np.nan * start, lambda _: delta)
-    assert (record.outcome.code, record.reached) == (OutcomeCode.NOT_FINITE, 0)
+    whole = sweep_level(system, scenario.sweep, scenario.excitation, 1.0, 0)
+    assert whole.work.outcome.complete
+    lost = replace(system, initial_state=np.nan * system.initial_state)
+    record = sweep_level(lost, scenario.sweep, scenario.excitation, 1.0, 0)
+    assert record.work.outcome.code is OutcomeCode.NOT_FINITE
+    assert record.curves == ()

@@ -35,6 +35,7 @@ from beamsim.analyses.run.result import (
 from beamsim.analyses.run.spectra import QUANTITIES, spectra_of_motion, spectra_of_samples
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.build import build_system
@@ -49,18 +50,42 @@ if TYPE_CHECKING:
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_SAMPLES = 50_000_000
+GRACE_S = 0.5  # for the evaluation of a motion that is stopped
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
 SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for extremes
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
 
 
-def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> RunResult:
+class _Cut(Exception):
+    """The evaluation of a motion was given up."""
+
+
+class _Grace:
+    """Time that is left for evaluating a motion once it is to be stopped."""
+
+    def __init__(self, stop: Callable[[], bool]) -> None:
+        self.stop = stop
+        self.since: float | None = None  # s, when that was first seen
+
+    def __call__(self) -> None:
+        """Raise `_Cut` once the time is over."""
+        if self.since is None and self.stop():
+            self.since = clock.perf_counter()
+        if self.since is not None and clock.perf_counter() - self.since >= GRACE_S:
+            raise _Cut
+
+
+def run(
+    scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
+) -> RunResult:
     """Simulate the scenario.
 
     Parameters
     ----------
     scenario : with a ``run`` section.
     progress : called from time to time with the fraction of the duration that is done.
+    stop : asked several times a second whether to end; the result then holds the motion up to there. What of its
+        evaluation takes longer than half a second is left out: energies are nan and peaks those of the samples.
 
     Raises
     ------
@@ -73,9 +98,8 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None) -> 
     settings = scenario.run
     system = build_system(scenario)
     times = _output_times(settings)
-    motion = _reference(system, settings, times, progress) if _steps_in_time(system, settings) else None
-    if motion is None:
-        motion = _exact(system, settings, times, progress)
+    solve = _reference if _steps_in_time(system, settings) else _exact
+    motion = solve(system, settings, times, progress, stop)
     spectra = _spectra(scenario, system, motion)
     result = RunResult(
         scenario=scenario,
@@ -181,35 +205,45 @@ def _same_in_every_state(output: LinearOutput) -> Callable[[Ints], LinearOutput]
 
 
 def _exact(
-    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None
+    system: StructuralSystem,
+    settings: Run,
+    times: Floats,
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
 ) -> _RunMotion:
     flow = exact_flow(system, settings.duration)
-    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress)
+    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress, stop=stop)
+    outcome, check = _with_limit(trajectory.outcome), _Grace(stop)
+    warnings: tuple[str, ...] = ()
     times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
     groups = _groups(system, flow)
     closed = flow.system.contacts.touching(trajectory.phases_at(times))
     values = groups.split(trajectory.sample(times, groups), flow.system.contacts.start)
-    balance = energy_history(trajectory, times)
-
+    balance = EnergyBalance.unknown(times)
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
     seeds = {name: (times, values[name]) for name in searched}
     if system.stress is not None:
         searched["stress"] = _same_in_every_state(bending_stress(flow, system.stress))
         few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
         seeds["stress"] = (few, trajectory.sample(few, searched["stress"]))
-    extremes = {}
-    for name, output_of in searched.items():
-        at, seed = seeds[name]
-        low, high = seed.argmin(axis=0), seed.argmax(axis=0)
-        column = np.arange(seed.shape[1])
-        highest, when, _ = trajectory.maxima(output_of, seed[high, column], at[high])
-        lowest, when_low, _ = trajectory.maxima(_negative(output_of), -seed[low, column], at[low])
-        extremes[name] = (-lowest, when_low, highest, when)
+    extremes = {name: _sampled_extremes(*seed) for name, seed in seeds.items()}
+    try:
+        balance = energy_history(trajectory, times, check)
+        outcome = balance.checked(outcome)
+        for name, output_of in searched.items():
+            low, when_low, high, when = extremes[name]
+            high, when, _ = trajectory.maxima(output_of, high, when, check)
+            low, when_low, _ = trajectory.maxima(_negative(output_of), -low, when_low, check)
+            extremes[name] = (-low, when_low, high, when)
+    except _Cut:
+        warnings = ("interrupted during the evaluation: the energy balance, or peaks between the samples, are missing",)
+        if outcome.complete:
+            outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
     extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     order = np.argsort(extreme_times)
     return _RunMotion(
         method="exact",
-        outcome=balance.checked(_with_limit(trajectory.outcome)),
+        outcome=outcome,
         time=times,
         values=values,
         closed=closed,
@@ -226,12 +260,22 @@ def _exact(
             states=len(flow.states),
             processor_time_s=trajectory.processor_time_s,
         ),
-        trajectory=trajectory,
+        trajectory=None if outcome.interrupted else trajectory,
+        warnings=warnings,
     )
 
 
+def _sampled_extremes(times: Floats, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Lowest values, their times, highest values, their times."""
+    return values.min(axis=0), times[values.argmin(axis=0)], values.max(axis=0), times[values.argmax(axis=0)]
+
+
 def _reference(
-    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None
+    system: StructuralSystem,
+    settings: Run,
+    times: Floats,
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
 ) -> _RunMotion:
     """The same by time stepping; extremes are those of the samples."""
     from beamsim.flow.reference import integrate
@@ -249,7 +293,7 @@ def _reference(
         )
     trajectory = integrate(
         flow, system.initial_state, times, integrator=integrator, rtol=rtol, atol=settings.atol,
-        max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress,
+        max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
     )  # fmt: skip
     n = flow.system.size
     groups = _groups(system, flow)
@@ -272,9 +316,7 @@ def _reference(
     if system.stress is not None:
         searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.stress)))
     at = trajectory.time
-    extremes = {
-        name: (x.min(axis=0), at[x.argmin(axis=0)], x.max(axis=0), at[x.argmax(axis=0)]) for name, x in searched.items()
-    }
+    extremes = {name: _sampled_extremes(at, x) for name, x in searched.items()}
     return _RunMotion(
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=balance.checked(_with_limit(trajectory.outcome), "lower run.rtol and run.atol"),

@@ -6,6 +6,7 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.trajectory import Trajectory, no_check
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
@@ -43,6 +44,12 @@ class EnergyBalance:
     lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
 
     @classmethod
+    def unknown(cls, times: Floats) -> EnergyBalance:
+        """Of a motion that was not evaluated."""
+        missing = np.full(times.size, np.nan)
+        return cls(EnergyHistory(missing, missing, missing), np.nan, None)
+
+    @classmethod
     def of(cls, times: Floats, history: EnergyHistory, power: Floats) -> EnergyBalance:
         """Compare the energies; ``power`` (nt,) is that of the loads, W."""
         imbalance = np.abs(history.work_in - history.dissipated - (history.stored - history.stored[0]))
@@ -65,21 +72,22 @@ class EnergyBalance:
         )  # fmt: skip
 
 
-def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
-    """Energies at the output times and their balance."""
+def energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], None] = no_check) -> EnergyBalance:
+    """Energies at the output times and their balance; an exception that ``check`` raises ends the work."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
-        return _energy_history(trajectory, times)
+        return _energy_history(trajectory, times, check)
 
 
-def _energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
+def _energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], None]) -> EnergyBalance:
     flow = trajectory.flow
     left, right, weight = _products(flow)
-    integral = trajectory.product_integrals(times, left, right, weight)
+    integral = trajectory.product_integrals(times, left, right, weight, check)
     stored = np.empty(times.size)
     power = np.empty(times.size)
     states = _states(flow)
     chunk = max(1, 2_000_000 // (4 * flow.system.size + 1))
     for first in range(0, times.size, chunk):
+        check()
         part = slice(first, first + chunk)
         phases = trajectory.phases_at(times[part])
         values = states.split(trajectory.sample(times[part], states), phases[0])

@@ -13,6 +13,7 @@ from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.march import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine, SweptSine
@@ -29,6 +30,7 @@ def sweep(
     scenario: Scenario,
     progress: Callable[[float], None] | None = None,
     *,
+    stop: Callable[[], bool] = never,
     save: Callable[[SweepResult], object] | None = None,
     resume: SweepResult | None = None,
 ) -> SweepResult:
@@ -38,6 +40,7 @@ def sweep(
     ----------
     scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
     progress : called with the fraction done.
+    stop : asked several times a second whether to end; the result then holds the levels and cycles up to there.
     save : called with the partial result after the first level and repeatedly later.
     resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
@@ -45,6 +48,8 @@ def sweep(
     ------
     ScenarioError
         If the scenario cannot be swept.
+    KeyboardInterrupt
+        If it was stopped before anything was computed.
     """
     begin = clock.perf_counter()
     next_save = begin
@@ -117,20 +122,24 @@ def sweep(
         if isinstance(settings, SweptSine):
             from beamsim.analyses.sweep.swept_sine import sweep_level
 
-            run = sweep_level(system, settings, excitation, level, index, report, limited)
+            run = sweep_level(system, settings, excitation, level, index, report, limited, stop)
         else:
             from beamsim.analyses.sweep.stepped import step_level
 
-            run = step_level(system, settings, excitation, level, index, report, limited)
+            run = step_level(system, settings, excitation, level, index, report, limited, stop)
         if run.history is not None:
             histories[index] = run.history
         curves.update({curve.name: curve for curve in run.curves})
         computed[index] = run.work
+        if stop():
+            break
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
             save(result())
             # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
+    if not curves and stop():
+        raise KeyboardInterrupt
     return result()
 
 

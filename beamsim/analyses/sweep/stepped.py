@@ -13,12 +13,12 @@ import numpy as np
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.analyses.sweep.swept_sine import swept_flow
-from beamsim.flow.march import Motion
+from beamsim.flow.march import Motion, never
 from beamsim.inputs.broadband import phase_of_acceleration
 from beamsim.inputs.profiles import acceleration_amplitude
 from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, MeasuredCycles, Settled, measure, settle
+from beamsim.orbits.steady import CycleStepper, MeasuredCycles, MotionStopped, Settled, measure, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine
@@ -56,6 +56,7 @@ def step_level(
     level_index: int,
     progress: Callable[[float], None] | None = None,
     limited: Collection[str] = (),
+    stop: Callable[[], bool] = never,
 ) -> LevelRun:
     """Step through the frequencies at one level, in all directions."""
     begin = clock.process_time()
@@ -68,7 +69,7 @@ def step_level(
 
     first = constant_windows(float(directions[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
     flow = swept_flow(system, first)
-    stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel)
+    stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel, stop=stop)
     outputs = SweepOutputs(system, settings.accelerations, limited)
     output_of = outputs.rows(flow.template)
     orders = np.array((0.0, *settings.orders))
@@ -83,6 +84,9 @@ def step_level(
                 motion.state = flow.state_index(flow.starting_state(motion.y))
             try:
                 points.append(_point(stepper, motion, settings, float(f), amplitude, output_of, orders))
+            except MotionStopped:
+                outcome = Outcome.of(OutcomeCode.INTERRUPTED, before=f"{f:.6g} Hz")
+                break
             except ArithmeticError as error:
                 outcome = Outcome.of(OutcomeCode.NO_STEADY_STATE, parameter=float(f), unit="Hz", reason=str(error))
                 break

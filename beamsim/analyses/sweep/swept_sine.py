@@ -9,6 +9,7 @@ import numpy as np
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.march import never
 from beamsim.flow.swept_sine import CycleRecord, SweptFlow, sweep
 from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.drift import CorrectionSize, jumps
@@ -74,6 +75,7 @@ def sweep_level(
     level_index: int,
     progress: Callable[[float], None] | None = None,
     limited: Collection[str] = (),
+    stop: Callable[[], bool] = never,
 ) -> LevelRun:
     """Sweep at one level in all directions; each direction starts from the final motion of the previous one."""
     legs = legs_of(settings)
@@ -87,7 +89,7 @@ def sweep_level(
     output_of = outputs.rows(flow.template)
     record = sweep(
         flow, system.initial_state, output_of, orders=(0.0, *settings.orders),
-        keep_history=settings.history_rate is not None, progress=progress,
+        keep_history=settings.history_rate is not None, progress=progress, stop=stop,
     )  # fmt: skip
     curves = _curves(outputs, settings, excitation, level, level_index, legs, profile, record)
     history = None
@@ -119,6 +121,8 @@ def _curves(
         direction = "up" if leg.last_hz > leg.first_hz else "down"
         cycles = np.flatnonzero((windows.cycle_leg == index) & windows.cycle_complete)
         cycles = cycles[cycles < record.reached]
+        if not cycles.size:
+            continue
         values = CycleValues(
             record.high[cycles], record.low[cycles], record.mean_square[cycles], tracked[0, cycles].real,
             tracked[1:, cycles], record.contact_share[cycles], record.closings[cycles],
