@@ -6,6 +6,7 @@ Then it goes to a temporary folder of the user, else nowhere: every process comp
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
 import tempfile
@@ -32,6 +33,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             if "cannot cache function" not in str(error):
                 raise
             dispatcher = numba.njit(**{**options, "cache": use_temporary_folder()})(function)
+        _know_all_sources(dispatcher)
         _tolerate_failures(dispatcher)
         return dispatcher
 
@@ -73,6 +75,27 @@ def _warn(place: str) -> None:
 @cache
 def _warn_once(reason: str) -> None:
     warnings.warn(f"compiled code cannot be kept ({reason}); {_REMEDY}", CacheWarning, stacklevel=2)
+
+
+def _know_all_sources(dispatcher: Any) -> None:
+    """Compile again when any kernel's source has changed: compiled code contains the kernels of other files it calls.
+
+    Numba compares the function's own file alone. After an upgrade, which leaves compiled code where it is, a kernel
+    would go on with the old version of another.
+    """
+    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if index is not None:
+        index._source_stamp = (index._source_stamp, _hash_of_kernels())
+
+
+@cache
+def _hash_of_kernels() -> str:
+    """Hash of the sources of all kernels."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        if file.stem.endswith("kernels") or file.name == Path(__file__).name:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _tolerate_failures(dispatcher: Any) -> None:

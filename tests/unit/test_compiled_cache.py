@@ -83,6 +83,24 @@ def test_nowhere(installed):
     assert "every process compiles" in line
 
 
+def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installed, tmp_path):
+    """An upgrade replaces the sources and leaves the compiled code: no kernel may go on calling an old one."""
+    flow, cache = installed / "beamsim/flow", tmp_path / "cache"
+    inner, outer = flow / "inner_kernels.py", flow / "outer_kernels.py"
+    head = "from beamsim.flow.compiled import njit\n"
+    outer.write_text(
+        f"{head}from beamsim.flow.inner_kernels import f\n@njit(cache=True)\ndef g(x):\n    return f(x) + 1\n"
+    )
+    values = []
+    for factor in (2, 2, 3):
+        inner.write_text(f"{head}@njit(cache=True)\ndef f(x):\n    return {factor} * x\n")
+        code = "from beamsim.flow.outer_kernels import g; print(g(10), sum(g.stats.cache_hits.values()))"
+        done = python(installed, code, NUMBA_CACHE_DIR=str(cache))
+        assert done.returncode == 0, done.stderr
+        values.append(done.stdout.split())
+    assert values == [["21", "0"], ["21", "1"], ["31", "0"]]
+
+
 def test_a_cache_that_cannot_be_written_later(tmp_path, monkeypatch):
     """A full disk while compiled code is saved, and a damaged file, cost a compilation and no more."""
     from beamsim.errors import CacheWarning
