@@ -23,6 +23,7 @@ from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
 
 # Relative size of what counts as round-off in loads and gaps.
+NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
 _ROUND_OFF = 1e-10
 # Method of multipliers for the balance of rigid-body modes: weight of each pass (compliance of the contacts = 1). It
 # has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
@@ -106,7 +107,9 @@ def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -
     load = loads.sum(axis=0)
     load_size = float(np.abs(loads[:, :rigid]).sum()) if rigid else 0.0
     normal = springs.sign[:, None] * springs.shape  # (m, n) opening direction: clearance = gap + normal @ q
-    away, push = normal[:, :rigid], load[:rigid].copy()
+    away, push = normal[:, :rigid].copy(), load[:rigid].copy()
+    # a stop on a node of a rigid-body motion does not hold it, whatever round-off says
+    away[np.abs(away) <= NODE * np.linalg.norm(normal, axis=1)[:, None]] = 0.0
     push[np.abs(push) <= _ROUND_OFF * load_size] = 0.0
     if not _balanced(away, push):
         return Equilibrium(None, nothing, UNBALANCED)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.equilibrium import Equilibrium, find_equilibrium
+from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
 from beamsim.contacts.springs import cubic_springs, describe_springs, spring_contacts
-from beamsim.errors import ScenarioError
+from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.structures.assembly import snubber_site
@@ -25,7 +25,7 @@ from beamsim.structures.stations import Recovery, Stations
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
-from beamsim.system.parts import Parts, force_sites, point_of_excitation, reduced_parts
+from beamsim.system.parts import Parts, force_sites, point_of_excitation, reduced_parts, start_of
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
 
@@ -99,7 +99,7 @@ def _build(parts: Parts) -> StructuralSystem:
     if cubic.count:  # what integrates these in time knows one-sided springs alone
         contacts = contacts.split()
     contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, loads, cubic)
-    equilibrium = find_equilibrium(parts.stiffness, basis.rigid, springs_of(contacts), loads, cubic)
+    equilibrium = _equilibrium(parts, contacts, loads, cubic)
     initial, warnings = initial_state(parts, contacts, loads, cubic, equilibrium)
     motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
 
@@ -167,6 +167,16 @@ def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
         ProbeRow(probe.name, site.coordinate, shape)
         for probe, site, shape in zip(parts.scenario.effective_probes, sites, parts.shapes(sites), strict=True)
     )
+
+
+def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings) -> Equilibrium:
+    """The static equilibrium; one that cannot be computed is fatal only where the motion starts from it."""
+    try:
+        return find_equilibrium(parts.stiffness, parts.basis.rigid, springs_of(contacts), loads, cubic)
+    except NotTrustedError as error:
+        if start_of(parts.scenario) == "static_equilibrium":
+            raise
+        return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
 
 
 def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibrium) -> tuple[SnubberInfo, ...]:

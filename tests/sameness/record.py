@@ -55,6 +55,10 @@ MENDED: dict[str, str] = {
         "spectra of motions in closed form: lines by integrals, curves up to the highest mode kept at a rate of their "
         "own; samples at the output rate folded modes above half of it",
     ),
+    **dict.fromkeys(("* json/largest_pull_n/*", "* file/summary@largest_pull_n*"), "pulls are new in the summary"),
+    **dict.fromkeys(
+        ("* json/warnings/count", "* file/@warnings/count"), "a snubber whose dashpot pulls gives a warning"
+    ),
     **dict.fromkeys(("* json/rms_*", "* file/summary@rms_*"), "root mean squares are new in the summary"),
     "* file/*@outcome_numbers/*": "files keep the numbers of an outcome beside its text",
     "* file/work@evaluations": "contacts are phases now: round-off of the watched functions, which the count follows",

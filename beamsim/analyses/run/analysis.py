@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_SAMPLES = 50_000_000
 GRACE_S = 0.5  # for the evaluation of a motion that is stopped
+SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
 SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for extremes
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
@@ -117,7 +118,7 @@ def run(
         energy=motion.balance.history,
         modes=system.modes,
         work=motion.work,
-        warnings=(*scenario.warnings, *system.warnings, *motion.warnings),
+        warnings=(*scenario.warnings, *system.warnings, *motion.warnings, *_pulls(system, motion)),
     )
     result = result.with_summary(**_summary(scenario, system, motion, spectra))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
@@ -340,6 +341,17 @@ def _reference(
     )
 
 
+def _pulls(system: StructuralSystem, motion: _RunMotion) -> list[str]:
+    """A warning for each snubber whose dashpot pulls before the contact opens."""
+    low, _, high, _ = motion.extremes["force"]
+    return [
+        f"snubbers.{s.name}: its dashpot pulls with up to {-low[j]:.3g} N before the contact opens; law: no_tension "
+        "opens it before"
+        for j, s in enumerate(system.snubbers)
+        if -low[j] > SMALLEST_PULL * high[j]
+    ]
+
+
 def _with_limit(outcome: Outcome) -> Outcome:
     """The outcome, with the key of the scenario that limits the events."""
     return outcome.but(limit="run.max_events") if outcome.code is OutcomeCode.EVENT_LIMIT else outcome
@@ -466,6 +478,7 @@ def _summary(
         "rms_acceleration_g": _named(
             probes, np.array([spectra[p, MAIN_QUANTITY].rms for p in probes]) / STANDARD_GRAVITY
         ),
+        "largest_pull_n": _named(names, np.maximum(-motion.extremes["force"][0][:count], 0.0)),
         "peak_force_n": _named(names, motion.extremes["force"][2][:count]),
         "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0][:count], 0.0)),
         "contact_share": _named(names, motion.contact_share[:count]),

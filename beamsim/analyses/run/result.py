@@ -230,6 +230,7 @@ _SUMMARY = (
     Entry("max_displacement_m", "m", "largest relative displacement of a probe"),
     Entry("peak_acceleration_g", "g", "largest magnitude of a probe's absolute acceleration", "peak acceleration"),
     Entry("peak_force_n", "N", "largest contact force of a snubber", "peak contact force"),
+    Entry("largest_pull_n", "N", "largest tensile force of a snubber, 0 where it never pulls"),
     Entry("largest_gap_m", "m", "largest opening of a contact"),
     Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra"),
     Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
