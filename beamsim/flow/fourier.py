@@ -78,21 +78,12 @@ class MotionPart:
 
     def samples(self, count: int) -> Floats:
         """(count, k) at equal steps from the beginning of the part; the end would be the next."""
-        from beamsim.flow.fourier_kernels import sample_evenly
-
-        m, out = self.motion, np.zeros((count, self.table.shape[2]))
-        step = float(m.end - m.time[0]) / count
-        sample_evenly(m.flow.tables(), m.flow.inputs(), self.table, m.time, m.length, m.state, m.piece, m.y, step, out)
-        return out
+        m = self.motion
+        return m.sample_table(m.time[0] + np.arange(count) * ((m.end - m.time[0]) / count), self.table)
 
     def at_end(self) -> Floats:
         """(k,) at the end of the part."""
-        from beamsim.flow.march_kernels import sample
-
-        m, out = self.motion, np.empty((1, self.table.shape[2]))
-        times = np.array([m.end])
-        sample(*m.flow.kernel_arguments(), self.table, m.time, m.state, m.piece, m.y, times, out)
-        return np.asarray(out[0])
+        return np.asarray(self.motion.sample_table(np.array([self.motion.end]), self.table)[0])
 
     def mean_squares(self) -> Floats | None:
         """(k,) mean of the square, nothing left out; None where the motion holds powers of time."""

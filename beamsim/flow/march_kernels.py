@@ -13,9 +13,11 @@ import numpy as np
 
 from beamsim.flow.compiled import njit
 from beamsim.flow.kernels import (
+    _coefficients,
     _combine,
     _crossing,
     _evaluate,
+    _exp,
     _fill_basis,
     _fill_floors,
     _fill_least,
@@ -39,6 +41,7 @@ from beamsim.flow.sweep_kernels import (
 )
 
 DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
+RESTART = 256  # even samples, after which the exponentials are evaluated anew
 
 
 @njit(cache=True, error_model="numpy")
@@ -250,3 +253,47 @@ def sample(  # type: ignore[no-untyped-def]
                         out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
         if swept is not None:
             add_forced(response.output, used, swept.windows.omega[piece], tau, 0, out[i])
+
+
+@njit(cache=True, error_model="numpy")
+def sample_evenly(  # type: ignore[no-untyped-def]
+    tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, step, out
+):
+    """As `sample` at times with equal steps: an exponential follows from one sample to the next by a product."""
+    k = table.shape[2]
+    B = tables.exponent.shape[1]
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    gamma = np.zeros((k, B), dtype=np.complex128)
+    real, imag = np.zeros(k), np.zeros(k)
+    i = 0
+    last = seg_time.size - 1
+    for g in range(seg_time.size):
+        stop = i if g < last else time.size
+        while stop < time.size and time[stop] < seg_time[g + 1]:
+            stop += 1
+        if stop == i:
+            continue
+        s = seg_state[g]
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
+        _coefficients(tables, s, table, zeta, gamma)
+        out[i:stop] = 0.0
+        for b in range(tables.n_basis[s]):
+            largest = 0.0
+            for j in range(k):
+                real[j], imag[j] = gamma[j, b].real, gamma[j, b].imag
+                largest = max(largest, abs(real[j]), abs(imag[j]))
+            if largest == 0.0:
+                continue
+            lam, p = tables.exponent[s, b], tables.power[s, b]
+            ratio = _exp(lam.real, lam.imag, step)
+            value = 0.0j
+            for n in range(i, stop):
+                tau = time[n] - seg_time[g]
+                if (n - i) % RESTART == 0:
+                    value = _exp(lam.real, lam.imag, tau)
+                else:
+                    value *= ratio
+                e = value * tau**p if p > 0 else value
+                for j in range(k):
+                    out[n, j] += real[j] * e.real - imag[j] * e.imag
+        i = stop

@@ -13,6 +13,7 @@ from beamsim.flow.state_tables import pad
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+EVEN = 16  # samples, from which equal steps are made use of
 PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
@@ -72,24 +73,25 @@ class Trajectory:
 
     def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        from beamsim.flow.march_kernels import sample
+        return self.sample_table(times, self.flow.output_table(output_of))
 
-        table = self.flow.output_table(output_of)
+    def sample_table(self, times: Floats, table: Complexes) -> Floats:
+        """The same from the coefficients (S, T, k) of the outputs."""
+        from beamsim.flow.march_kernels import sample, sample_evenly
+
         out = np.empty((times.size, table.shape[2]))
-        in_a_row = np.ascontiguousarray(times)  # the kernel is compiled for these alone
+        in_a_row = np.ascontiguousarray(times)  # the kernels are compiled for these alone
+        step = float(times[-1] - times[0]) / (times.size - 1) if times.size >= EVEN else 0.0
+        even = times[0] + step * np.arange(times.size) if step > 0.0 else times[:0]
+        evenly = even.size > 0 and np.abs(times - even).max() <= 4.0 * np.finfo(float).eps * abs(times[-1])
         rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
         for first in range(0, times.size, rows):
             part = slice(first, first + rows)
-            sample(
-                *self.flow.kernel_arguments(),
-                table,
-                self.time,
-                self.state,
-                self.piece,
-                self.y,
-                in_a_row[part],
-                out[part],
-            )
+            logged = (self.time, self.state, self.piece, self.y, in_a_row[part])
+            if evenly:
+                sample_evenly(self.flow.tables(), self.flow.inputs(), table, *logged, step, out[part])
+            else:
+                sample(*self.flow.kernel_arguments(), table, *logged, out[part])
         return out
 
     def states_at(self, times: Floats) -> Floats:

@@ -84,3 +84,13 @@ def test_antiderivatives_join_and_differentiate_back(exponent):
     np.testing.assert_allclose(whole(start[1:]), before, atol=1e-12)
     t = np.sort(rng.uniform(start[0], start[-1] + 0.3, 200))
     np.testing.assert_allclose(whole.derivative()(t), signal(t), atol=1e-12)
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.02, 0.137], ids=["many a piece", "at every breakpoint", "few"])
+def test_even_steps_give_the_same_samples_as_single_times(motion, step):
+    """An exponential is carried from sample to sample within a segment, and at a breakpoint begins anew."""
+    output, times = motion.flow.contact_forces, np.arange(int(6.0 / step)) * step
+    each = max(1, times.size // 3000)
+    expected = np.concatenate([motion.sample(times[i : i + 1], output) for i in range(0, times.size, each)])
+    assert np.abs(expected).max() > 0
+    np.testing.assert_allclose(motion.sample(times, output)[::each], expected, atol=1e-12 * np.abs(expected).max())
