@@ -37,6 +37,8 @@ SEARCHED_PERIODS = 10
 SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
 CLEAR_ENOUGH = 0.8  # share at which a search may end
 JUMP_ITERATIONS = 12  # of Newton's method there
+LONGEST_STEP = 0.2  # of the parameter (a logarithm, or a factor relative to its value), whatever the range
+MOST_POINTS = 3000
 LONGEST_JUMP = 64  # steps
 STRAIGHT = 0.9  # cosine between a step and the tangents at its ends that tells a step from a jump
 
@@ -94,13 +96,13 @@ class Backbone:
         self.outcome = INTERRUPTED
         begin = self.start.parameter
         forward = 1.0 if self.end > begin else -1.0
-        full = abs(self.end - begin) / self.points
+        full = self._step(self.start)
         a, clean = self.start.towards(forward), self.start
-        step, drifting = full, False
+        step, drifting, count = full, False, 1
         self._clear = [a]
         yield a
         while (self.end - a.parameter) * forward > 1e-12 * full:
-            remaining = abs(self.end - a.parameter)
+            remaining, full = abs(self.end - a.parameter), self._step(a)
             self._least = min(LEAST_SHARE, LEAST_PART * self.share(clean))
             b = None
             for part in STEPS:
@@ -119,7 +121,11 @@ class Backbone:
                     self.outcome = Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
                     return
             yield from ahead
+            count += len(ahead)
             a = ahead[-1]
+            if count > MOST_POINTS:
+                self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=a.parameter, points=count)
+                return
             if self.share(a) < TRANSFERRED:
                 self.outcome = Outcome.of(OutcomeCode.MODE_TRANSFERRED, parameter=a.parameter, **self._shared(a))
                 return
@@ -131,6 +137,11 @@ class Backbone:
                 self._clear.append(a)
         shared = self._shared(a) if self.share(a) < LEAST_SHARE else {}
         self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.end, **shared)
+
+    def _step(self, point: BranchPoint) -> float:
+        """The longest step in the parameter from a point."""
+        unit = max(1.0, abs(point.parameter)) if self.orbits.parameter == "stiffness_factor" else 1.0
+        return min(abs(self.end - self.start.parameter) / self.points, LONGEST_STEP * unit)
 
     def _shared(self, point: BranchPoint) -> dict[str, float]:
         """The mode with its share of the energy, and the mode with the largest of the other shares."""
@@ -183,6 +194,8 @@ class Backbone:
 
     def _solve(self, guess: Floats, value: float, furthest: float, forward: float) -> BranchPoint | None:
         guess[-1] = value
+        if not self.orbits.split(guess)[1] > 0:  # a period extrapolated too far
+            return None
         scale = self.orbits.scale(guess)[0]
         row = np.zeros(guess.size)
         row[-1] = 1.0
@@ -243,7 +256,7 @@ class Backbone:
         alone is near any motion: the mode then carries a part of those whose frequency is a low multiple of its own.
         """
         known = list(self._guesses(clean, value))
-        periods = np.array([self.orbits.split(guess)[1] for guess in known])
+        periods = np.array([period for guess in known if (period := self.orbits.split(guess)[1]) > 0])
         pure = known[0][: self.orbits.n]
         _, _, factor, _ = self.orbits.split(known[0])
         still = self.orbits.family.rest(factor)

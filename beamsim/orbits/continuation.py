@@ -29,6 +29,7 @@ MOST_BISECTIONS = 60
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
 FEWEST_IN_A_RING = 5  # points of a closed curve
 RANK_LOST = 1e-5  # smallest singular value of the Jacobian against its largest at a crossing of branches
+RANK_HALVINGS, RANK_FALLS = 8, 0.1  # of a step, within which that value must fall, and to which part at least
 RING = 0.1  # of a step, how far beside it the first point may lie that it goes over
 FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
@@ -322,16 +323,27 @@ def branch_point_between(
     """The point between two neighbours where branches cross; None where there is none.
 
     The sign of the determinant changes there, but also from one branch to another that a step has jumped to: only where
-    branches cross does the Jacobian lose rank.
+    branches cross does the Jacobian lose rank, in proportion to the distance.
     """
     if a.orientation * b.orientation >= 0:
         return None
-    point = locate(problem, a, b, lambda p: p.orientation, settings)
-    if point is None:
+
+    def rank(point: BranchPoint) -> float:
+        """Smallest singular value of the Jacobian against its largest."""
+        scale, size = problem.scale(point.u)
+        values = np.linalg.svd(problem.residual(point.u)[1] * scale / size[:, None], compute_uv=False)
+        return float(values[-1] / values[0])
+
+    left, right = a, b
+    for _ in range(RANK_HALVINGS):
+        middle = between(problem, left, right, 0.5, settings)
+        if middle is None:
+            return None
+        left, right = (middle, right) if middle.orientation * left.orientation > 0 else (left, middle)
+    if min(rank(left), rank(right)) > RANK_FALLS * max(rank(a), rank(b)):
         return None
-    scale, size = problem.scale(point.u)
-    values = np.linalg.svd(problem.residual(point.u)[1] * scale / size[:, None], compute_uv=False)
-    return point if values[-1] < RANK_LOST * values[0] else None
+    point = locate(problem, left, right, lambda p: p.orientation, settings)
+    return point if point is not None and rank(point) < RANK_LOST else None
 
 
 def _astray(a: BranchPoint, b: BranchPoint) -> float:

@@ -300,8 +300,16 @@ def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
     assert stored.backbone.residual.max() < 1e-10
 
 
-def test_a_range_too_wide_says_what_to_do(tmp_path):
-    done = invoke("nnm", FIRST, "--set", "nnm.continue_in.to=1e9", "-o", tmp_path, "--no-plots")
-    assert done.exit_code == 3
-    assert "stopped at stiffness factor" in done.stderr
-    assert "a nearer nnm.continue_in.to may go on" in done.stderr
+def test_a_range_of_many_decades_is_covered(tmp_path):
+    """Steps grow with the stiffness factor and are no hundredth of the range: pi + pi / sqrt(1 + k e) for one mass."""
+    case = tmp_path / "mass.yaml"
+    case.write_text(
+        "chain: {masses: [1], springs: [1], snubbers: [{mass: 1, side: above, stiffness: 1, gap: 0}]}\n"
+        "nnm: {mode: 1, continue_in: {kind: stiffness_factor, from: 0, to: 1e6}}\n"
+    )
+    done = invoke("nnm", case, "-o", tmp_path, "--no-plots")
+    assert done.exit_code == 0
+    backbone = open_nnm(tmp_path / "mass.h5").backbone
+    exact = 1 / (np.pi + np.pi / np.sqrt(1 + backbone.parameter))
+    np.testing.assert_allclose(backbone.frequency_hz, exact, rtol=1e-9)
+    assert np.all(np.diff(backbone.parameter) <= 0.25 * np.maximum(1, backbone.parameter[1:]))
