@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.report import Row, Texts, counted, few, percent, si
+from beamsim.cli.report import Row, Texts, counted, few, pair, percent, si
 from beamsim.orbits.branch import special_name
 
 SMALL_SHARE = 0.5  # of the energy in the mode, below which the smallest is reported
@@ -129,19 +129,18 @@ def _expansion(_: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
     else:
         head += "; no exact motion found near it"
     yield f"at e = {s['factor'][0]:.4g}", head
-    yield "observed orders", f"frequency {frequency[0]:.2f} and {frequency[1]:.2f} (expected 2 and 3)"
+    yield "observed orders", f"frequency {pair(frequency)} (expected 2 and 3)"
     at = f" at these factors, {s['orders_from']:.2g} to {s['orders_to']:.2g}"
     yield (
         "",
-        f"initial vector {initial[0]:.2f} and {initial[1]:.2f} (expected {expected[0]:.2f} and {expected[1]:.2f}{at})",
+        f"initial vector {pair(initial)} (expected {pair(expected)}{at})",
     )
     if s["asymptotic_well_below"] < POLE_MARGIN * s["orders_from"]:
         pole = s["nearest_pole"]
         yield (
             "",
             f"initial vector 2 and 3 for e well below {s['asymptotic_well_below']:.2g}: harmonic {pole['harmonic']} is "
-            f"close to mode {pole['mode']}; with divisors at the frequency of the motion {uniform[0]:.2f} and "
-            f"{uniform[1]:.2f}",
+            f"close to mode {pole['mode']}; with divisors at the frequency of the motion {pair(uniform)}",
         )
 
 

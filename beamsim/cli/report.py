@@ -20,6 +20,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
+ROUND_OFF = 1e-15  # in SI units; nothing that is printed can be known so small
 VALUES_SHOWN = 6  # of a list
 Row = tuple[str, str]
 Rows = Iterable[Row]  # the label of the first is that of the entry if it is empty
@@ -97,7 +98,10 @@ def _shown_by_name(value: Mapping[str, Any], unit: str, name: str = "") -> Itera
 
 
 def si(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are."""
+    """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are.
+
+    What is below `ROUND_OFF` in SI units is printed as zero.
+    """
     if value is None or math.isnan(value):
         return "unknown"
     if math.isinf(value):
@@ -108,6 +112,8 @@ def si(value: float | None, unit: str, digits: int = 4) -> str:
         return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"
     if unit in ("g", "m/s^2"):
         return f"{value / (1.0 if unit == 'g' else STANDARD_GRAVITY):.{digits}g} g"
+    if abs(value) < ROUND_OFF:
+        return f"0 {unit}"
     scale = scale_for(unit, np.array([value]))
     return f"{value * scale.factor + 0.0:.{digits}g} {scale.unit}"  # no minus sign before zero
 
@@ -115,6 +121,15 @@ def si(value: float | None, unit: str, digits: int = 4) -> str:
 def percent(share: float, digits: int = 3) -> str:
     """A share in percent."""
     return f"{100 * share:.{digits}g} %"
+
+
+def pair(values: Sequence[float]) -> str:
+    """Two observed orders; one that could not be observed is called unknown.
+
+    >>> pair([1.998, float("nan")])
+    '2.00 and unknown'
+    """
+    return " and ".join("unknown" if math.isnan(value) else f"{value:.2f}" for value in values[:2])
 
 
 def counted(number: int, noun: str) -> str:

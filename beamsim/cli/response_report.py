@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.response.result import FrequencyResponse
-from beamsim.cli.report import SHARED, Row, Texts, percent, si
+from beamsim.cli.report import SHARED, Row, Texts, pair, percent, si
 from beamsim.orbits.branch import special_name
 from beamsim.plots.style import level_text
 
@@ -84,7 +84,7 @@ def _expansion(result: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> I
         yield "", f"differs by {leading:.2g} (leading) and {first:.2g} (first order) {at}"
         orders = s["observed_orders"]
         agrees = "agrees" if s["stability_agrees"] else "differs somewhere"
-        yield "", f"observed orders {orders[0]:.2f} and {orders[1]:.2f} (expected 1 and 2); stability {agrees}"
+        yield "", f"observed orders {pair(orders)} (expected 1 and 2); stability {agrees}"
 
 
 def _solver(result: FrequencyResponse, time: float) -> str:

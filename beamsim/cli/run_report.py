@@ -12,6 +12,8 @@ from beamsim.cli.report import SHARED, Texts, base_correction, counted, percent,
 
 LINES_SHOWN = 6
 
+NEGLIGIBLE = 1e-12  # of the largest displacement: round-off
+
 
 def _method(result: RunResult, method: str) -> str:
     return f"{method}, {result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
@@ -19,8 +21,13 @@ def _method(result: RunResult, method: str) -> str:
 
 def _displacement(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
     low, high = result.summary["min_displacement_m"], result.summary["max_displacement_m"]
+
+    def end(value: float, peak: float) -> str:
+        return si(0.0 if abs(value) < NEGLIGIBLE * peak else value, "m")
+
     return {
-        name: f"{si(peak, 'm')} (from {si(low[name], 'm')} to {si(high[name], 'm')})" for name, peak in peaks.items()
+        name: f"{si(peak, 'm')} (from {end(low[name], peak)} to {end(high[name], peak)})"
+        for name, peak in peaks.items()
     }
 
 

@@ -172,6 +172,16 @@ class BeamBody(Body):
         """That of the first mode, about, Hz."""
         return math.pi / 2.0 * math.sqrt(self.bending_stiffness / self.mass_per_length) / self.length**2
 
+    @property
+    def depth(self) -> float | None:
+        """Twice the distance of the outermost fibre, m; None where that is unknown."""
+        return None
+
+    @property
+    def largest_gap(self) -> float:
+        """A fifth of the length, or ten times the depth if that is less."""
+        return min(self.length / 5.0, math.inf if self.depth is None else 10.0 * self.depth)
+
     def default_probe(self) -> tuple[str, AtPlace]:
         """A free end, else the middle."""
         moving = ("free", "guided")
@@ -334,6 +344,11 @@ class Beam(BeamBody):
         return self.cross_section.extreme_fibre
 
     @property
+    def depth(self) -> float:
+        """Twice the distance of the outermost fibre, m."""
+        return 2.0 * self.extreme_fibre
+
+    @property
     def bending_stiffness(self) -> float:
         """E I, N m^2."""
         return self.youngs_modulus * self.second_moment
@@ -358,10 +373,9 @@ class Beam(BeamBody):
             )
         if not 1.0 <= self.density <= 25_000.0:
             yield (f"{at}.density = {self.density:g} kg/m^3 is that of no solid: a unit such as g/cm^3 may be missing")
-        depth = 2.0 * self.extreme_fibre
-        if depth > self.length / 10.0:
+        if self.depth > self.length / 10.0:
             yield (
-                f"the beam is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) is "
+                f"the beam is {self.depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) is "
                 "doubtful when the depth is more than a tenth of the length"
             )
         yield from super().doubts(where, highest_hz)
@@ -385,6 +399,11 @@ class StiffnessBeam(BeamBody):
         if self.extreme_fibre is None or self.youngs_modulus is None:
             return None
         return self.youngs_modulus * self.extreme_fibre / self.bending_stiffness
+
+    @property
+    def depth(self) -> float | None:
+        """Twice the distance of the outermost fibre, m; None where that is not given."""
+        return None if self.extreme_fibre is None else 2.0 * self.extreme_fibre
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
         """Half of what the bending stress needs; too few elements."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -47,6 +48,11 @@ class Body(Schema):
     def rough_frequency_hz(self) -> float:
         """Order of magnitude of a low natural frequency, Hz."""
         return 0.0
+
+    @property
+    def largest_gap(self) -> float:
+        """Gap, or prestress, of a snubber above which a factor is likely to be wrong, m."""
+        return math.inf
 
     @property
     def own_snubbers(self) -> tuple[Any, ...]:

@@ -33,6 +33,7 @@ def doubts(scenario: _Doubted) -> Iterator[str]:
         yield from body.doubts(scenario.body_path(name), highest_hz)
     for name, body in scenario.all_bodies.items():
         yield from _damping(path_text(scenario.body_path(name)), body.damping)
+    yield from _snubbers(scenario)
     yield from _idle_forces(scenario)
     yield from _timing(scenario)
     reduction = scenario.reduction
@@ -50,6 +51,22 @@ def _damping(where: str, damping: Any) -> Iterator[str]:
         ratios = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio,)
         if max(ratios) >= 1.0:
             yield f"{where}.damping.ratio = {max(ratios):g} is critical or above; was {max(ratios):g} % meant?"
+
+
+def _snubbers(scenario: _Doubted) -> Iterator[str]:
+    """Gaps larger than the structure they are at, and overdamped snubbers."""
+    for path, body, snubber in scenario.located_snubbers:
+        ratio = getattr(snubber.damping, "ratio", 0.0)
+        if ratio >= 1.0:
+            yield f"{path_text(path)}.damping.ratio = {ratio:g} is critical or above; was {ratio:g} % meant?"
+        bodies = [scenario.all_bodies.get(place.body or body) for place in snubber.places]
+        largest = min((b.largest_gap for b in bodies if b is not None), default=math.inf)
+        if snubber.gap is not None and abs(snubber.gap) > largest:
+            what = "gap" if snubber.gap > 0 else "prestress"
+            yield (
+                f"{path_text(path)}.gap = {snubber.gap:g} m is a large {what} for a beam of this size (more than "
+                f"{largest:.3g} m): a unit such as mm may be missing"
+            )
 
 
 def _idle_forces(scenario: _Doubted) -> Iterator[str]:

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 
+DOUBTFUL_REDUCTION = 0.01
+"""Estimated relative error of a reduced model above which results carry a warning."""
+
+
 def build_system(scenario: Scenario) -> StructuralSystem:
     """Assemble, reduce and resolve a scenario.
 
@@ -108,6 +112,12 @@ def _build(parts: Parts) -> StructuralSystem:
     on_base = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
     sites = parts.snubber_sites + force_sites(scenario)
     recoveries = parts.structure.recoveries(basis, sites, on_base)
+    modes = _mode_table(parts, stops, damping, recoveries)
+    if not modes.reduction_error <= DOUBTFUL_REDUCTION:
+        warnings.append(
+            f"the reduced model is not accurate: its estimated relative error is {modes.reduction_error:.2g}; "
+            "keep more modes (reduction: {modes: all}), or leave reduction out"
+        )
     return StructuralSystem(
         dynamics=PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0)),
         forcing=forcing,
@@ -118,7 +128,7 @@ def _build(parts: Parts) -> StructuralSystem:
         base_displacement=motion.displacement if motion else None,
         snubbers=_describe_snubbers(parts, contacts, equilibrium),
         bodies=recoveries,
-        modes=_mode_table(parts, stops, damping, recoveries),
+        modes=modes,
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
