@@ -7,7 +7,7 @@ import secrets
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from beamsim.errors import ResultFileError
@@ -39,7 +39,13 @@ def replacing(path: Path | str) -> Iterator[Path]:
     except OSError as error:
         raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
+
+
+def _remove(path: Path) -> None:
+    """Remove a temporary file; where that fails, what went wrong before is the message."""
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
 
 
 def _replace(temporary: Path, target: Path) -> None:
@@ -64,6 +70,13 @@ def check_writable(path: Path | str) -> None:
         When it could not: a folder of that name, a folder without permission, a file where a folder should be.
     """
     target = Path(path).resolve()
+    try:
+        _check_writable(target, path)
+    except OSError as error:
+        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
+
+
+def _check_writable(target: Path, path: Path | str) -> None:
     if target.exists() and not target.is_file():
         kind = "a folder" if target.is_dir() else "not a regular file"
         raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
@@ -76,6 +89,9 @@ def check_writable(path: Path | str) -> None:
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:
-        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
+        reason = error.strerror or str(error)
+        raise ResultFileError(
+            f"cannot write {path}: no file can be made in {folder} ({reason}); choose another folder with -o"
+        ) from error
     finally:
-        probe.unlink(missing_ok=True)
+        _remove(probe)

@@ -15,7 +15,7 @@ from beamsim.plots.style import scale_for
 
 def _channels(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
     for c in comparison.channels:
-        part = f", the run from {si(c.start_s, 's')} on" if math.isfinite(c.start_s) else ""
+        part = f", the run from {si(c.start_s, 's')} on" if c.start_s is not None else ""
         yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}{part}"
         if math.isfinite(c.rms_difference):
             yield "  histories", f"differ by {percent(c.rms_difference)} rms after {_delay(c)}"

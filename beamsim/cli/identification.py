@@ -62,9 +62,11 @@ def compare(
     from beamsim.cli.output import output_file
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_run
+    from beamsim.store.stored import damage_of
 
     stored = open_run(result)
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
     pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
-    comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
+    with damage_of(result):
+        comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
     finish("compare", comparison, target, Reporting(not no_plots, json))

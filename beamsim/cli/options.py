@@ -13,9 +13,23 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Override a value, e.g. beam.thickness='4 mm'; repeatable."),
 ]
+
+
+def _not_empty(text: str) -> Path:
+    if not text.strip():
+        raise typer.BadParameter("it is empty; give a file or a folder, or leave it out for the current one")
+    return Path(text)
+
+
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="PATH", help="File or folder for the results (default: current folder)."),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="PATH",
+        parser=_not_empty,
+        help="File or folder for the results (default: current folder).",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only one JSON object on standard output.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]

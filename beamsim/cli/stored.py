@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from beamsim.kinds import KINDS, named
 
@@ -15,12 +16,18 @@ def print_stored(path: Path, *, as_json: bool) -> None:
     ResultFileError
         If the file cannot be read.
     """
-    from beamsim.cli.report import print_json, print_table, table_rows
     from beamsim.store.results import open_result
-    from beamsim.store.stored import kind_of
+    from beamsim.store.stored import damage_of, kind_of
 
     kind = kind_of(path)
     result = open_result(path)
+    with damage_of(path):
+        _print(path, kind, result, as_json=as_json)
+
+
+def _print(path: Path, kind: str, result: Any, *, as_json: bool) -> None:
+    from beamsim.cli.report import print_json, print_table, table_rows
+
     if as_json:
         about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
         made = {"created": result.created, "beamsim_version": result.beamsim_version}
@@ -43,10 +50,12 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
         If the file cannot be read or a picture cannot be written.
     """
     from beamsim.store.results import open_result
-    from beamsim.store.stored import kind_of
+    from beamsim.store.stored import damage_of, kind_of
 
     draw = named(KINDS[kind_of(path)].plots)
-    return list(draw(open_result(path), folder, path.stem, form))
+    result = open_result(path)
+    with damage_of(path):
+        return list(draw(result, folder, path.stem, form))
 
 
 def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
@@ -59,10 +68,11 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     """
     from beamsim.cli.output import output_file, output_folder
     from beamsim.store.export import export_result, export_target, is_folder
-    from beamsim.store.stored import kind_of
+    from beamsim.store.stored import damage_of, kind_of
 
     if is_folder(kind_of(path), form):
         target = export_target(output_folder(output, path.stem), path.stem, form)
     else:
         target = output_file(output, path.stem, f".{form}")
-    return export_result(path, target, form)
+    with damage_of(path):
+        return export_result(path, target, form)

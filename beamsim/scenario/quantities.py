@@ -15,6 +15,9 @@ from beamsim.scenario import units
 from beamsim.scenario.base import fail
 from beamsim.scenario.units import Dimension, UnitError
 
+LARGEST_COUNT = 10**15
+"""Largest whole number that is accepted where there is no other limit."""
+
 
 class FieldType:
     """A type read by one function, with messages of this package."""
@@ -230,7 +233,7 @@ class Whole(FieldType):
         if number != int(number):
             raise UnitError("must be a whole number", remedy)
         whole = value if isinstance(value, int) else int(number)
-        if whole < self.minimum or (self.maximum is not None and whole > self.maximum):
+        if not self.minimum <= whole <= (LARGEST_COUNT if self.maximum is None else self.maximum):
             raise UnitError("is out of range", remedy)
         return whole
 

@@ -18,6 +18,8 @@ import yaml
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text, single_line
 
+MOST_CHARACTERS = 1_000_000
+"""A longer document is refused: reading it would take seconds."""
 MOST_NODES = 200_000
 """A file that unfolds to more values than this (aliases of aliases) is refused."""
 
@@ -125,6 +127,9 @@ def parse(text: str, file: str | None = None) -> Node:
         If it is not YAML, holds several documents or custom tags, or a mapping has two equal keys
         or one that is not text; all of these at once.
     """
+    if len(text) > MOST_CHARACTERS:
+        message = f"has {len(text):.3g} characters, more than the {MOST_CHARACTERS:.0e} of the longest scenario"
+        raise ScenarioError(Problem("", message, "keep measured data in files of their own", file))
     try:
         document = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:

@@ -27,6 +27,7 @@ class Dimension:
     unit: str
     example: str
     gravity: bool = False  # `g` means standard gravity here
+    power: int = 1  # of a length, roughly: how far values may be from 1, see `LARGEST`
 
     @property
     def with_article(self) -> str:
@@ -38,18 +39,21 @@ class Dimension:
         return f"{value:.6g} {self.unit}".rstrip()
 
 
+LARGEST = 1e30
+"""Values outside 1/LARGEST to LARGEST (to its square for areas and the like) are no physical quantities."""
+
 NUMBER = Dimension("plain number", "", "0.5")
 RATIO = Dimension("ratio", "", "2 %")
 LENGTH = Dimension("length", "m", "270 mm")
-AREA = Dimension("area", "m^2", "250 mm^2")
-SECOND_MOMENT = Dimension("second moment of area", "m^4", "520.8 mm^4")
+AREA = Dimension("area", "m^2", "250 mm^2", power=2)
+SECOND_MOMENT = Dimension("second moment of area", "m^4", "520.8 mm^4", power=2)
 MASS = Dimension("mass", "kg", "4.2 g")
 DENSITY = Dimension("density", "kg/m^3", "2700 kg/m^3")
 PRESSURE = Dimension("modulus or stress", "Pa", "69 GPa")
-BENDING_STIFFNESS = Dimension("bending stiffness", "N m^2", "210 N m^2")
+BENDING_STIFFNESS = Dimension("bending stiffness", "N m^2", "210 N m^2", power=2)
 MASS_PER_LENGTH = Dimension("mass per length", "kg/m", "3.1 kg/m")
 STIFFNESS = Dimension("stiffness", "N/m", "151.1 kN/m")
-CUBIC_STIFFNESS = Dimension("cubic stiffness", "N/m^3", "0.5 N/m^3")
+CUBIC_STIFFNESS = Dimension("cubic stiffness", "N/m^3", "0.5 N/m^3", power=2)
 DASHPOT = Dimension("dashpot coefficient", "N s/m", "12 N s/m")
 VISCOUS_PER_LENGTH = Dimension("viscous coefficient per unit length", "N s/m^2", "3 N s/m^2")
 PER_TIME = Dimension("reciprocal time", "1/s", "2 1/s")
@@ -60,8 +64,8 @@ FORCE = Dimension("force", "N", "1.5 N")
 ENERGY = Dimension("energy", "J", "1 uJ")
 VELOCITY = Dimension("velocity", "m/s", "0.2 m/s")
 ACCELERATION = Dimension("acceleration", "m/s^2", "2 g", gravity=True)
-ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", gravity=True)
-FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz")
+ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", gravity=True, power=2)
+FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz", power=2)
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Letters, exponents, products, quotients and parentheses; a numeral is an exponent or a leading 1.
@@ -89,7 +93,8 @@ def read_number(value: object, example: str = NUMBER.example) -> float:
     number, unit = _split(value, f"write for example {example}")
     if unit:
         raise UnitError("must be a plain number, without a unit", f"write for example {example}")
-    return _finite(number, f"write for example {example}")
+    remedy = f"write for example {example}"
+    return _physical(_finite(number, remedy), NUMBER, remedy)
 
 
 def read_quantity(value: object, dimension: Dimension) -> float:
@@ -107,7 +112,7 @@ def read_quantity(value: object, dimension: Dimension) -> float:
     """
     number, unit = _split(value, f"write for example {dimension.example}")
     remedy = f"write for example {dimension.example}"
-    return _scaled(number, _factor(unit, dimension) if unit else 1.0, remedy)
+    return _physical(_scaled(number, _factor(unit, dimension) if unit else 1.0, remedy), dimension, remedy)
 
 
 def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
@@ -115,13 +120,13 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
     remedy = "write for example " + " or ".join(dimension.example for dimension in dimensions)
     number, unit = _split(value, remedy)
     if not unit:
-        return _finite(number, remedy), None
+        return _physical(_finite(number, remedy), dimensions[0], remedy), None
     for dimension in dimensions:
         try:
             factor = _factor(unit, dimension)
         except UnitError:
             continue
-        return _scaled(number, factor, remedy), dimension
+        return _physical(_scaled(number, factor, remedy), dimension, remedy), dimension
     names = [dimension.with_article for dimension in dimensions]
     wanted = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
     try:
@@ -143,7 +148,7 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
         raise UnitError("needs a unit, which decides whether the sweep is logarithmic or linear", remedy)
     if match := _RATE.fullmatch(unit):
         octaves = math.log2(10) if match[1].startswith("dec") else 1.0
-        return _scaled(number, octaves / _SECONDS[match[2]], remedy), "oct/s"
+        return _physical(_scaled(number, octaves / _SECONDS[match[2]], remedy), FREQUENCY, remedy), "oct/s"
     try:
         units = _units(unit, False)
         hertz_per_second = _registry().parse_units("Hz/s")
@@ -153,7 +158,7 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
         raise UnitError(error.message, remedy) from None
     factor = _linear_factor(units, hertz_per_second)
     assert factor is not None
-    return _scaled(number, factor / _turn(units), remedy), "Hz/s"
+    return _physical(_scaled(number, factor / _turn(units), remedy), FREQUENCY, remedy), "Hz/s"
 
 
 def _split(value: object, remedy: str) -> tuple[str | float, str]:
@@ -179,6 +184,15 @@ def _finite(value: str | float, remedy: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise UnitError("must be finite", remedy)
+    return number
+
+
+def _physical(number: float, dimension: Dimension, remedy: str) -> float:
+    """The number, if its size is that of a physical quantity: products of a few of them are floats."""
+    largest = LARGEST**dimension.power
+    if number != 0.0 and not 1.0 / largest <= abs(number) <= largest:
+        limits = f"{1.0 / largest:g} to {largest:g} {dimension.unit}".rstrip()
+        raise UnitError(f"is outside the range of physical quantities, {limits}", remedy)
     return number
 
 

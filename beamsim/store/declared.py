@@ -29,6 +29,7 @@ from beamsim.fields import (
 )
 from beamsim.store.outcomes import failures_text, outcome_attributes, read_failures, read_outcome
 from beamsim.store.schema import group_name, plain
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _TEXT = h5py.string_dtype("utf-8")
 
@@ -441,7 +442,7 @@ def _read_array(group: h5py.Group, member: Member, declared: Dataset, names: Seq
         return np.asarray(group[f"{name}_real"][()] + 1j * group[f"{name}_imag"][()])
     if name not in group:
         raise _MissingError(f"{group.name}: no {name}")
-    dataset = group[name]
+    dataset = _expected(group[name], member, declared)
     if declared.phase:
         return np.asarray(dataset[()] * np.exp(1j * np.radians(group[f"{name}_phase_deg"][()])))
     if _is_text(dataset):
@@ -451,6 +452,29 @@ def _read_array(group: h5py.Group, member: Member, declared: Dataset, names: Seq
     if np.ndim(values) == 0 or get_origin(member.annotation) is tuple:
         return _converted(values, member.annotation)
     return values.astype(bool) if declared.flags is not None else values
+
+
+def _expected(dataset: Any, member: Member, declared: Dataset) -> h5py.Dataset:
+    """The dataset, if it is of the declared kind: text or numbers, and with as many dimensions as axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not.
+    """
+    if not isinstance(dataset, h5py.Dataset):
+        raise TypeError(f"{dataset.name} is a group")
+    if not _is_text(dataset) and not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
+        raise TypeError(f"{dataset.name} holds {dataset.dtype}, neither numbers nor text")
+    if member.annotation in (Floats, Complexes, Ints, Bools) and _is_text(dataset):
+        raise TypeError(f"{dataset.name} holds text instead of numbers")
+    along = () if isinstance(declared.along, Axes) else declared.along
+    if along and get_origin(member.annotation) is np.ndarray and not _is_text(dataset) and dataset.ndim < len(along):
+        raise ValueError(f"{dataset.name} has {dataset.ndim} dimensions, not {len(along)}")
+    for k in range(dataset.ndim):
+        if len(dataset.dims[k]) and dataset.dims[k][0].shape != dataset.shape[k : k + 1]:
+            raise ValueError(f"{dataset.name} has {dataset.shape[k]} values along {dataset.dims[k][0].name}")
+    return dataset
 
 
 def _decoded(value: Any, member: Member, declared: Attribute) -> Any:

@@ -168,10 +168,27 @@ def reading(path: Path | str, kind: str = "") -> Iterator[h5py.File]:
         actual = _kind(file, path)
         if kind and actual != kind:
             raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
-        try:
+        with damage_of(path):
             yield file
-        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OSError, RuntimeError) as error:
-            raise ResultFileError(f"{path}: damaged ({error}); run the case again") from error
+
+
+@contextmanager
+def damage_of(path: Path | str) -> Iterator[None]:
+    """Report errors in reading a result file, or in what is made of it, as its damage.
+
+    Raises
+    ------
+    ResultFileError
+    """
+    try:
+        yield
+    except ResultFileError:
+        raise
+    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError, RuntimeError) as error:
+        if isinstance(error, OSError) and error.filename is not None:  # of a file that is written
+            raise
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ResultFileError(f"{path}: damaged ({reason}); run the case again") from error
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,9 +13,10 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
 from beamsim.contacts.springs import cubic_springs, describe_springs, spring_contacts
-from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
+from beamsim.scenario.base import Path, path_text, walk
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
@@ -59,6 +61,24 @@ def build_system(scenario: Scenario) -> StructuralSystem:
         return _build(reduced_parts(scenario))
     except ScenarioError as error:
         raise scenario.located(error) from None
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise scenario.located(ScenarioError(_out_of_range(scenario, error))) from None
+
+
+def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
+    """The problem of numbers that are too far apart to compute with; it is put on the one that is furthest from 1."""
+    sizes: dict[Path, float] = {
+        (*path, name): abs(math.log10(abs(value)))
+        for path, part in walk(scenario)
+        for name, attribute in type(part).keys().items()
+        if isinstance(value := part.__dict__.get(attribute), float) and value != 0.0
+    }
+    path = max(sizes, key=lambda place: sizes[place], default=())
+    return Problem(
+        path_text(path),
+        f"is too large or too small beside the other numbers: the equations cannot be solved ({error})",
+        "check its unit",
+    )
 
 
 def build_with_moving_point(

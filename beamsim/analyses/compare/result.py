@@ -48,7 +48,7 @@ class ChannelComparison:
     measured_history: Floats = dataset("{unit}", "measured {quantity}", along=_TIME, name="measured_history/{quantity}")
     predicted_spectrum: Spectrum = group("predicted_spectrum")
     measured_spectrum: Spectrum = group("measured_spectrum")
-    start_s: float = attribute("s", "start of the part of the run that is compared", default=np.nan)
+    start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
 
     @property
     @stored(dataset("dB", "20 log10(predicted / measured)", along=_ORDER))

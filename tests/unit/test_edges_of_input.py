@@ -1,0 +1,159 @@
+"""Numbers at the edge of floating point, damaged result files, and paths that cannot be written."""
+
+import copy
+import gzip
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from beamsim import files
+from beamsim.cli.app import app
+from beamsim.errors import BeamsimError, ResultFileError, ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "tests/data/results"
+EDGES = (1e308, 5e-324, -1e308, 9e29, 2e-30, -9e29, 1e15)
+
+
+def numbers(value, path=()):
+    if isinstance(value, (dict, list)):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(item, (*path, key))
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield path
+
+
+@pytest.mark.parametrize("name", ["one_sided_65hz", "two_panels", "chain_cubic"])
+def test_extreme_numbers_are_refused_or_computed_with(name):
+    """`beam.length: 1e308` and the like were internal errors; nothing but a located refusal may come of them."""
+    case = yaml.safe_load(load_scenario(ROOT / f"configs/{name}.yaml").to_yaml())
+    case.get("run", {}).pop("sample_rate", None)
+    refused = 0
+    for path in numbers(case):
+        for edge in EDGES:
+            changed = copy.deepcopy(case)
+            owner = changed
+            for part in path[:-1]:
+                owner = owner[part]
+            owner[path[-1]] = edge
+            try:
+                scenario = load_scenario(changed)
+                assert all(scenario.warnings)
+                build_system(scenario)
+            except BeamsimError:
+                refused += 1
+    assert refused > 100
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("beam.length=1e308", "= 1e+308 is outside the range of physical quantities, 1e-30 to 1e+30 m"),
+        ("beam.thickness=1e-320 mm", "is outside the range of physical quantities"),
+        ("excitation.level=1e200 g", "is outside the range of physical quantities, 1e-30 to 1e+30 m/s^2"),
+        ("run.max_events=1e200", "must be a whole number"),
+        ("run.max_events=10000000000000000000000", "is out of range"),
+    ],
+)
+def test_extreme_numbers_are_named(change, says):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(ROOT / "configs/one_sided_65hz.yaml", [change])
+    problem = caught.value.problems[0]
+    assert says in problem.message
+    assert problem.path == change.partition("=")[0]
+    assert problem.remedy
+
+
+def damaged(path, name, how):
+    """Replace one dataset of a result file."""
+    with h5py.File(path, "a") as file:
+        shape = file[name].shape
+        del file[name]
+        new = {
+            "text": "hello", "number": 1.0, "longer": np.zeros((*shape[:-1], (shape or (1,))[-1] + 3)),
+            "two dimensions": np.zeros((2, 2)), "empty": np.zeros(0), "opaque": np.zeros(3, dtype="V4"),
+        }  # fmt: skip
+        if how == "group":
+            file.create_group(name)
+        elif how != "missing":
+            file[name] = new[how]
+
+
+@pytest.mark.parametrize("how", ["text", "number", "longer", "two dimensions", "empty", "opaque", "group", "missing"])
+@pytest.mark.parametrize("stored", ["run_chain", "nnm", "continuation", "designs", "compare"])
+def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how):
+    """No command ends with an internal error, whatever has become of a dataset."""
+    source = gzip.decompress((RESULTS / f"{stored}.h5.gz").read_bytes())
+    path = tmp_path / "r.h5"
+    path.write_bytes(source)
+    with h5py.File(path) as file:
+        names = []
+        file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+    rng = np.random.default_rng(hash_of(stored + how))
+    for name in rng.choice(names, 3, replace=False):
+        path.write_bytes(source)
+        damaged(path, name, how)
+        for command in (
+            ["info"],
+            ["export", "--format", "csv", "-o", tmp_path],
+            ["export", "--format", "mat", "-o", tmp_path],
+        ):
+            done = CliRunner().invoke(app, [command[0], str(path), *map(str, command[1:])])
+            assert done.exit_code in (0, 2), (name, command, done.output, done.exception)
+            assert "internal error" not in done.output
+
+
+def hash_of(text):
+    return sum(ord(letter) * 31**k for k, letter in enumerate(text)) % 2**32
+
+
+def test_a_plot_of_a_damaged_history(tmp_path):
+    path = tmp_path / "r.h5"
+    path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
+    with h5py.File(path) as file:
+        probe = next(iter(file["probes"]))
+    for how, says in (("text", "text instead of numbers"), ("two dimensions", "2 dimensions"), ("longer", "damaged")):
+        path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
+        damaged(path, f"probes/{probe}/displacement", how)
+        done = CliRunner().invoke(app, ["plot", str(path), "-o", str(tmp_path)])
+        assert done.exit_code == 2, done.output
+        assert says in done.output
+        assert "run the case again" in done.output
+
+
+def test_an_empty_output_is_refused():
+    done = CliRunner().invoke(app, ["run", str(ROOT / "configs/one_sided_65hz.yaml"), "-o", ""])
+    assert done.exit_code == 2
+    assert "it is empty; give a file or a folder" in done.output
+
+
+@pytest.mark.parametrize("also", ["unlink", "exists"])
+def test_a_folder_without_permission_is_named_with_the_remedy(tmp_path, monkeypatch, also):
+    """The message named the file that probes the folder."""
+
+    def refuse(self, *_, **__):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    monkeypatch.setattr(Path, also, refuse)
+    with pytest.raises(ResultFileError) as caught:
+        files.check_writable(tmp_path / "run.h5")
+    assert str(caught.value).startswith(f"cannot write {tmp_path / 'run.h5'}: ")
+    assert "-o" in str(caught.value)
+    assert ".tmp" not in str(caught.value)
+
+
+def test_a_long_document_is_refused_at_once(tmp_path):
+    """A title of 10 MB took 18 s to refuse."""
+    (tmp_path / "case.yaml").write_text("title: " + "x" * 10_000_000 + "\n")
+    begin = time.perf_counter()
+    with pytest.raises(ScenarioError, match=r"has 1e\+07 characters, more than the 1e\+06 of the longest scenario"):
+        load_scenario(tmp_path / "case.yaml")
+    assert time.perf_counter() - begin < 2.0
