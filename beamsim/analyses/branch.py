@@ -103,6 +103,17 @@ class BranchResult:
     special: tuple[SpecialPointResult, ...] = table(
         "special_points", Counter("event", "number of the special point"), default=None
     )
+    coordinates: Floats = dataset(
+        "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
+        along=_COORDINATES, default=None,
+    )  # fmt: skip
+    coordinate_velocities: Floats = dataset(
+        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES, default=None
+    )
+    internal_states: Floats | None = dataset(
+        "m", "internal states of the contacts then", default=None,
+        along=(*_POINT, Counter("internal_state", "number of the internal state")),
+    )  # fmt: skip
     kind: str = attribute("", "response, fold, backbone, tongue or non_brake", default="response")
     unit: str = attribute("", "unit of the parameter", name="units", at="parameter", default=None)
     parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter", default=None)
@@ -153,10 +164,6 @@ class BranchResult:
     energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT, default=None)
     share: Floats = dataset(
         "1", "share of the energy in the requested mode, at the slowest instant", along=_POINT, default=None
-    )
-    coordinates: Floats = dataset("kg^0.5 m", "coordinates at the slowest instant", along=_COORDINATES, default=None)
-    coordinate_velocities: Floats = dataset(
-        "kg^0.5 m/s", "their velocities then; zero at rest", along=_COORDINATES, default=None
     )
     least_kinetic: Floats = dataset(
         "1", "kinetic energy at the slowest instant, share of the energy; zero at rest", along=_POINT, default=None

@@ -8,7 +8,18 @@ from pydantic import Field, Tag
 
 from beamsim.scenario.base import Schema, Variants, fail
 from beamsim.scenario.place import PlacedForce
-from beamsim.scenario.quantities import Amplitude, Coefficient, Count, Duration, Frequency, Modes, Name, PositiveNumber
+from beamsim.scenario.quantities import (
+    Amplitude,
+    Coefficient,
+    Count,
+    Duration,
+    Frequency,
+    Modes,
+    Name,
+    NotNegativeWhole,
+    PositiveNumber,
+    Text,
+)
 
 
 class PolynomialStart(Schema):
@@ -48,6 +59,21 @@ class ReleasedForceStart(Schema):
     """The force that acts until t = 0."""
 
 
+class OrbitStart(Schema):
+    """Start on a periodic motion of a result file, with its excitation."""
+
+    orbit: Text
+    """Result file of `sweep` (continuation); its path is relative to the folder of the scenario."""
+    branch: NotNegativeWhole = 0
+    """Number of the branch, from 0 as in the file."""
+    point: Count
+    """Number of the point along the branch, from 1 as in the file."""
+    keep_excitation: bool = False
+    """Keep the frequency and level of the scenario, and the number that was followed, instead of those of the point."""
+    factor: PositiveNumber = 1.0
+    """Factor of the state, to see whether a disturbed motion returns."""
+
+
 _STARTS = ("static_equilibrium", "rest")
 
 
@@ -59,6 +85,7 @@ def _choose_start(value: Any) -> str | None:
         ("<bodies>", BodiesStart, ("bodies",)),
         ("<mode>", ModeStart, ("mode", "amplitude")),
         ("<released_force>", ReleasedForceStart, ("released_force",)),
+        ("<orbit>", OrbitStart, ("orbit",)),
     ):
         if isinstance(value, schema) or (isinstance(value, dict) and any(key in value for key in keys)):
             return tag
@@ -70,12 +97,13 @@ Start = Annotated[
     | Annotated[PolynomialStart, Tag("<polynomial>")]
     | Annotated[BodiesStart, Tag("<bodies>")]
     | Annotated[ModeStart, Tag("<mode>")]
-    | Annotated[ReleasedForceStart, Tag("<released_force>")],
+    | Annotated[ReleasedForceStart, Tag("<released_force>")]
+    | Annotated[OrbitStart, Tag("<orbit>")],
     Variants(
         _choose_start,
         "is not an initial state",
-        "write static_equilibrium, rest, {displacement: [...], velocity: [...]}, {mode: 1, amplitude: 1 mm} "
-        "or {released_force: {position: 270 mm, force: 10 N}}",
+        "write static_equilibrium, rest, {displacement: [...], velocity: [...]}, {mode: 1, amplitude: 1 mm}, "
+        "{released_force: {position: 270 mm, force: 10 N}} or {orbit: case.h5, point: 12}",
     ),
 ]
 
@@ -107,7 +135,7 @@ class Run(Schema):
     sample_rate: Frequency | None = None
     """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"
-    """Initial state: static_equilibrium, rest, polynomials, a mode, or a force released."""
+    """Initial state: static_equilibrium, rest, polynomials, a mode, a force released, or a point of a continuation."""
     spectrum: SpectrumSettings = SpectrumSettings()
     """Settings of the spectra."""
     method: Literal["exact", "reference"] = "exact"

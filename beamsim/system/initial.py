@@ -10,7 +10,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, ReleasedForceStart
+from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
 
@@ -45,6 +45,10 @@ def initial_state(
                 )
             )
         q = equilibrium.q
+    elif isinstance(start, OrbitStart):
+        raise ScenarioError(
+            Problem("run.start.orbit", "starts a run, and no other command", "leave run.start out, or `beamsim run`")
+        )
     elif isinstance(start, ReleasedForceStart):
         extra = (start.released_force.force * parts.shape(start.released_force))[None, :]
         held = find_equilibrium(

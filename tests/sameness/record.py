@@ -90,6 +90,7 @@ MENDED: dict[str, str] = {
         "continuation: points at the maxima of the curve, coexisting motions, branches cut at the ends of the range",
     ),
     "nnm_* nnm compare */multiple_scales/*": "exact motions are those of the backbone, at all factors",
+    "* sweep* file/coordinate": "the states of a continuation are stored",
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""

@@ -262,6 +262,8 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> Branch
 
     traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model))
     spectra = [problem.multipliers(point) for point in traced.points]
+    n = system.dynamics.size
+    states = np.array([orbit.state for orbit in traced.orbits])
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
     unknown = traced.values
@@ -291,6 +293,9 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> Branch
         stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
         floquet_multipliers=multipliers,
         residual=np.array([p.residual for p in traced.points]),
+        coordinates=states[:, :n],
+        coordinate_velocities=states[:, n : 2 * n],
+        internal_states=states[:, 2 * n :] if states.shape[1] > 2 * n else None,
         special=tuple(_event(model, s) for s in traced.special),
         parameter=parameter,
         unit=f.unit,

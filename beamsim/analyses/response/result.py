@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.result import MARGINS, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
@@ -22,7 +24,7 @@ from beamsim.fields import (
     stored,
 )
 from beamsim.system.structural import ModeTable
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, Ints
 
 _POINT = (Counter("point", "number of the point"),)
 _ORDER = Counter("order", "order of the expansion", 0)
@@ -115,6 +117,13 @@ class FrequencyResponse(Result):
     overlay: dict[str, OverlayCurve] = keyed(having="source", order=_overlay_rank, default_factory=dict)
     # for weak springs, where it was asked for
     expansion: tuple[ForcedExpansionComparison, ...] = numbered("multiple_scales", indexed=True, default=())
+
+    @property
+    @stored(axis("1", "number of the coordinate"))
+    def coordinate(self) -> Ints | None:
+        """Counts the coordinates of the states; None in a file without them."""
+        states = self.branches[0].coordinates
+        return None if states is None else np.arange(1, states.shape[1] + 1)
 
     @property
     @stored(attribute("", "kind of sweep", name="kind"))

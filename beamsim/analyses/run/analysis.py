@@ -11,6 +11,7 @@ import numpy as np
 
 from beamsim.analyses.limits import margins
 from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
+from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.outputs import (
     OutputSet,
     accelerations,
@@ -38,6 +39,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
@@ -97,7 +99,13 @@ def run(
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
     settings = scenario.run
-    system = build_system(scenario)
+    if isinstance(settings.start, OrbitStart):
+        orbit = read_orbit(settings.start, scenario.folder_of("run", "start", "orbit"))
+        scenario = at_orbit(scenario, orbit, keep_excitation=settings.start.keep_excitation)
+        at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
+        system = started(build_system(at_rest), orbit, settings.start.factor)
+    else:
+        system = build_system(scenario)
     times = _output_times(settings)
     solve = _reference if _steps_in_time(system, settings) else _exact
     motion = solve(system, settings, times, progress, stop)

@@ -1,0 +1,122 @@
+"""Runs that start on a stored periodic motion: they stay on it, return to it, or leave it as its stability says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+BEAM = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
+LAW = "snubbers[0].law"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("orbits")
+
+
+def continued(folder, name, sweep, *changes):
+    case = load_scenario(BEAM, [f"sweep={{kind: continuation, seek_at: 0, longest_period: 1, {sweep}}}", *changes])
+    result = beamsim.frequency_response(case)
+    return beamsim.write_frequency_response(result, folder / f"{name}.h5"), result.branches[0]
+
+
+@pytest.fixture(scope="module")
+def in_frequency(folder):
+    return continued(folder, "frequency", "from: 84 Hz, to: 88 Hz, points_at: [84.5 Hz]")
+
+
+def run_from(path, k, periods, frequency, *changes, **start):
+    given = {"orbit": str(path), "point": k + 1, **start}
+    case = load_scenario(BEAM, {"run.duration": periods / frequency, "run.spectrum.last": None, "run.start": given})
+    return beamsim.run(load_scenario(case.to_yaml(), list(changes)))
+
+
+def test_a_stable_motion_goes_on(in_frequency):
+    path, branch = in_frequency
+    (k,) = np.flatnonzero(np.isclose(branch.parameter, 84.5, rtol=1e-13))
+    result = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500")
+    assert result.scenario.excitation.frequency == pytest.approx(84.5, rel=1e-14)
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.peak_displacement["tip"][k], rel=1e-7)
+    assert result.summary["contact_share"]["tip"] == pytest.approx(branch.contact_share["tip"][k], rel=1e-9)
+    x = result.probes["tip"].displacement[:-1].reshape(20, 1000)
+    np.testing.assert_allclose(x, np.tile(x[0], (20, 1)), atol=1e-9 * np.abs(x).max())
+    disturbed = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500", factor=1.02)
+    y = disturbed.probes["tip"].displacement[:-1].reshape(20, 1000)
+    assert np.abs(y[0] - x[0]).max() > 5e-3 * np.abs(x).max()  # the comparison can fail
+    assert np.abs(y[-1] - x[-1]).max() < 0.5 * np.abs(y[0] - x[0]).max()
+
+
+def test_an_unstable_motion_is_left(in_frequency):
+    path, branch = in_frequency
+    k = int(np.argmax(np.where(branch.stable, 0.0, np.abs(branch.floquet_multipliers[:, 0]))))
+    frequency = float(branch.frequency_hz[k])
+    growth = abs(branch.floquet_multipliers[k, 0])
+    assert growth > 1.01
+    rate = f"run.sample_rate={200 * frequency!r}"
+    early, late = (run_from(path, k, 300, frequency, rate, factor=1.0 + 1e-4).probes["tip"].displacement[a : a + 200]
+                   for a in (0, 200 * 290))  # fmt: skip
+    exact = run_from(path, k, 2, frequency, rate).probes["tip"].displacement[:200]
+    assert np.abs(late - exact).max() > 20 * np.abs(early - exact).max()
+
+
+@pytest.mark.parametrize(
+    ("sweep", "changes"),
+    [
+        ("continue_in: {kind: gap, from: 0 mm, to: 0.1 mm}", ()),
+        ("continue_in: {kind: level, from: 1 g, to: 2 g}", (f"{LAW}=no_tension",)),
+    ],
+    ids=["gap", "no_tension"],
+)
+def test_what_was_followed_is_taken_over(folder, sweep, changes):
+    path, branch = continued(folder, (changes and "law") or "gap", sweep, *changes)
+    k = branch.parameter.size - 1
+    result = run_from(path, k, 10, 65.0, *changes)
+    if changes:
+        assert result.scenario.excitation.level == pytest.approx(2 * 9.80665)
+        assert branch.internal_states.shape == (branch.parameter.size, 1)
+    else:
+        assert result.scenario.snubbers[0].gap == pytest.approx(1e-4)
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.peak_displacement["tip"][k], rel=1e-6)
+    kept = run_from(path, 0, 10, 65.0, *changes, keep_excitation=True)
+    assert kept.scenario.excitation.level == load_scenario(BEAM).excitation.level
+
+
+def test_harmonic_balance_states_are_close(folder):
+    path, branch = continued(folder, "balance", "method: harmonic_balance, from: 80 Hz, to: 82 Hz")
+    result = run_from(path, 2, 10, float(branch.frequency_hz[2]))
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.peak_displacement["tip"][2], rel=0.02)
+
+
+def test_states_survive_the_file(in_frequency):
+    path, branch = in_frequency
+    (read, *_) = beamsim.open_response(path).branches
+    np.testing.assert_array_equal(read.coordinates, branch.coordinates)
+    np.testing.assert_array_equal(read.coordinate_velocities, branch.coordinate_velocities)
+
+
+def refused(text, **changes):
+    with pytest.raises(ScenarioError, match=text):
+        beamsim.run(load_scenario(BEAM, {"run.duration": 0.1, "run.spectrum.last": None, **changes}))
+
+
+def test_refusals(in_frequency, folder):
+    path, branch = in_frequency
+    start = {"orbit": str(path), "point": 1}
+    refused("does not exist", **{"run.start": {**start, "orbit": "nothing.h5"}})
+    refused(f"points 1 to {branch.parameter.size}", **{"run.start": {**start, "point": 9999}})
+    refused("its branches are 0 to", **{"run.start": {**start, "branch": 99}})
+    refused("another structure", **{"run.start": start, "beam.thickness": 0.004})
+    refused("harmonic excitation", **{"run.start": start, "excitation": {"kind": "none"}})
+    ran = beamsim.write_run(
+        beamsim.run(load_scenario(BEAM, {"run.duration": 0.01, "run.spectrum.last": None})), folder / "run.h5"
+    )
+    refused("holds no continuation", **{"run.start": {**start, "orbit": str(ran)}})
+    (folder / "text.h5").write_text("no HDF5")
+    refused("cannot be read", **{"run.start": {**start, "orbit": str(folder / "text.h5")}})
+    with pytest.raises(ScenarioError, match="starts a run"):
+        build_system(load_scenario(BEAM, {"run.start": start}))
