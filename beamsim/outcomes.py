@@ -55,6 +55,12 @@ class OutcomeCode(Enum):
     BACK_TO_BRAKE_ORBITS = OutcomeKind.COMPLETE, "returned to brake orbits", ""
     ENERGY_TRANSFERRED = OutcomeKind.COMPLETE, "the energy has been transferred to the other mode", ""
 
+    FIGURES_DOUBTFUL = (
+        OutcomeKind.COMPLETE,
+        "figures change by more than {percent:g} % with half as many modes more and twice the elements: {figures}",
+        "[{remedy}]",
+    )
+
     # a branch of periodic orbits
     NOT_BEGUN = OutcomeKind.STOPPED, "not started", ""
     STEP_TOO_SMALL = (
@@ -219,6 +225,12 @@ class OutcomeCode(Enum):
         OutcomeKind.UNTRUSTED,
         "no steady vibration was found close to the estimate of {parameters}: no standard deviation is known",
         "start from other values, or leave out tests with irregular motion",
+    )
+    FIGURES_WORTHLESS = (
+        OutcomeKind.UNTRUSTED,
+        "not reliable: with half as many modes more and twice the elements figures change, displacements among them: "
+        "{figures}",
+        "[{remedy}]",
     )
     FAILED = OutcomeKind.FAILED, "{reason}", ""
 

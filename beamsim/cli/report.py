@@ -16,12 +16,14 @@ import numpy as np
 
 from beamsim.analyses.limits import LIMITED, STANDARD_GRAVITY
 from beamsim.analyses.result import Result
+from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
 from beamsim.plots.style import scale_for
 from beamsim.store.schema import plain
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is printed can be known so small
 VALUES_SHOWN = 6  # of a list
+SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
 Row = tuple[str, str]
 Rows = Iterable[Row]  # the label of the first is that of the entry if it is empty
 Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
@@ -50,16 +52,37 @@ def print_table(title: str, rows: Sequence[Row]) -> None:
 
 
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
-    """Label and text of every row of a result's table: the status first if it is not complete."""
-    if not result.complete:
+    """Label and text of every row of a result's table: first the status if there is more to say than complete."""
+    if result.outcome.message:
         yield "status", result.status
     texts = named(KINDS[kind].texts) if KINDS[kind].texts else {}
     for entry in type(result).SUMMARY:
         if entry.label and entry.name in result.summary:
             value = result.summary[entry.name]
             text = texts[entry.name](result, value) if entry.name in texts else shown(value, entry.unit)
+            text = _with_changes(result.summary, entry.name, text)
             yield from _labelled(entry.label, text)
     yield "wall time", si(result.wall_time_s, "s")
+
+
+def _with_changes(
+    summary: Mapping[str, Any], figure: str, text: str | Mapping[str, str] | Rows
+) -> str | Mapping[str, str] | Rows:
+    """The texts of a figure with its relative change with a finer model, where that is known."""
+    changes = summary.get("convergence", {}).get(figure)
+    if isinstance(text, str) and isinstance(changes, float):
+        return f"{text}; {_change(changes, figure in summary['doubtful'])}"
+    if isinstance(text, Mapping) and isinstance(changes, Mapping) and text.keys() == changes.keys():
+        doubtful = {name for name in text if f"{figure}.{name}" in summary["doubtful"]}
+        return {name: f"{item}; {_change(changes[name], name in doubtful)}" for name, item in text.items()}
+    return text
+
+
+def _change(change: float, doubtful: bool) -> str:
+    size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2)}"
+    if doubtful:
+        return f"NOT CONVERGED, {size}"
+    return f"{size}, within its scatter" if change > ALLOWED_CHANGE else size
 
 
 def _labelled(label: str, text: str | Mapping[str, str] | Rows) -> Iterator[Row]:

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.run.result import RunResult
-from beamsim.cli.report import SHARED, Texts, base_correction, counted, percent, si
+from beamsim.cli.report import SHARED, Row, Texts, base_correction, counted, percent, si
 
 LINES_SHOWN = 6
 
@@ -86,6 +86,22 @@ def _order(line: Mapping[str, Any]) -> str:
     return f"{order:.3f}" if line["kind"] == "other" else str(Fraction(order).limit_denominator(12))
 
 
+def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]:
+    """What the changes of the figures are those of, and the largest of them."""
+    model = result.summary["convergence_model"]
+    if model["reason"]:
+        yield "", f"unknown: {model['reason']}"
+        return
+    if not model["modes"]:
+        yield "", "all modes are kept: nothing is left out"
+        return
+    sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
+    finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
+    yield "", f"changes with {finer} and twice the elements: at most {percent(max(sizes, default=0.0), 2)}"
+    if model["sequences_part_s"] is not None:
+        yield "", f"the sequences of contacts part at {si(model['sequences_part_s'], 's')}"
+
+
 def _solver(result: RunResult, time: float) -> str:
     s = result.summary
     bends = s.get("breakpoints_passed", 0)
@@ -103,6 +119,7 @@ TEXTS: Texts = {
     "gap_m": _preload,
     "largest_bending_stress_pa": _stress,
     "spectral_lines": _spectral_lines,
+    "convergence": _convergence,
     "energy_error": lambda _, error: f"{error:.2g}",
     "processor_time_s": _solver,
 }

@@ -105,6 +105,17 @@ class Trajectory:
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         return self._phases[self.state[segment]]
 
+    def until(self, end: float) -> Trajectory:
+        """The motion up to a time."""
+        kept = max(1, int(np.searchsorted(self.time, end)))
+        early = self.event_time < end
+        return replace(
+            self, end=min(end, self.end), time=self.time[:kept], state=self.state[:kept], piece=self.piece[:kept],
+            length=np.clip(end - self.time[:kept], 0.0, self.length[:kept]), y=self.y[:kept],
+            event_time=self.event_time[early], event_contact=self.event_contact[early],
+            event_phase=self.event_phase[early], final_y=self.states_at(np.array([min(end, self.end)]))[0],
+        )  # fmt: skip
+
     @property
     def _phases(self) -> Ints:
         """(states, m)."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 History = TypeVar("History", ProbeHistory, SnubberHistory)
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+MOST_DOUBTS = 4  # named in a plot
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
@@ -32,22 +33,35 @@ _FREE, _CLOSED = "0.45", "#d1495b"
 
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the probe displacements relative to the base."""
-    return _histories(
-        result, ax, result.probes.values(), lambda p: p.displacement, "Relative displacement", "m", last_part
-    )
+    _histories(result, ax, result.probes.values(), lambda p: p.displacement, "Relative displacement", "m", last_part)
+    return ax if last_part else _doubts(result, ax, "peak_displacement_m")
 
 
 def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the absolute accelerations of the probes, in g."""
-    return _histories(
-        result,
-        ax,
-        result.probes.values(),
-        lambda p: p.absolute_acceleration / STANDARD_GRAVITY,
-        "Absolute acceleration",
-        "g",
-        last_part,
-    )
+    """Time history of the absolute accelerations of the probes, in g; behind the filter where there is one."""
+    label = "Absolute acceleration" if result.low_pass_hz is None else f"Acceleration below {result.low_pass_hz:g} Hz"
+    _histories(
+        result, ax, result.probes.values(),
+        lambda p: (p.absolute_acceleration if p.low_passed_acceleration is None else p.low_passed_acceleration)
+        / STANDARD_GRAVITY,
+        label, "g", last_part,
+    )  # fmt: skip
+    return ax if last_part else _doubts(result, ax, "peak_acceleration_g")
+
+
+def _doubts(result: RunResult, ax: Axes, figure: str) -> Axes:
+    """Say which peaks have not converged."""
+    changes = result.summary.get("convergence", {}).get(figure, {})
+    doubtful = [name for name in changes if f"{figure}.{name}" in result.summary.get("doubtful", ())]
+    if doubtful:
+        texts = [f"{name} {100 * changes[name]:.2g} %" for name in doubtful[:MOST_DOUBTS]]
+        more = ", …" if len(doubtful) > MOST_DOUBTS else ""
+        ax.text(
+            0.99, 0.97, f"peaks not converged; change with a finer model: {', '.join(texts)}{more}",
+            transform=ax.transAxes, ha="right", va="top", fontsize="small", color=_CLOSED,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        )  # fmt: skip
+    return ax
 
 
 def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
@@ -59,7 +73,7 @@ def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) 
     if ax.lines and not any(np.any(line.get_ydata()) for line in ax.lines):
         ax.set_ylim(-0.05, 1.0)
         ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", color="0.5")
-    return ax
+    return ax if last_part else _doubts(result, ax, "peak_force_n")
 
 
 def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:

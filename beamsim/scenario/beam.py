@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Tag
 
@@ -181,6 +181,10 @@ class BeamBody(Body):
     def largest_gap(self) -> float:
         """A fifth of the length, or ten times the depth if that is less."""
         return min(self.length / 5.0, math.inf if self.depth is None else 10.0 * self.depth)
+
+    def refined(self) -> Self:
+        """The beam with twice the elements."""
+        return self.model_copy(update={"elements": 2 * self.elements})
 
     def default_probe(self) -> tuple[str, AtPlace]:
         """A free end, else the middle."""

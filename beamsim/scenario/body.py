@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, path_text
@@ -48,6 +48,10 @@ class Body(Schema):
     def rough_frequency_hz(self) -> float:
         """Order of magnitude of a low natural frequency, Hz."""
         return 0.0
+
+    def refined(self) -> Self:
+        """The body with twice the elements; itself where it has no mesh of its own."""
+        return self
 
     @property
     def largest_gap(self) -> float:

@@ -146,6 +146,10 @@ class Run(Schema):
     """Relative tolerance of the reference method."""
     atol: PositiveNumber = 1e-12
     """Absolute tolerance of the reference method."""
+    low_pass: Frequency | None = None
+    """Band of the accelerometers: peak accelerations are those behind a 4-pole Butterworth low-pass, -3 dB here."""
+    convergence: Literal["on", "off"] | None = None
+    """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
     max_events: Count = 1_000_000
     """Largest number of contact events, after which the run stops (chattering)."""
 

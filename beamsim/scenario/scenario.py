@@ -147,6 +147,13 @@ class Scenario(Schema):
         """Where a body is written."""
         return ("bodies", name) if name in self.bodies else (name,)
 
+    def refined(self, modes: int) -> Scenario:
+        """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""
+        bodies = {name: body.refined() for name, body in self.all_bodies.items()}
+        named = {name: body for name, body in bodies.items() if name in self.bodies}
+        single = {name: body for name, body in bodies.items() if name not in self.bodies}
+        return self.model_copy(update={**single, "bodies": named, "reduction": Reduction(modes=modes)})
+
     @property
     def located_snubbers(self) -> tuple[Located, ...]:
         """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies."""

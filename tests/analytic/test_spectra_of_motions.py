@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.analysis import exact_flow
-from beamsim.analyses.run.outputs import accelerations, displacements, stack
+from beamsim.analyses.run.outputs import accelerations, displacements, exact_flow, stack
 from beamsim.analyses.run.windows import Window
 from beamsim.cli.report import table_rows
 from beamsim.flow.fourier import MotionPart

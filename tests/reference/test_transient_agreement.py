@@ -7,7 +7,7 @@ import pytest
 from independent import Beam, Stop, chain, integrate, static_equilibrium
 
 import beamsim
-from beamsim.analyses.run.analysis import exact_flow
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 

@@ -92,6 +92,10 @@ MENDED: dict[str, str] = {
     "nnm_* nnm compare */multiple_scales/*": "exact motions are those of the backbone, at all factors",
     "* sweep* file/coordinate": "the states of a continuation are stored",
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
+    **dict.fromkeys(
+        ("* */convergence/*", "* */convergence_model/*", "* */doubtful*", "* file/*@relative_change"),
+        "runs compare their figures with those of a finer model; their other numbers are the same",
+    ),
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 

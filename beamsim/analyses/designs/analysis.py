@@ -226,6 +226,8 @@ def _base(scenario: Scenario) -> dict[str, Any]:
     unused = ("vary", "title", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
     for key in unused:
         base.pop(key, None)
+    if "run" in base:
+        base["run"].setdefault("convergence", "off")
     if "run" in base and scenario.automatic_sample_rate:
         base["run"].pop("sample_rate", None)
     if scenario.sweep is not None and not scenario.sweep.levels:

@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.limits import margins
-from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
-from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
-from beamsim.analyses.run.outputs import (
-    OutputSet,
-    accelerations,
-    bending_stress,
-    displacements,
-    stretches,
-    velocities,
+from beamsim.analyses.limits import STANDARD_GRAVITY, margins
+from beamsim.analyses.run.convergence import (
+    SEARCHED,
+    Convergence,
+    Solution,
+    check_convergence,
+    solve_exactly,
+    with_convergence,
 )
+from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
+from beamsim.analyses.run.figures import (
+    Extremes,
+    by_name,
+    largest,
+    motion_figures,
+    refine_extremes,
+    sampled_extremes,
+    static_figures,
+)
+from beamsim.analyses.run.low_pass import filtered, filtered_samples
+from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
+from beamsim.analyses.run.outputs import OutputSet, bending_stress, exact_flow, in_every_state, output_groups
 from beamsim.analyses.run.result import (
     MAIN_QUANTITY,
     ONLY_BEAM,
@@ -35,27 +46,23 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.analyses.run.spectra import QUANTITIES, spectra_of_motion, spectra_of_samples
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
-    from beamsim.flow.contact_state import LinearOutput
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_SAMPLES = 50_000_000
 GRACE_S = 0.5  # for the evaluation of a motion that is stopped
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
-SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for extremes
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
 
 
@@ -126,9 +133,15 @@ def run(
         energy=motion.balance.history,
         modes=system.modes,
         work=motion.work,
+        low_pass_hz=settings.low_pass,
         warnings=(*scenario.warnings, *system.warnings, *motion.warnings, *_pulls(system, motion)),
     )
-    result = result.with_summary(**_summary(scenario, system, motion, spectra))
+    summary = _summary(scenario, system, motion, spectra)
+    checked = _checked(scenario, system, motion, summary, stop)
+    if checked is not None:
+        result = with_convergence(result, checked)
+        summary |= checked.summary()
+    result = result.with_summary(**summary)
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return _with_statistics(result, system) if scenario.excitation.kind in ("random", "sampled") else result
 
@@ -144,12 +157,6 @@ def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
     return replace(result, random=response, summary={**result.summary, "random": response.summary()})
 
 
-def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
-    """The exact flow of a built system; its first observer is the base's acceleration."""
-    observers = () if system.base_acceleration is None else (system.base_acceleration,)
-    return ExactFlow(system.dynamics, system.forcing, duration, observers)
-
-
 @dataclass(frozen=True)
 class _RunMotion:
     """The motion at the output times, from the closed form or from time stepping."""
@@ -161,13 +168,50 @@ class _RunMotion:
     closed: Bools
     balance: EnergyBalance
     events: EventLog
-    extremes: dict[str, tuple[Floats, Floats, Floats, Floats]]  # lowest, its time, highest, its time
+    extremes: Extremes
     extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
     extreme_states: Floats  # (2, 2n) there
     contact_share: Floats
     work: Work
+    low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
+    trajectory: Trajectory | None = None  # of the closed form
     warnings: tuple[str, ...] = ()
-    trajectory: Trajectory | None = None  # where it is known in closed form
+
+
+def _checked(
+    scenario: Scenario,
+    system: StructuralSystem,
+    motion: _RunMotion,
+    figures: Mapping[str, Any],
+    stop: Callable[[], bool],
+) -> Convergence | None:
+    """What a finer model changes; None where that is not asked for, or the run is not complete."""
+    settings = scenario.run
+    assert settings is not None
+    if settings.convergence == "off" or not motion.outcome.complete:
+        return None
+    if isinstance(settings.start, OrbitStart):
+        return Convergence({}, reason="the run starts from a state of this model, which a finer one does not share")
+
+    def check() -> None:
+        if stop():
+            raise _Cut
+
+    def solve(finer: StructuralSystem) -> Solution:
+        if finer.cubic.count:
+            again = _reference(finer, settings, motion.time, None, stop)
+            check()
+            return Solution(finer, _figures(finer, again), float(again.time[-1]))
+        seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
+        return solve_exactly(finer, settings, seeds, motion.work, stop, check)
+
+    kept = {name: figures[name] for name in _figures(system, motion)}
+    end = float(motion.time[-1]) if motion.trajectory is None else motion.trajectory.end
+    first = Solution(system, kept, end, motion.trajectory)
+    try:
+        return check_convergence(scenario, first, solve, check)
+    except _Cut:
+        return Convergence({}, reason="interrupted")
 
 
 def _steps_in_time(system: StructuralSystem, settings: Run) -> bool:
@@ -189,30 +233,6 @@ def _output_times(settings: Run) -> Floats:
     return np.arange(count) / rate
 
 
-def _groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
-    """Everything that is sampled; the stress is only searched for extremes."""
-    probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
-    snubber_shapes = flow.system.contacts.shape
-    penetration, _ = flow.penetrations()
-    fixed: dict[str, LinearOutput] = {
-        "displacement": displacements(flow, probe_shapes),
-        "velocity": velocities(flow, probe_shapes),
-        "penetration": penetration,
-        "snubber_displacement": displacements(flow, snubber_shapes),
-        "snubber_velocity": velocities(flow, snubber_shapes),
-    }
-    if system.springs:
-        fixed["stretch"] = stretches(flow, system.springs)
-    groups = {name: _same_in_every_state(output) for name, output in fixed.items()}
-    groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, absolute=True)
-    groups["force"] = flow.contact_forces
-    return OutputSet(groups)
-
-
-def _same_in_every_state(output: LinearOutput) -> Callable[[Ints], LinearOutput]:
-    return lambda phases: output
-
-
 def _exact(
     system: StructuralSystem,
     settings: Run,
@@ -225,25 +245,26 @@ def _exact(
     outcome, check = _with_limit(trajectory.outcome), _Grace(stop)
     warnings: tuple[str, ...] = ()
     times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
-    groups = _groups(system, flow)
+    groups = output_groups(system, flow)
     closed = flow.system.contacts.touching(trajectory.phases_at(times))
     values = groups.split(trajectory.sample(times, groups), flow.system.contacts.start)
     balance = EnergyBalance.unknown(times)
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
     seeds = {name: (times, values[name]) for name in searched}
     if system.stress is not None:
-        searched["stress"] = _same_in_every_state(bending_stress(flow, system.stress))
+        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
         few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
         seeds["stress"] = (few, trajectory.sample(few, searched["stress"]))
-    extremes = {name: _sampled_extremes(*seed) for name, seed in seeds.items()}
+    low_passed, extremes = None, {name: sampled_extremes(*seed) for name, seed in seeds.items()}
+    if settings.low_pass is not None:
+        del searched["acceleration"]
+        low_passed, extremes["acceleration"] = filtered(
+            trajectory, groups.groups["acceleration"], settings.low_pass, times
+        )
     try:
         balance = energy_history(trajectory, times, check)
         outcome = balance.checked(outcome)
-        for name, output_of in searched.items():
-            low, when_low, high, when = extremes[name]
-            high, when, _ = trajectory.maxima(output_of, high, when, check)
-            low, when_low, _ = trajectory.maxima(_negative(output_of), -low, when_low, check)
-            extremes[name] = (-low, when_low, high, when)
+        refine_extremes(trajectory, searched, extremes, check)
     except _Cut:
         warnings = ("interrupted during the evaluation: the energy balance, or peaks between the samples, are missing",)
         if outcome.complete:
@@ -269,14 +290,10 @@ def _exact(
             states=len(flow.states),
             processor_time_s=trajectory.processor_time_s,
         ),
+        low_passed=low_passed,
         trajectory=None if outcome.interrupted else trajectory,
         warnings=warnings,
     )
-
-
-def _sampled_extremes(times: Floats, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Lowest values, their times, highest values, their times."""
-    return values.min(axis=0), times[values.argmin(axis=0)], values.max(axis=0), times[values.argmax(axis=0)]
 
 
 def _reference(
@@ -305,7 +322,7 @@ def _reference(
         max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
     )  # fmt: skip
     n = flow.system.size
-    groups = _groups(system, flow)
+    groups = output_groups(system, flow)
     values = groups.split(trajectory.sample(groups), flow.system.contacts.start)
     if system.cubic.count:
         q = trajectory.y[:, :n] @ system.cubic.shape.T
@@ -323,9 +340,12 @@ def _reference(
     balance = EnergyBalance.of(trajectory.time, energy, trajectory.power_in)
     searched = {name: values[name] for name in SEARCHED if name in values}
     if system.stress is not None:
-        searched["stress"] = trajectory.sample(_same_in_every_state(bending_stress(flow, system.stress)))
+        searched["stress"] = trajectory.sample(in_every_state(bending_stress(flow, system.stress)))
     at = trajectory.time
-    extremes = {name: _sampled_extremes(at, x) for name, x in searched.items()}
+    extremes = {name: sampled_extremes(at, x) for name, x in searched.items()}
+    low_passed = None
+    if settings.low_pass is not None:
+        low_passed, extremes["acceleration"] = filtered_samples(at, values["acceleration"], settings.low_pass)
     return _RunMotion(
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=balance.checked(_with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
@@ -345,6 +365,7 @@ def _reference(
             states=len(np.unique(trajectory.phases, axis=0)),
             processor_time_s=trajectory.processor_time_s,
         ),
+        low_passed=low_passed,
         warnings=warnings,
     )
 
@@ -374,13 +395,6 @@ def _longest_step(system: StructuralSystem) -> float:
     return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
-def _negative(output_of: Callable[[Ints], LinearOutput]) -> Callable[[Ints], LinearOutput]:
-    def negative(phases: Ints) -> LinearOutput:
-        return -output_of(phases)
-
-    return negative
-
-
 def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
@@ -395,6 +409,7 @@ def _probes(system: StructuralSystem, motion: _RunMotion) -> dict[str, ProbeHist
             absolute_displacement=motion.values["displacement"][:, i] + base,
             velocity=motion.values["velocity"][:, i],
             absolute_acceleration=motion.values["acceleration"][:, i],
+            low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[:, i],
         )
         for i, probe in enumerate(system.probes)
     }
@@ -462,9 +477,17 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
         return spectra_of_samples(scenario, system, motion.time, motion.values)
-    groups = _groups(system, motion.trajectory.flow).groups
+    groups = output_groups(system, motion.trajectory.flow).groups
     outputs = OutputSet({name: groups[name] for name in QUANTITIES})
     return spectra_of_motion(scenario, system, motion.trajectory, outputs)
+
+
+def _figures(system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
+    closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(system.snubbers))
+    return {
+        **motion_figures(system, motion.extremes, motion.contact_share, closings),
+        **static_figures(system),
+    }
 
 
 def _summary(
@@ -472,31 +495,16 @@ def _summary(
 ) -> dict[str, Any]:
     """What does not repeat a field of the result."""
     probes = [p.name for p in system.probes]
-    names = [s.name for s in system.snubbers]
-    count = len(names)
-    low, _, high, _ = motion.extremes["displacement"]
-    low_a, _, high_a, _ = motion.extremes["acceleration"]
-    closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(names))
     summary: dict[str, Any] = {
-        "peak_displacement_m": _named(probes, np.maximum(np.abs(low), np.abs(high))),
-        "min_displacement_m": _named(probes, low),
-        "max_displacement_m": _named(probes, high),
-        "peak_acceleration_g": _named(probes, np.maximum(np.abs(low_a), np.abs(high_a)) / STANDARD_GRAVITY),
-        "rms_displacement_m": _named(probes, np.array([spectra[p, "displacement"].rms for p in probes])),
-        "rms_acceleration_g": _named(
+        "rms_displacement_m": by_name(probes, np.array([spectra[p, "displacement"].rms for p in probes])),
+        "rms_acceleration_g": by_name(
             probes, np.array([spectra[p, MAIN_QUANTITY].rms for p in probes]) / STANDARD_GRAVITY
         ),
-        "largest_pull_n": _named(names, np.maximum(-motion.extremes["force"][0][:count], 0.0)),
-        "peak_force_n": _named(names, motion.extremes["force"][2][:count]),
-        "largest_gap_m": _named(names, np.maximum(-motion.extremes["penetration"][0][:count], 0.0)),
-        "contact_share": _named(names, motion.contact_share[:count]),
-        "contacts": {name: int(count) for name, count in zip(names, closings, strict=True)},
+        **_figures(system, motion),
         "events": int(motion.events.time.size),
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.balance.error,
-        "static_force_n": {s.name: s.preload for s in system.snubbers},
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
-        "gap_m": {s.name: s.gap for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
         "spectral_lines": [
             {
@@ -515,23 +523,11 @@ def _summary(
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
     if system.springs:
-        ends = np.array(motion.extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
-        springs = [s.name for s in system.springs]
         summary["breakpoints_passed"] = motion.work.events - motion.events.time.size
-        summary["peak_stretch_m"] = _named(springs, np.abs(ends).max(axis=1))
-        forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
-        summary["peak_spring_force_n"] = _named(springs, np.array(forces))
     if system.stress is not None:
-        low_s, _, high_s, _ = motion.extremes["stress"]
-        stress = np.maximum(np.abs(low_s), np.abs(high_s))
-        where = int(stress.argmax())
-        summary["largest_bending_stress_pa"] = float(stress[where])
+        where = int(largest(motion.extremes["stress"]).argmax())
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
     compared = margins(scenario.limits, summary)
     return {**summary, "margins": compared} if compared else summary
-
-
-def _named(names: list[str], values: Floats) -> dict[str, float]:
-    return {name: float(value) for name, value in zip(names, values, strict=True)}

@@ -11,6 +11,7 @@ from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.structures.stations import StressRows
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 OutputOf = Callable[[Ints], LinearOutput]
@@ -92,3 +93,34 @@ class OutputSet:
         sizes = [output_of(phases).row.shape[0] for output_of in self.groups.values()]
         parts = np.split(values, np.cumsum(sizes)[:-1], axis=1)
         return dict(zip(self.groups, parts, strict=True))
+
+
+def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
+    """The exact flow of a built system; its first observer is the base's acceleration."""
+    observers = () if system.base_acceleration is None else (system.base_acceleration,)
+    return ExactFlow(system.dynamics, system.forcing, duration, observers)
+
+
+def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
+    """Everything that is sampled; the stress is only searched for extremes."""
+    probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
+    snubber_shapes = flow.system.contacts.shape
+    penetration, _ = flow.penetrations()
+    fixed: dict[str, LinearOutput] = {
+        "displacement": displacements(flow, probe_shapes),
+        "velocity": velocities(flow, probe_shapes),
+        "penetration": penetration,
+        "snubber_displacement": displacements(flow, snubber_shapes),
+        "snubber_velocity": velocities(flow, snubber_shapes),
+    }
+    if system.springs:
+        fixed["stretch"] = stretches(flow, system.springs)
+    groups = {name: in_every_state(output) for name, output in fixed.items()}
+    groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, absolute=True)
+    groups["force"] = flow.contact_forces
+    return OutputSet(groups)
+
+
+def in_every_state(output: LinearOutput) -> OutputOf:
+    """An output that does not depend on the contact state."""
+    return lambda phases: output

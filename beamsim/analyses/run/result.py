@@ -27,7 +27,9 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
+ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 _TIME = ("time",)
+_WITH_FINER_MODEL = "relative change with half as many modes more and twice the elements"
 _FREQUENCY = ("frequency_hz",)
 _EVENT = (Counter("event", "number of the contact event"),)
 
@@ -42,6 +44,16 @@ class ProbeHistory:
     absolute_displacement: Floats = dataset("m", "absolute displacement", along=_TIME)
     velocity: Floats = dataset("m/s", "velocity relative to the base", along=_TIME)
     absolute_acceleration: Floats = dataset("m/s^2", "absolute acceleration", along=_TIME)
+    low_passed_acceleration: Floats | None = dataset(
+        "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", along=_TIME, default=None
+    )
+    displacement_change: float | None = attribute(
+        "1", f"of the peak displacement, {_WITH_FINER_MODEL}", name="relative_change", at="displacement", default=None
+    )
+    acceleration_change: float | None = attribute(
+        "1", f"of the peak acceleration, {_WITH_FINER_MODEL}", name="relative_change", at="absolute_acceleration",
+        default=None,
+    )  # fmt: skip
 
 
 @declared
@@ -55,6 +67,9 @@ class SnubberHistory(SnubberNumbers):
         "m", "displacement of the structure at the snubber, relative to the base", along=_TIME
     )
     velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base", along=_TIME)
+    force_change: float | None = attribute(
+        "1", f"of the peak force, {_WITH_FINER_MODEL}", name="relative_change", at="force", default=None
+    )
 
 
 @declared
@@ -251,6 +266,11 @@ _SUMMARY = (
     MARGINS,
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
     *MODES,
+    Entry("convergence", "1", "by figure, and by name of probe or snubber, its relative change with half as many modes "
+             "more and twice the elements", "convergence"),
+    Entry("doubtful", "", "figures that change by more than 2 %: figure.name"),
+    Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out), time at which the sequences "
+             "of contacts part, processor time, and why there is no comparison"),
     Entry("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
              "integral of |power in|", "energy balance error"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
@@ -285,6 +305,10 @@ class RunResult(Result):
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
+
+    low_pass_hz: float | None = attribute(
+        "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None
+    )
 
     @property
     def bodies(self) -> dict[str, BodyResult]:

@@ -1,0 +1,229 @@
+"""Every figure of a run carries its change with a finer model; accelerations may be read through a filter."""
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lsim, zpk2tf
+
+import beamsim
+from beamsim.analyses.run import convergence
+from beamsim.analyses.run.low_pass import filtered, filtered_samples
+from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.result import ALLOWED_CHANGE
+from beamsim.cli.report import table_rows
+from beamsim.flow.transient import simulate
+from beamsim.outcomes import OutcomeCode
+from beamsim.plots.run import run_figures
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+PANEL = {"length": "1.2 m", "bending_stiffness": "2967 N m^2", "mass_per_length": "2.4 kg/m",
+         "damping": {"kind": "modal", "ratio": 0.02}, "supports": {"left": "pinned", "right": "free"}}  # fmt: skip
+
+
+def panel(*, ratio=0.05, **more):
+    """A hinged panel between two pairs of stops, shaken by a half-sine pulse."""
+    damping = {"damping": {"kind": "ratio", "ratio": ratio}} if ratio else {}
+    stops = [
+        {"name": f"{side}_{x}", "position": x, "side": side, "stiffness": "100 kN/m", "gap": "-0.3 mm", **damping}
+        for x in (0.6, 1.2)
+        for side in ("below", "above")
+    ]
+    run = {"duration": "0.06 s"} | more.pop("run", {})
+    pulse = {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms"}
+    return load_scenario({"beam": PANEL, "snubbers": stops, "excitation": pulse, "run": run, **more})
+
+
+def harmonic_beam(**more):
+    return load_scenario(
+        {
+            "beam": {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25,
+                     "damping": {"kind": "modal", "ratio": 0.01}},
+            "snubbers": [{"name": "tip", "position": 0.27, "side": "below", "stiffness": "100 kN/m", "gap": 0}],
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "65 Hz"},
+            "run": {"duration": 0.4} | more.pop("run", {}),
+            **more,
+        }
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def damped():
+    return beamsim.run(panel())
+
+
+def test_acceleration_at_a_dashpot_without_mass_grows_with_the_modes_and_says_so(damped):
+    runs = [beamsim.run(panel(reduction={"modes": n}, run={"convergence": "off"})) for n in (6, 10, 15, 25)]
+    at_tip = [run.summary["peak_acceleration_g"]["below_1.2"] for run in runs]
+    assert all(later > 1.3 * earlier for earlier, later in pairwise(at_tip))
+
+    s = damped.summary
+    assert set(s["doubtful"]) == {f"peak_acceleration_g.{name}" for name in damped.probes}
+    assert min(s["convergence"]["peak_acceleration_g"].values()) > 0.2
+    assert s["reduction_error"] < 1e-8  # which said that all is well
+    for figure in ("peak_displacement_m", "peak_force_n", "contact_share", "largest_gap_m"):
+        assert max(s["convergence"][figure].values()) < 1e-3, figure
+
+
+def test_the_change_is_that_of_the_finer_model_itself(damped):
+    """The same two models, each solved as a run of its own."""
+    modes = damped.summary["kept_modes"]
+    finer = panel(beam=PANEL | {"elements": 40}, reduction={"modes": -(-3 * modes // 2)}, run={"convergence": "off"})
+    other = beamsim.run(finer).summary
+    for figure in ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "largest_gap_m"):
+        for name, a in damped.summary[figure].items():
+            b = other[figure][name]
+            change = abs(a - b) / max(abs(a), abs(b))
+            assert damped.summary["convergence"][figure][name] == pytest.approx(change, rel=1e-5, abs=1e-9)
+
+
+def test_status_table_file_and_pictures_say_so(damped, tmp_path):
+    assert damped.complete  # a note: the displacements and forces are right
+    assert damped.outcome.code is OutcomeCode.FIGURES_DOUBTFUL
+    assert "run.low_pass" in damped.outcome.remedy
+    assert "dashpot" in damped.outcome.remedy
+    rows = list(table_rows("run", damped))
+    assert rows[0] == ("status", damped.status)
+    assert sum("NOT CONVERGED" in text for _, text in rows) == 4
+    path = beamsim.write_result(damped, tmp_path / "run.h5")
+    stored = beamsim.open_run(path)
+    assert stored.outcome == damped.outcome
+    assert stored.summary["convergence"] == damped.summary["convergence"]
+    probe = stored.probes["below_1.2"]
+    assert probe.acceleration_change == damped.summary["convergence"]["peak_acceleration_g"]["below_1.2"]
+    assert probe.displacement_change < 1e-4
+    texts = [text.get_text() for text in run_figures(stored)["acceleration"].axes[0].texts]
+    assert any("not converged" in text for text in texts)
+    assert not any("not converged" in t.get_text() for t in run_figures(stored)["displacement"].axes[0].texts)
+
+
+@pytest.mark.parametrize("remedy", [{"run": {"low_pass": "2 kHz"}}, {"ratio": 0}], ids=["low_pass", "no_dashpot"])
+def test_the_remedies_converge(remedy):
+    result = beamsim.run(panel(**remedy))
+    assert result.summary["doubtful"] == []
+    assert not result.outcome.message
+    assert max(result.summary["convergence"]["peak_acceleration_g"].values()) < 5e-3
+
+
+def test_an_undamped_step_force():
+    case = {
+        "beam": {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25},
+        "excitation": {"kind": "step", "applied_to": {"position": 0.27}, "level": "1 N"},
+        "probes": [{"name": "tip", "position": 0.27}],
+        "run": {"duration": 0.05},
+    }
+    s = beamsim.run(load_scenario(case)).summary
+    assert s["doubtful"] == ["peak_acceleration_g.tip"]
+    assert s["convergence"]["peak_acceleration_g"]["tip"] > 0.2
+    assert s["convergence"]["peak_displacement_m"]["tip"] < 1e-3
+    case["run"]["low_pass"] = "1 kHz"
+    assert beamsim.run(load_scenario(case)).summary["doubtful"] == []
+
+
+def test_all_modes_kept_leaves_nothing_to_compare():
+    run = {"duration": 10, "start": {"mode": 1, "amplitude": 1}}
+    case = {"chain": {"masses": [1, 1], "springs": [1, 1, 0]}, "run": run}
+    s = beamsim.run(load_scenario(case)).summary
+    assert s["convergence_model"]["modes"] == 0
+    assert set(s["convergence"]["peak_displacement_m"].values()) == {0.0}
+    reduced = beamsim.run(load_scenario(case | {"reduction": {"modes": 1}}))
+    assert reduced.summary["convergence_model"]["modes"] == 2
+
+
+def test_off_and_studies():
+    assert "convergence" not in beamsim.run(harmonic_beam(run={"convergence": "off"})).summary
+    from beamsim.analyses.designs.analysis import plan_designs
+    from beamsim.analyses.designs.cases import case_scenario
+
+    vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
+    tasks = plan_designs(harmonic_beam(vary=vary)).tasks
+    assert case_scenario(tasks[0]).run.convergence == "off"
+    tasks = plan_designs(harmonic_beam(vary=vary, run={"convergence": "on"})).tasks
+    assert case_scenario(tasks[0]).run.convergence == "on"
+
+
+def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statistically_after():
+    """A hard stop beside a strongly shaken beam: no two models bounce alike for long, yet both are good."""
+    stop = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "1000 kN/m", "gap": "1 mm"}
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": "10 g", "frequency": "75 Hz"}
+    case = harmonic_beam(run={"duration": 4.0}, excitation=shaken, snubbers=[stop])
+    result = beamsim.run(case)
+    s = result.summary
+    parted = s["convergence_model"]["sequences_part_s"]
+    assert 0.0 < parted < 1.0
+    finer = beamsim.run(case.refined(-(-3 * s["kept_modes"] // 2))).summary
+    direct = abs(s["peak_acceleration_g"]["tip"] / finer["peak_acceleration_g"]["tip"] - 1)
+    assert direct > ALLOWED_CHANGE  # the largest of all peaks is a matter of chance
+    assert s["convergence"]["peak_acceleration_g"]["tip"] != pytest.approx(direct, rel=1e-3)
+    assert s["convergence"]["peak_displacement_m"]["tip"] < ALLOWED_CHANGE
+    assert "peak_acceleration_g.tip" not in s["doubtful"]
+    rows = dict(table_rows("run", result))
+    assert rows["peak acceleration"].endswith("within its scatter")
+
+
+def test_a_model_of_one_mode_is_told_from_a_good_one():
+    """The comparison can fail: half a model changes its displacements."""
+    s = beamsim.run(harmonic_beam(reduction={"modes": 1}, excitation={
+        "kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "300 Hz",
+    })).summary  # fmt: skip
+    assert "peak_displacement_m.tip" in s["doubtful"]
+    assert s["convergence"]["peak_displacement_m"]["tip"] > ALLOWED_CHANGE
+
+
+def test_no_second_solution_is_said(monkeypatch):
+    from beamsim.errors import Problem, ScenarioError
+
+    def fail(scenario):
+        raise ScenarioError(Problem("run.start", "has no equilibrium"))
+
+    monkeypatch.setattr(convergence, "build_system", fail)
+    result = beamsim.run(harmonic_beam(run={"duration": 0.05}))
+    assert result.summary["convergence"] == {}
+    assert result.summary["convergence_model"]["reason"] == "has no equilibrium"
+    assert "unknown: has no equilibrium" in dict(table_rows("run", result))["convergence"]
+
+
+# --- The filter -------------------------------------------------------------------------------------------------------
+
+
+def test_low_pass_of_a_motion_is_that_of_scipy_on_fine_samples():
+    """Against a state-space simulation of SciPy's Butterworth filter, driven by fine exact samples."""
+    scenario = harmonic_beam(reduction={"modes": 4}, run={"duration": 0.05})
+    system = build_system(scenario)
+    flow = exact_flow(system, 0.05)
+    motion = simulate(flow, system.initial_state)
+    output = output_groups(system, flow).groups["acceleration"]
+    times = np.linspace(0.0, 0.05, 400_001)
+    exact, (low, _, high, when) = filtered(motion, output, 1500.0, times[::1000])
+    fine = motion.sample(times, output)[:, 0]
+    z, p, k = butter(4, 2 * np.pi * 1500.0, analog=True, output="zpk")
+    _, expected, _ = lsim(zpk2tf(z, p, k), fine, times)
+    np.testing.assert_allclose(exact[:, 0], expected[::1000], atol=2e-6 * np.abs(expected).max())
+    assert high[0] == pytest.approx(expected.max(), rel=1e-5)
+    assert low[0] == pytest.approx(expected.min(), rel=1e-5)
+    assert when[0] == pytest.approx(times[expected.argmax()], abs=1e-6)
+
+
+def test_low_pass_of_samples_and_its_gain():
+    """A sine at the filter's frequency loses 3 dB, one at ten times it 80 dB."""
+    for ratio, gain in ((0.05, 1.0), (1.0, np.sqrt(0.5)), (10.0, 1e-4)):
+        times = np.linspace(0.0, 0.5, 200_001)
+        history, _ = filtered_samples(times, np.sin(2 * np.pi * 100.0 * ratio * times)[:, None], 100.0)
+        settled = history[times > 0.25, 0]
+        assert np.abs(settled).max() == pytest.approx(gain, rel=2e-3)
+
+
+def test_low_passed_peaks_reach_summary_histories_and_limits():
+    raw, read = (beamsim.run(harmonic_beam(run=r, limits={"peak_acceleration": "30 g"}))
+                 for r in ({"convergence": "off"}, {"convergence": "off", "low_pass": "200 Hz"}))  # fmt: skip
+    a, b = raw.summary["peak_acceleration_g"]["tip"], read.summary["peak_acceleration_g"]["tip"]
+    assert b < 0.7 * a
+    history = read.probes["tip"].low_passed_acceleration
+    assert np.abs(history).max() / 9.80665 == pytest.approx(b, rel=0.02)
+    np.testing.assert_array_equal(read.probes["tip"].absolute_acceleration, raw.probes["tip"].absolute_acceleration)
+    assert read.summary["margins"]["peak_acceleration"]["value"] == pytest.approx(b * 9.80665)
+    assert raw.probes["tip"].low_passed_acceleration is None
+    assert read.low_pass_hz == 200.0
+    assert dataclasses.replace(read, low_pass_hz=None).low_pass_hz is None
