@@ -72,6 +72,14 @@ def run(
     no_plots: NoPlots = False,
     quiet: Quiet = False,
     check: Check = False,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            "--against",
+            metavar="METHOD[:STEP]",
+            help="Compare with a time stepper: newmark:5e-5, hht:5e-5 (step in s) or dop853.",
+        ),
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
@@ -79,6 +87,11 @@ def run(
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_bar
 
+    if against is not None:
+        from beamsim.analyses.run.against import Stepper
+        from beamsim.analyses.run.against import against as compare_with
+
+        stepper = Stepper.parse(against)
     scenario, target = prepared("run", case, set_, output, check=check)
     reporting = Reporting(not no_plots, json, quiet, check)
     bar = progress_bar(f"simulating {case.name}", shown=reporting.progress)
@@ -86,6 +99,8 @@ def run(
         from beamsim.analyses.run.analysis import run as simulate
 
         result = simulate(scenario, progress, interrupted)
+    if against is not None and not interrupted.signal:
+        result = compare_with(result, stepper)
     finish("run", result, target, reporting, interrupted.signal)
 
 

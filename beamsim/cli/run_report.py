@@ -109,7 +109,47 @@ def _solver(result: RunResult, time: float) -> str:
     return f"{counted(s['events'], 'event')}{passed}, processor time {si(time, 's')}"
 
 
+def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Columns: figure and place, the run, the time stepper, the difference; then states, times and cost."""
+    rows: list[tuple[str, ...]] = [("", "exact", compared["method"], "difference")]
+    for figure, places in compared["figures"].items():
+        for place, value in places.items():
+            exact, stepped, unit = value["exact"], value["stepped"], value["unit"]
+            name = f"{figure.replace('_', ' ')} {place}"
+            rows.append(
+                (name, *(_figure(figure, number, unit) for number in (exact, stepped)), _change(exact, stepped))
+            )
+    until = compared["agrees_until_s"]
+    whole = until >= result.time[-1]
+    part = "" if whole else f" until {si(until, 's')}, where the contacts part"
+    state, late = compared["largest_state_difference"], compared["largest_time_difference_s"]
+    rows.append((f"displacement{part}", "", "", percent(state)))
+    if result.snubbers:
+        rows.append((f"times of contacts{part}", "", "", si(late, "s")))
+    costs = compared["exact_processor_time_s"], compared["processor_time_s"]
+    factor = f"{costs[1] / costs[0]:.3g} times" if costs[0] > 0 else ""
+    rows.append(("processor time", *(si(cost, "s") for cost in costs), factor))
+    steps = "steps" if math.isfinite(compared["step_s"]) else "evaluations"
+    rows.append((steps, str(result.work.evaluations), str(compared["steps"]), ""))
+    if compared["unsettled_steps"]:
+        rows.append(("steps without settled contacts", "", str(compared["unsettled_steps"]), ""))
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    for row in rows:
+        yield "", "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+def _figure(figure: str, value: float, unit: str) -> str:
+    if figure == "contacts":
+        return str(round(value))
+    return percent(value, 5) if figure == "time_in_contact" else si(value, unit, 6)
+
+
+def _change(exact: float, stepped: float) -> str:
+    return percent((stepped - exact) / abs(exact)) if exact else si(stepped - exact, "1")
+
+
 TEXTS: Texts = {
+    "against": _against,
     **SHARED,
     "base_correction_share": base_correction,
     "method": _method,

@@ -18,6 +18,7 @@ from beamsim.flow.compiled import njit
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
+AT_ONCE = 1e-10  # of a segment: a function that rises to zero so soon after an event has round-off below zero there
 
 
 class Tables(NamedTuple):
@@ -236,7 +237,7 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
                 scale += size[j, b]
             for q in range(used):
                 scale += forced[j, q] * H**q
-            floors[j] = min(-2.0 * out[j, 0], 1e-9 * scale)
+            floors[j] = min(-2.0 * out[j, 0], max(1e-9 * scale, AT_ONCE * H * out[j, 1]))
 
 
 @njit(cache=True, error_model="numpy")

@@ -24,9 +24,9 @@ class Structure:
 
 
 class Beam:
-    """A uniform Euler-Bernoulli beam of equal cubic elements, dofs (w, w') at each node; held at its left end."""
+    """A uniform Euler-Bernoulli beam of equal cubic elements, dofs (w, w') at each node; ``held`` at its left end."""
 
-    def __init__(self, length, width, thickness, modulus, density, elements, held, point_masses=()):
+    def __init__(self, length, width, thickness, modulus, density, elements, held, point_masses=(), right="free"):
         self.h, self.elements = length / elements, elements
         h, bending, line = self.h, modulus * width * thickness**3 / 12, density * width * thickness
         k = bending / h**3 * np.array(
@@ -41,11 +41,14 @@ class Beam:
         for e in range(elements):
             K[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += k
             M[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += m
-        self.free = {"clamped": slice(2, None), "pinned": slice(1, None)}[held]
+        fixed = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
+        away = [*fixed[held], *(2 * elements + dof for dof in fixed[right])]
+        self.free = np.setdiff1d(np.arange(2 * elements + 2), away)
         for x, mass in point_masses:
             M += mass * np.outer(self.whole_row(x), self.whole_row(x))
         lift = np.tile([1.0, 0.0], elements + 1)
-        self.M, self.K, self.inertia = M[self.free, self.free], K[self.free, self.free], (M @ lift)[self.free]
+        part = np.ix_(self.free, self.free)
+        self.M, self.K, self.inertia = M[part], K[part], (M @ lift)[self.free]
 
     def whole_row(self, x):
         e = min(int(x / self.h * (1 + 1e-12)), self.elements - 1)

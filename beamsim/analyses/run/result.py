@@ -226,6 +226,35 @@ class RandomResponse:
         return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
 
 
+@declared
+class AgainstFigure:
+    """One figure of a run and of a time stepper."""
+
+    figure: str = dataset("1", "what is compared")
+    place: str = dataset("1", "name of the probe or snubber")
+    unit: str = dataset("1", "unit of both values")
+    exact: float = dataset("", "value of the run, in its unit")
+    stepped: float = dataset("", "value of the time stepper, in its unit")
+
+
+@declared
+class Against:
+    """A run compared with a time stepper that shares nothing with the exact flow."""
+
+    method: str = attribute("", "time stepper with its step or tolerance")
+    step_s: float = attribute("s", "step; NaN where the method chooses its own")
+    steps: int = attribute("1", "steps, or evaluations of the equations where the method chooses its steps")
+    unsettled_steps: int = attribute("1", "steps in which no phases of the contacts satisfied all guards")
+    agrees_until_s: float = attribute("s", "time from which the sequences of contacts differ; else the end of the run")
+    largest_state_difference: float = attribute(
+        "1", "largest difference of a probe's displacement until then, over its peak"
+    )
+    largest_time_difference_s: float = attribute("s", "largest difference of the times of contacts until then")
+    processor_time_s: float = attribute("s", "processor time of the time stepper")
+    exact_processor_time_s: float = attribute("s", "processor time of the run's solver")
+    figures: tuple[AgainstFigure, ...] = table("figures", Counter("number", "number of the figure"), default=())
+
+
 def _spectrum_group(spectrum: Spectrum) -> tuple[str, ...]:
     return (spectrum.probe,) if spectrum.quantity == MAIN_QUANTITY else (spectrum.probe, spectrum.quantity)
 
@@ -275,6 +304,8 @@ _SUMMARY = (
              "integral of |power in|", "energy balance error"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
     *CorrectionSize.ENTRIES,
+    Entry("against", "", "differences from a time stepper (`--against`) by figure, and the cost of both",
+          "exact and time stepper"),
     Entry("random", "", "of a random or sampled input, by signal: rms, crest factor, kurtosis and more"),
 )  # fmt: skip
 
@@ -303,6 +334,7 @@ class RunResult(Result):
     modes: ModeTable = group("modes")
     work: Work = group("work")
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
+    against: Against | None = group("against", default=None)  # where a time stepper was asked for
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
 

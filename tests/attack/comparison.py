@@ -1,0 +1,316 @@
+"""One random system: its motion by the package and by `own_model`, and what differs between them.
+
+Compared up to the round-off horizon, the last output before two integrations of our own, with other steps and with
+starts, loads and gaps that differ by 1e-10 of their values, tell different stories: times and contacts of all events,
+displacement of the probe, stored energy, peaks of displacement and of contact forces.
+"""
+
+import time as clock
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from own_model import Equations, model_of
+from random_systems import PERIODS, random_case
+
+MOST_STEPS = 12_000
+OUTPUTS = 40
+PERTURBATION = 1e-10  # of start, loads and gaps, for the second integration
+STORY = 1e-5  # relative difference of our two integrations at which the horizon lies
+RESOLUTION = 1e-9  # of our own integration
+QUIET = {}  # settings of `run` that leave out what is not compared
+
+
+@dataclass
+class Finding:
+    """What came of one system."""
+
+    seed: int
+    features: set
+    outcome: str  # agrees, differs, or why it was not compared
+    differences: list = field(default_factory=list)
+    events: int = 0
+    periods: float = 0.0  # of the first mode, compared
+    share: float = 0.0  # of the intended duration, compared
+    seconds: tuple = (0.0, 0.0)  # ours, theirs
+    finer: int = 1
+
+
+@dataclass(frozen=True)
+class Own:
+    """Our equations and two motions, and by how much these differ."""
+
+    equations: Equations
+    motion: object
+    other: object
+    outputs: np.ndarray  # (k,) indices of the stops that are outputs, up to the horizon
+    apart: np.ndarray  # (nt,) largest difference so far, over the largest state
+    whole: float  # s, intended
+
+    @property
+    def size(self):
+        """Largest norm of the modal displacements, m sqrt(kg)."""
+        return float(np.linalg.norm(self.motion.y[:, : self.equations.n], axis=1).max() / self.equations.scale)
+
+    @property
+    def probe(self):
+        """Norm of the probe's row, 1/sqrt(kg)."""
+        return float(np.linalg.norm(self.equations.model.probes["probe"]))
+
+
+def compare(seed, folder, most_steps=MOST_STEPS):
+    """Draw the system of a seed and compare."""
+    begin = clock.process_time()
+    case, features = random_case(seed, folder)
+    own = own_motion(case, most_steps)
+    middle = clock.process_time()
+    if isinstance(own, str):
+        return Finding(seed, features, own)
+    finding = _against_package(Finding(seed, features, "agrees"), case, own)
+    finding.seconds = (middle - begin, clock.process_time() - middle)
+    return finding
+
+
+def own_motion(case, most_steps=MOST_STEPS):
+    """Our motion of a scenario, or why there is none."""
+    spec = case["excitation"]
+    model = model_of(case, spec["period"] / 1.1 if spec["kind"] == "random" else 1.0)
+    if model is None:
+        return "no equilibrium to start from"
+    equations = Equations(model)
+    fast, slow = equations.periods()
+    longest = {"random": spec.get("period", 0.0) / 1.1, "swept_sine": 0.8 * PERIODS * slow}.get(
+        spec["kind"], PERIODS * slow
+    )
+    if spec["kind"] == "sampled":
+        longest = float(model.inputs.knots[-1]) / 1.05
+    step = fast / 10
+    longest = whole = min(longest, most_steps * step)
+    for _ in range(4):  # a shorter part where the two part early
+        times = longest * np.arange(1, OUTPUTS + 1) / OUTPUTS
+        stops = np.unique(np.concatenate([times, [b for b in model.inputs.breaks if 0 < b < longest]]))
+        motion = equations.move(stops, step, most_steps)
+        other = equations.perturbed(PERTURBATION, motion).move(stops, 0.77 * step, 2 * most_steps)
+        end, apart = _horizon(motion, other, step)
+        outputs = np.flatnonzero(np.isin(stops[: apart.size], times) & (stops[: apart.size] <= end))
+        if outputs.size > OUTPUTS // 4:
+            return Own(equations, motion, other, outputs, apart, whole)
+        longest *= max(outputs.size, 1) / OUTPUTS
+        step = min(step, longest / OUTPUTS)
+    return "parts at once"
+
+
+def _horizon(motion, other, step):
+    """Until when our two motions tell the same story, and (nt,) how far apart they are until each stop."""
+    count = min(motion.time.size, other.time.size)
+    if count == 0:
+        return 0.0, np.zeros(0)
+    scale = np.abs(motion.y[:count]).max() or 1.0
+    apart = np.maximum.accumulate(np.abs(motion.y[:count] - other.y[:count]).max(axis=1) / scale)
+    end = float(motion.time[count - 1])
+    far = np.flatnonzero(~(apart < STORY))
+    if far.size:
+        end = float(motion.time[far[0] - 1]) if far[0] else 0.0
+    both = [(m.event_time, m.event_contact, m.event_phase) for m in (motion, other)]
+    for contact in np.unique(np.concatenate([motion.event_contact, other.event_contact])):
+        (t1, p1), (t2, p2) = ((t[j == contact], p[j == contact]) for t, j, p in both)
+        n = min(t1.size, t2.size)
+        wrong = np.flatnonzero((p1[:n] != p2[:n]) | (np.abs(t1[:n] - t2[:n]) > 0.05 * step))
+        if wrong.size:
+            end = min(end, 0.999 * t1[wrong[0]], 0.999 * t2[wrong[0]])
+        elif t1.size != t2.size:
+            end = min(end, 0.999 * (t1 if t1.size > n else t2)[n])
+    return end, apart
+
+
+def _against_package(finding, case, own):
+    import beamsim
+
+    time = own.motion.time
+    end = float(time[own.outputs[-1]])
+    count = own.outputs.size
+    fastest = max(
+        [t["frequency"] for t in case["excitation"].get("tones", ())] + [case["excitation"].get("frequency", 0.0)]
+    )
+    finding.finer = int(np.ceil(max(2.5 * fastest * end / count, 1.0)))  # outputs of the package for each of ours
+    run = {**case["run"], **QUIET, "duration": end, "sample_rate": finding.finer * count / end}
+    try:
+        result = beamsim.run(beamsim.Scenario.model_validate({**case, "run": run}))
+    except Exception as error:
+        finding.outcome, finding.differences = "differs", [f"{type(error).__name__}: {error}"]
+        return finding
+    finding.differences += [f"outcome: {result.status}"] if not result.complete else []
+    error = result.summary["energy_error"]
+    if not error < 1e-8:
+        finding.differences.append(f"energy error {error:.3g}")
+    slack = 5 * own.apart[own.outputs] + RESOLUTION
+    finding.events = int(np.sum(own.motion.event_time < end))
+    finding.differences += [
+        *_events(own, result, end),
+        *_states(own, result, slack, finding.finer),
+        *_peaks(own, result, slack[-1]),
+    ]
+    finding.periods, finding.share = end / own.equations.periods()[1], end / own.whole
+    if finding.differences:
+        finding.outcome = "differs"
+    return finding
+
+
+def _events(own, result, end):
+    """Contacts and times of the snubbers' events, and the number of bends passed; those at t = 0 do not count."""
+    found = []
+    names = [c.name for c in own.equations.model.contacts]
+    edge, begin = end * (1 - 1e-9), 1e-7 * end  # a motion that starts at zero gap closes at 0 or as soon as it is felt
+    for j, name in enumerate(names):
+        ours, other = (
+            (m.event_time[m.event_contact == j], m.event_phase[m.event_contact == j]) for m in (own.motion, own.other)
+        )
+        keep = (ours[0] > begin) & (ours[0] < edge)
+        t, phase, perturbed = ours[0][keep], ours[1][keep], other[0][: keep.size][keep[: other[0].size]]
+        if name not in result.snubbers:
+            continue
+        mine = (result.events.snubber == list(result.snubbers).index(name)) & (result.events.time > begin)
+        mine &= result.events.time < edge
+        theirs, closing = result.events.time[mine], result.events.closing[mine]
+        if t.size != theirs.size or not np.array_equal(phase == 1, closing):
+            n = min(t.size, theirs.size)
+            apart = np.flatnonzero(np.abs(t[:n] - theirs[:n]) > 1e-6 * end)
+            first = apart[0] if apart.size else n
+            at = min([x[first] for x in (t, theirs) if first < x.size], default=end)
+            found.append(
+                f"{name}: {t.size} events of ours, {theirs.size} of the package; they part at {at:.9g} of {end:.6g} s"
+            )
+        elif t.size:
+            allowed = np.maximum.accumulate(5 * np.abs(t - perturbed) + 1e-7 * end)
+            late = np.abs(t - theirs) / allowed
+            if late.max() > 1:
+                k = int(np.argmax(late > 1))
+                found.append(f"{name}: event {k + 1} of {t.size} at {t[k]:.12g} s is at {theirs[k]:.12g} s")
+    bends = {j for j, c in enumerate(own.equations.model.contacts) if c.slopes}
+    passed = sum(j in bends and t < edge for t, j in zip(own.motion.event_time, own.motion.event_contact, strict=True))
+    listed = result.summary.get("breakpoints_passed", 0)
+    listed = sum(listed.values()) if isinstance(listed, dict) else listed
+    if passed != listed:
+        found.append(f"{passed} bends passed, {listed} by the package")
+    return found
+
+
+def _states(own, result, slack, finer):
+    """Displacement of the probe and stored energy at the outputs."""
+    found = []
+    equations, motion = own.equations, own.motion
+    ours = equations.displacement(motion.y[own.outputs], "probe")
+    theirs = result.probes["probe"].displacement[finer::finer]
+    error = np.abs(ours - theirs)
+    allowed = slack * own.probe * own.size
+    if np.any(~(error <= allowed)):
+        k = int(np.argmax(~(error <= allowed)))
+        found.append(
+            f"displacement at {motion.time[own.outputs[k]]:.6g} s: {ours[k]:.9g} m, {theirs[k]:.9g} m by the package"
+        )
+    stored = equations.stored(motion)[own.outputs]
+    energy = result.energy.stored[finer::finer]
+    largest = max(np.abs(stored).max(), np.abs(energy).max(), 1e-300)
+    wrong = ~(np.abs(stored - energy) <= 5 * slack * largest)
+    if np.any(wrong):
+        k = int(np.argmax(wrong))
+        found.append(
+            f"stored energy at {motion.time[own.outputs[k]]:.6g} s: {stored[k]:.9g} J, {energy[k]:.9g} J by the package"
+        )
+    return found
+
+
+def _peaks(own, result, slack):
+    """Largest displacement of the probe and contact forces until the end."""
+    found = []
+    equations, motion = own.equations, own.motion
+    largest = motion.largest[own.outputs[-1]]
+    size, allowed = own.size, slack * own.probe * own.size
+    pairs = [
+        ("largest displacement", largest[0], result.summary["max_displacement_m"]["probe"], allowed),
+        ("smallest displacement", -largest[1], result.summary["min_displacement_m"]["probe"], allowed),
+    ]
+    k = 2
+    speed = np.linalg.norm(motion.y[:, equations.n : 2 * equations.n], axis=1).max()
+    for contact in equations.model.contacts:
+        if contact.slopes:
+            continue
+        allowed = slack * np.linalg.norm(contact.row) * (contact.stiffness * size + contact.dashpot * speed)
+        theirs = result.summary["peak_force_n"][contact.name]
+        pairs.append((f"{contact.name}: largest force", max(largest[k], 0.0), max(theirs, 0.0), allowed))
+        k += 1
+    for name, ours, theirs, allowed in pairs:
+        if not abs(ours - theirs) <= allowed + 1e-7 * abs(ours):
+            found.append(f"{name}: {ours:.9g}, {theirs:.9g} by the package")
+    return found
+
+
+def caught(seeds, folder, most_steps=3000):
+    """The first difference in events or states of the systems of some seeds, '' where there is none.
+
+    Without what makes a result of a motion: extremes, energies and spectra. For kernels that run as plain Python.
+    """
+    for seed in seeds:
+        case, _ = random_case(seed, folder)
+        if case["excitation"]["kind"] in ("sampled", "random"):
+            continue
+        own = own_motion(case, most_steps)
+        if isinstance(own, str) or not 1 <= own.motion.event_time.size <= 60:
+            continue
+        try:
+            bare = _Bare(case, float(own.motion.time[own.outputs[-1]]), own)
+        except Exception as error:
+            return f"seed {seed}: {type(error).__name__}: {error}"
+        found = [*_events(own, bare, bare.end), *bare.states(5 * own.apart[own.outputs] + 1e-7)]
+        if found:
+            return f"seed {seed}: {found[0]}"
+    return ""
+
+
+class _Bare:
+    """A motion of the package with what `_events` asks a result for."""
+
+    def __init__(self, case, end, own):
+        from types import SimpleNamespace
+
+        import beamsim
+        from beamsim.analyses.run.analysis import exact_flow
+        from beamsim.flow.transient import simulate
+        from beamsim.system.build import build_system
+
+        tones = case["excitation"].get("tones", [case["excitation"]])
+        rate = 400 / end + 3 * max(tone.get("frequency", 0.0) for tone in tones)
+        run = {**case["run"], "duration": end, "sample_rate": rate}
+        scenario = beamsim.Scenario.model_validate({**case, "run": run})
+        system = build_system(scenario)
+        trajectory = simulate(exact_flow(system, end), system.initial_state, max_events=2000, max_evaluations=200_000)
+        self.end, self.own = end, own
+        count = len(system.snubbers)
+        real = trajectory.event_contact < count
+        self.snubbers = [s.name for s in system.snubbers]
+        self.events = SimpleNamespace(
+            snubber=trajectory.event_contact[real],
+            time=trajectory.event_time[real],
+            closing=trajectory.event_closing[real],
+        )
+        self.summary = {"breakpoints_passed": int(np.sum(~real))}
+        self.displacement = trajectory.states_at(own.motion.time[own.outputs])[:, : system.probes[0].shape.size]
+        self.displacement = self.displacement @ system.probes[0].shape
+
+    def states(self, slack):
+        own = self.own
+        ours = own.equations.displacement(own.motion.y[own.outputs], "probe")
+        error = np.abs(ours - self.displacement)
+        return ["displacement differs"] if np.any(~(error <= slack * own.size * own.probe)) else []
+
+
+def summarise(findings):
+    """Counts of outcomes, of features among what was compared, and of features among what differs."""
+    outcomes, features, differing = Counter(), Counter(), Counter()
+    for finding in findings:
+        outcomes[finding.outcome] += 1
+        if finding.outcome in ("agrees", "differs"):
+            features.update(finding.features)
+            if finding.differences:
+                differing.update(finding.features)
+    return outcomes, features, differing

@@ -1,0 +1,675 @@
+"""A scenario as equations of motion, from its plain YAML mapping alone: the package is not imported here.
+
+Bodies are assembled without reduction from the textbook's matrices, contact laws are written as forces between places,
+inputs as functions of time. What is made of a mapping is a `Model`, which `move` integrates by `dense_stepper`.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from dense_stepper import Inputs, Linear, integrate
+from independent import Beam
+from scipy.interpolate import CubicSpline, PPoly
+from scipy.linalg import eigh
+
+ROUND_OFF = 2e-15  # of the size of a motion, in its penetrations
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A law between a place (or two) and its surroundings.
+
+    One-sided: penetration delta = -gap - sign (row @ x + felt d); the push on the structure along the row is sign N.
+    Piecewise linear: stretch s = row @ x + felt d, the pull beyond the linear part -(f(s) - k0 s) along the row.
+    """
+
+    name: str
+    law: str  # kelvin_voigt, no_tension, piecewise_linear
+    row: np.ndarray  # (n,)
+    sign: float = 1.0
+    felt: float = 0.0  # 1: on the ground, so that the base's displacement counts
+    stiffness: float = 0.0
+    dashpot: float = 0.0
+    gap: float = 0.0
+    bends: tuple = ()
+    slopes: tuple = ()
+
+    @property
+    def relaxing(self):
+        """Whether its face moves by itself when it is released."""
+        return self.law == "no_tension" and self.dashpot > 0
+
+    @property
+    def phases(self):
+        return len(self.slopes) if self.slopes else 2
+
+    def segment_at(self, stretch):
+        return int(np.searchsorted(self.bends, stretch, side="right"))
+
+    @property
+    def slope_at_rest(self):
+        """Of the smaller one where zero is a bend."""
+        at = int(np.searchsorted(self.bends, 0.0, side="left"))
+        if at < len(self.bends) and self.bends[at] == 0.0 and self.slopes[at + 1] < self.slopes[at]:
+            at += 1
+        return self.slopes[at]
+
+    def line(self, segment):
+        """(slope, force at zero stretch) of a segment of the piecewise-linear force, zero at zero stretch."""
+        points, force = [0.0], [0.0]
+        at = self.segment_at(0.0)
+        if segment >= at:
+            for i in range(at, segment):
+                force.append(force[-1] + self.slopes[i] * (self.bends[i] - points[-1]))
+                points.append(self.bends[i])
+        else:
+            for i in range(at, segment, -1):
+                force.append(force[-1] + self.slopes[i] * (self.bends[i - 1] - points[-1]))
+                points.append(self.bends[i - 1])
+        return self.slopes[segment], force[-1] - self.slopes[segment] * points[-1]
+
+    def energy(self, segment, stretch):
+        """Energy of the piecewise-linear force less that of its linear part."""
+        ends = np.sort([0.0, stretch])
+        points = np.unique([*ends, *(b for b in self.bends if ends[0] < b < ends[1])])
+        total = 0.0
+        for a, b in pairwise(points):
+            slope, zero = self.line(self.segment_at(0.5 * (a + b)))
+            total += slope * (b * b - a * a) / 2 + zero * (b - a)
+        return (total if stretch > 0 else -total) - self.slope_at_rest * stretch**2 / 2
+
+
+@dataclass(frozen=True)
+class Model:
+    """Mass-normalised modal coordinates of the open structure, all of them."""
+
+    omega: np.ndarray  # (n,)
+    damping: np.ndarray  # (n, n)
+    constant: np.ndarray  # (n,)
+    loads: np.ndarray  # (C, n) per unit of each input
+    contacts: tuple  # rows in modal coordinates
+    probes: dict  # name -> (n,)
+    inputs: Inputs
+    start: np.ndarray  # (2 n,)
+
+
+# -- structures --------------------------------------------------------------------------------------------------------
+
+
+class Body:
+    """Matrices of one body, and the row of a place on it."""
+
+    def __init__(self, spec):
+        if "masses" in spec:
+            self._chain(spec)
+        else:
+            self._beam(spec)
+        squares, shapes = eigh(self.K, self.M)
+        squares[: self.rigid] = 0.0
+        omega = np.sqrt(np.maximum(squares, 0.0))
+        damping = spec.get("damping", {})
+        modal = np.zeros(omega.size)
+        if damping.get("kind") == "modal":
+            ratios = np.atleast_1d(damping["ratio"])
+            modal = 2 * np.append(ratios, np.full(omega.size, ratios[-1]))[: omega.size] * omega
+        elif damping.get("kind") == "rayleigh":
+            modal = damping.get("mass", 0.0) + damping.get("stiffness", 0.0) * omega**2
+        back = self.M @ shapes
+        self.C = self.C + (back * modal) @ back.T
+
+    def _beam(self, spec):
+        if "bending_stiffness" in spec:
+            width = 12 * spec["bending_stiffness"]
+            numbers = (width, 1.0, 1.0, spec["mass_per_length"] / width)
+        else:
+            numbers = (spec["width"], spec["thickness"], spec["youngs_modulus"], spec["density"])
+        supports = {"left": "clamped", "right": "free", **spec.get("supports", {})}
+        masses = [(m["position"], m["mass"]) for m in spec.get("point_masses", ())]
+        ends = (supports["left"], supports["right"])
+        beam = Beam(spec["length"], *numbers, spec["elements"], ends[0], masses, ends[1])
+        self.beam, self.M, self.K, self.inertia = beam, beam.M, beam.K, beam.inertia
+        self.rigid = {
+            ("free", "free"): 2, ("pinned", "free"): 1, ("free", "pinned"): 1, ("guided", "free"): 1,
+            ("free", "guided"): 1, ("guided", "guided"): 1,
+        }.get(ends, 0)  # fmt: skip
+        self.C = np.zeros_like(self.M)
+        if spec.get("damping", {}).get("kind") == "viscous":
+            bare = Beam(spec["length"], *numbers, spec["elements"], ends[0], (), ends[1])
+            line = numbers[3] * numbers[0] * numbers[1]
+            self.C = spec["damping"]["coefficient"] / line * bare.M
+        self.ground = np.zeros(len(self.M))
+        self.springs = ()
+
+    def _chain(self, spec):
+        masses, springs = np.array(spec["masses"], dtype=float), list(spec["springs"])
+        n = masses.size
+        springs += [0.0] * (n + 1 - len(springs))
+        dashpots = list(spec.get("dashpots", ())) or [0.0] * (n + 1)
+        dashpots += [0.0] * (n + 1 - len(dashpots))
+        stretch = np.eye(n + 1, n) - np.eye(n + 1, n, -1)
+        self.M = np.diag(masses)
+        self.K = stretch.T @ np.diag(springs) @ stretch
+        self.C = stretch.T @ np.diag(dashpots) @ stretch
+        self.inertia, self.beam = masses, None
+        self.ground = np.zeros(n)
+        bent = []
+        for spring in (*spec.get("springs_to_ground", ()), *spec.get("springs_between", ())):
+            grounded = "mass" in spring
+            row = np.zeros(n)
+            if grounded:
+                row[spring["mass"] - 1] = 1.0
+            else:
+                low, high = sorted(spring["masses"])
+                row[low - 1], row[high - 1] = -1.0, 1.0
+            if spring["kind"] == "linear":
+                slope = spring["stiffness"]
+            else:
+                contact = Contact(
+                    "", "piecewise_linear", row, felt=float(grounded), bends=tuple(spring["breakpoints"]),
+                    slopes=tuple(spring["stiffnesses"]),
+                )  # fmt: skip
+                slope = contact.slope_at_rest
+                bent.append(contact)
+            self.K = self.K + slope * np.outer(row, row)
+            if grounded:
+                self.ground -= slope * row
+        self.springs = tuple(bent)
+        values = np.linalg.eigvalsh(self.K)
+        self.rigid = int(np.sum(values < 1e-12 * max(values[-1], 1e-300)))
+
+    def row(self, place):
+        if self.beam is not None:
+            return self.beam.row(place["position"])
+        return np.eye(len(self.M))[place["mass"] - 1]
+
+    def field(self, numbers):
+        """Coordinates of an initial field: a polynomial that the supports and cubic elements allow, or a list."""
+        if not numbers:
+            return np.zeros(len(self.M))
+        if self.beam is None:
+            return np.array(numbers, dtype=float)
+        polynomial = np.polynomial.Polynomial(numbers)
+        x = self.beam.h * np.arange(self.beam.elements + 1)
+        both = np.stack([polynomial(x), polynomial.deriv()(x)], axis=1).ravel()
+        return both[self.beam.free]
+
+
+class Structure:
+    """All bodies of a scenario in open modal coordinates."""
+
+    def __init__(self, case):
+        specs = case.get("bodies") or {"": case.get("beam") or case["chain"]}
+        self.bodies = {name: Body(spec) for name, spec in specs.items()}
+        sizes = [len(body.M) for body in self.bodies.values()]
+        ends = np.cumsum([0, *sizes])
+        self.parts = {name: slice(a, b) for name, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
+        size = int(ends[-1])
+        M, K, C = np.zeros((3, size, size))
+        self.inertia, self.ground = np.zeros((2, size))
+        for name, body in self.bodies.items():
+            part = self.parts[name]
+            M[part, part], K[part, part], C[part, part] = body.M, body.K, body.C
+            self.inertia[part], self.ground[part] = body.inertia, body.ground
+        self.rigid = sum(body.rigid for body in self.bodies.values())
+        squares, self.shapes = eigh(K, M)
+        squares[: self.rigid] = 0.0
+        self.omega = np.sqrt(np.maximum(squares, 0.0))
+        self.damping = self.shapes.T @ C @ self.shapes
+        self.M = M
+
+    def row(self, place):
+        """(n,) deflection at a place in modal coordinates."""
+        place = place.get("at", place)
+        name = place.get("body", next(iter(self.bodies)))
+        row = np.zeros(len(self.M))
+        row[self.parts[name]] = self.bodies[name].row(place)
+        return row @ self.shapes
+
+    def modal(self, load):
+        return self.shapes.T @ load
+
+    def coordinates(self, field):
+        """Modal coordinates of a field given in the bodies' own."""
+        return self.shapes.T @ (self.M @ field)
+
+
+# -- contacts ----------------------------------------------------------------------------------------------------------
+
+
+def contacts_of(case, structure):
+    """Snubbers in the scenario's order, then piecewise-linear springs; gaps that follow from preloads are 0 still."""
+    found, preloads = [], []
+    snubbers = [*case.get("snubbers", ()), *case.get("chain", {}).get("snubbers", ())]
+    for i, snubber in enumerate(snubbers):
+        if "between" in snubber:
+            first, second = snubber["between"]
+            if not isinstance(first, dict):
+                first, second = ({"mass": number} for number in sorted((first, second)))
+            row, felt = structure.row(second) - structure.row(first), 0.0
+            sign = 1.0 if snubber.get("resists", "approach") == "approach" else -1.0
+        else:
+            row, felt = structure.row(snubber), float(snubber.get("mounted_on") == "ground")
+            sign = 1.0 if snubber["side"] == "below" else -1.0
+        k, damping = snubber["stiffness"], snubber.get("damping", {})
+        c = damping.get("coefficient", 0.0)
+        if damping.get("kind") == "ratio":
+            squares = np.linalg.eigvalsh(np.diag(structure.omega**2) + k * np.outer(row, row))
+            restrained = structure.rigid - int(np.any(np.abs(row[: structure.rigid]) > 1e-9 * np.abs(row).max()))
+            c = 2 * damping["ratio"] * k / np.sqrt(squares[restrained])
+        law = snubber.get("law", "kelvin_voigt")
+        name = snubber.get("name", f"snubber_{i + 1}")
+        found.append(Contact(name, law, row, sign, felt, k, c, snubber.get("gap", 0.0)))
+        preloads.append(snubber.get("preload"))
+    for name, body in structure.bodies.items():
+        for spring in body.springs:
+            whole = np.zeros(len(structure.M))
+            whole[structure.parts[name]] = spring.row
+            found.append(Contact(**{**vars(spring), "row": whole @ structure.shapes}))
+            preloads.append(None)
+    return found, preloads
+
+
+def equilibrium(structure, contacts, load, pushes=None):
+    """Rest under a constant load by Newton's method on the piecewise-linear equations, the base at rest.
+
+    ``pushes`` : (m,) constant contact forces instead of a law's, nan where the law acts.
+    """
+    pushes = np.full(len(contacts), np.nan) if pushes is None else pushes
+    x = np.zeros(structure.omega.size)
+    for damping in (1.0, 0.5):
+        for _ in range(100):
+            K, r = np.diag(structure.omega**2), load - structure.omega**2 * x
+            for c, push in zip(contacts, pushes, strict=True):
+                if np.isfinite(push):
+                    r = r + c.sign * push * c.row
+                elif c.slopes:
+                    stretch = c.row @ x
+                    slope, zero = c.line(c.segment_at(stretch))
+                    K = K + (slope - c.slope_at_rest) * np.outer(c.row, c.row)
+                    r = r - (slope * stretch + zero - c.slope_at_rest * stretch) * c.row
+                else:
+                    delta = -c.gap - c.sign * (c.row @ x)
+                    if delta > 0:
+                        K = K + c.stiffness * np.outer(c.row, c.row)
+                        r = r + c.sign * c.stiffness * delta * c.row
+            if np.abs(np.linalg.eigvalsh(K)).min() < 1e-13 * np.abs(K).max():
+                return None
+            step = np.linalg.solve(K, r)
+            x = x + damping * step
+            if np.linalg.norm(step) <= 1e-13 * np.linalg.norm(x) or not np.any(x):
+                return x
+    return None
+
+
+# -- inputs ------------------------------------------------------------------------------------------------------------
+
+NOTHING = (np.zeros(1), np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(2), np.zeros((0, 1, 1)))
+
+
+def sines(amplitude, omega, phase, quantity):
+    """A force, or the base's acceleration, velocity and displacement without drift, from sines of one of them."""
+    amplitude, omega, phase = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (amplitude, omega, phase))
+    if quantity == "force":
+        return Inputs(0, np.zeros(1), omega, amplitude[None], phase[None], np.zeros(2), np.zeros((1, 1, 1)))
+    power = {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
+    amplitudes = np.array([amplitude * omega ** (power - i) for i in range(3)])
+    phases = np.array([phase + (power - i) * np.pi / 2 for i in range(3)])
+    return Inputs(0, np.zeros(1), omega, amplitudes, phases, np.zeros(2), np.zeros((3, 1, 1)))
+
+
+def pieces(spline, quantity, start=(0.0, 0.0), kink=True):
+    """The same from a spline of the force or acceleration, with the velocity and displacement at its start."""
+    if quantity == "force":
+        curves = [spline]
+    else:
+        velocity = _from(spline.antiderivative(), start[0])
+        curves = [spline, velocity, _from(velocity.antiderivative(), start[1])]
+    most = max(curve.c.shape[0] for curve in curves)
+    table = np.array([np.vstack([np.zeros((most - curve.c.shape[0], curve.c.shape[1])), curve.c]) for curve in curves])
+    empty = np.zeros((len(curves), 0))
+    return Inputs(3, np.zeros(1), np.zeros(0), empty, empty, spline.x, table, tuple(spline.x[1:-1]))
+
+
+def _from(curve, value):
+    c = curve.c.copy()
+    c[-1] += value
+    return PPoly(c, curve.x)
+
+
+def random_lines(spec, duration):
+    """Frequencies (rad/s), amplitudes and phases of the sines with the density of the table, cos(w t + phase)."""
+    points = np.array([(p["frequency"], p["density"]) for p in spec["psd"]])
+    period = spec.get("period", duration)
+    count = int(np.ceil(period * spec.get("sample_rate", 20 * points[-1, 0])))
+    f = np.arange(count // 2 + 1) / period
+    phase = np.random.default_rng(spec.get("seed", 0)).uniform(0, 2 * np.pi, f.size)
+    inside = (f >= points[0, 0] * (1 - 1e-12)) & (f <= points[-1, 0] * (1 + 1e-12))
+    density = np.exp(np.interp(np.log(f[inside]), np.log(points[:, 0]), np.log(points[:, 1])))
+    return 2 * np.pi * f[inside], np.sqrt(2 * density / period), phase[inside], count / period
+
+
+def inputs_of(case, duration):
+    spec = case.get("excitation", {"kind": "none"})
+    kind = spec["kind"]
+    if kind == "none":
+        return Inputs(0, *NOTHING[:1], np.zeros(0), *NOTHING[2:])
+    force = spec["applied_to"] != "base"
+    quantity = "force" if force else spec.get("quantity", "acceleration")
+    C = 1 if force else 3
+    empty = np.zeros((C, 0))
+    if kind == "harmonic":
+        return sines(spec["level"], 2 * np.pi * spec["frequency"], spec.get("phase", 0.0), quantity)
+    if kind == "multi_tone":
+        columns = [[tone.get(key, 0.0) for tone in spec["tones"]] for key in ("level", "frequency", "phase")]
+        return sines(columns[0], 2 * np.pi * np.array(columns[1]), columns[2], quantity)
+    if kind == "step":
+        numbers = np.array([spec["level"], spec.get("time", 0.0)])
+        return Inputs(1, numbers, np.zeros(0), empty, empty, np.zeros(2), np.zeros((C, 1, 1)), (numbers[1],))
+    if kind == "half_sine":
+        numbers = np.array([spec["level"], spec.get("time", 0.0), spec["duration"]])
+        breaks = (numbers[1], numbers[1] + numbers[2])
+        return Inputs(2, numbers, np.zeros(0), empty, empty, np.zeros(2), np.zeros((C, 1, 1)), breaks)
+    if kind == "swept_sine":
+        rate = float(spec["rate"].split()[0]) * np.sign(spec["to"] - spec["from"])
+        numbers = np.array([spec["level"], spec["from"], rate, spec.get("phase", 0.0)])
+        return Inputs(4, numbers, np.zeros(0), empty, empty, np.zeros(2), np.zeros((C, 1, 1)))
+    if kind == "sampled":
+        time, values = np.loadtxt(spec["file"], delimiter=",", skiprows=1).T
+        return pieces(CubicSpline(time - time[0], values), quantity)
+    omega, amplitude, phase, rate = random_lines(spec, duration)
+    time = np.arange(int(np.ceil(duration * rate)) + 2) / rate
+    values = np.cos(np.outer(time, omega) + phase) @ amplitude
+    start = (-np.sum(amplitude / omega * np.cos(phase + np.pi / 2)), -np.sum(amplitude / omega**2 * np.cos(phase)))
+    return pieces(CubicSpline(time, values), quantity, start)
+
+
+# -- the whole ---------------------------------------------------------------------------------------------------------
+
+
+def model_of(case, duration):
+    """The equations of a scenario; None where its start asks for an equilibrium that is not found."""
+    structure = Structure(case)
+    inputs = inputs_of(case, duration)
+    constant = -case.get("gravity", 0.0) * structure.modal(structure.inertia)
+    for force in case.get("constant_forces", ()):
+        constant = constant + force["force"] * structure.row(force)
+    spec = case.get("excitation", {"kind": "none"})
+    loads = np.zeros((inputs.count, structure.omega.size))
+    if inputs.count == 1:
+        loads[0] = structure.row(spec["applied_to"])
+    elif inputs.count == 3:
+        loads[0], loads[2] = -structure.modal(structure.inertia), structure.modal(structure.ground)
+    contacts, preloads = contacts_of(case, structure)
+    if any(p is not None for p in preloads):
+        x = equilibrium(structure, contacts, constant, np.array([np.nan if p is None else p for p in preloads]))
+        if x is None:
+            return None
+        for i, (contact, preload) in enumerate(zip(contacts, preloads, strict=True)):
+            if preload is not None:
+                gap = -preload / contact.stiffness - contact.sign * (contact.row @ x)
+                contacts[i] = Contact(**{**vars(contact), "gap": gap})
+    x, v = np.zeros((2, structure.omega.size))
+    start = case.get("run", {}).get("start", "static_equilibrium")
+    if start == "static_equilibrium":
+        x = equilibrium(structure, contacts, constant)
+    elif "released_force" in start:
+        force = start["released_force"]
+        x = equilibrium(structure, contacts, constant + force["force"] * structure.row(force))
+    elif start != "rest":
+        body = next(iter(structure.bodies.values()))
+        x = structure.coordinates(body.field(start.get("displacement", ())))
+        v = structure.coordinates(body.field(start.get("velocity", ())))
+    if x is None:
+        return None
+    probes = {p["name"]: structure.row(p) for p in case["probes"]}
+    return Model(
+        structure.omega, structure.damping, constant, loads, tuple(contacts), probes, inputs, np.concatenate([x, v])
+    )
+
+
+@dataclass
+class Equations:
+    """A model in the scaled state y = (w x, x', faces w p), w the largest frequency of the open structure."""
+
+    model: Model
+    late: float = 0.0  # m for a unit row: by how much a penetration has passed zero where a contact begins or ends
+
+    def __post_init__(self):
+        m = self.model
+        self.n = m.omega.size
+        self.faces = [i for i, c in enumerate(m.contacts) if c.relaxing]
+        self.N = 2 * self.n + len(self.faces)
+        self.scale = max(float(m.omega.max()), 1e-3 * float(self.stiffest()))
+        self.U = m.inputs.count + 1
+
+    def stiffest(self):
+        m = self.model
+        return np.sqrt(
+            np.max(m.omega) ** 2
+            + sum((c.stiffness or max(c.slopes, default=0.0)) * (c.row @ c.row) for c in m.contacts)
+        )
+
+    def penetration(self, contact):
+        """Rows of delta (or stretch) and its rate over y and u."""
+        n, N, U = self.n, self.N, self.U
+        sign = 1.0 if contact.slopes else -contact.sign
+        y, u, rate_y, rate_u = np.zeros(N), np.zeros(U), np.zeros(N), np.zeros(U)
+        y[:n], rate_y[n : 2 * n] = sign * contact.row / self.scale, sign * contact.row
+        u[0] = 0.0 if contact.slopes else -contact.gap
+        if U == 4:
+            u[3], rate_u[2] = sign * contact.felt, sign * contact.felt
+        return y, u, rate_y, rate_u
+
+    def force(self, i, phase):
+        """Rows over y and u of the force along the contact's own direction (a push, or the extra pull of a spring)."""
+        c = self.model.contacts[i]
+        y, u, rate_y, rate_u = self.penetration(c)
+        if c.slopes:
+            slope, zero = c.line(phase)
+            u = u * (slope - c.slope_at_rest)
+            u[0] += zero
+            return y * (slope - c.slope_at_rest), u
+        if phase == 0:
+            return np.zeros(self.N), np.zeros(self.U)
+        return c.stiffness * y + c.dashpot * rate_y, c.stiffness * u + c.dashpot * rate_u
+
+    def linear(self, phases):
+        """The equations of one contact state."""
+        m, n, N, U, s = self.model, self.n, self.N, self.U, self.scale
+        A, B = np.zeros((N, N)), np.zeros((N, U))
+        A[:n, n : 2 * n] = s * np.eye(n)
+        A[n : 2 * n, :n] = -np.diag(m.omega**2) / s
+        A[n : 2 * n, n : 2 * n] = -m.damping
+        B[n : 2 * n, 0] = m.constant
+        B[n : 2 * n, 1:] = m.loads.T
+        for i, phase in enumerate(phases):
+            c = m.contacts[i]
+            y, u = self.force(i, phase)
+            direction = -c.row if c.slopes else c.sign * c.row
+            A[n : 2 * n] += np.outer(direction, y)
+            B[n : 2 * n] += np.outer(direction, u)
+        for k, i in enumerate(self.faces):
+            if phases[i] == 0:
+                A[2 * n + k, 2 * n + k] = -m.contacts[i].stiffness / m.contacts[i].dashpot
+        guards = [guard for i, phase in enumerate(phases) for guard in self.guards(i, phase)]
+        watches = self.watches(phases)
+        G = len(guards)
+        table = [np.array([g[k] for g in guards]).reshape(G, -1) for k in (0, 1, 5, 6)]
+        numbers = [np.array([g[k] for g in guards], dtype=np.int64) for k in (2, 3, 4)]
+        return Linear(
+            A, B, table[0].reshape(G, N), table[1].reshape(G, U), *numbers, table[2].reshape(G, N),
+            table[3].reshape(G, U),
+            np.array([w[0] for w in watches]), np.array([w[1] for w in watches]),
+        )  # fmt: skip
+
+    def guards(self, i, phase):
+        """(row over y, over u, contact, next phase, entry reset, its row over y, over u) of each guard of a contact."""
+        c = self.model.contacts[i]
+        y, u, rate_y, rate_u = self.penetration(c)
+        nothing = (-1, np.zeros(self.N), np.zeros(self.U))
+        one = np.eye(self.U)[0]
+        late = self.late * np.linalg.norm(c.row) * one
+        if c.slopes:
+            found = []
+            if phase > 0:
+                found.append((y, u - c.bends[phase - 1] * one, i, phase - 1, *nothing))
+            if phase < len(c.bends):
+                found.append((-y, c.bends[phase] * one - u, i, phase + 1, *nothing))
+            return found
+        if not c.relaxing:
+            return [(-y, late - u, i, 1, *nothing)] if phase == 0 else [(y, u + late, i, 0, *nothing)]
+        entry = 2 * self.n + self.faces.index(i)
+        if phase == 0:
+            return [(np.eye(self.N)[entry] / self.scale - y, late - u, i, 1, *nothing)]
+        force = c.stiffness * y + c.dashpot * rate_y, c.stiffness * u + c.dashpot * rate_u
+        return [(force[0], force[1] + c.stiffness * late, i, 0, entry, self.scale * y, self.scale * u)]
+
+    def watches(self, phases):
+        """Rows of what is sought the maximum of: each probe's displacement up and down, each one-sided force."""
+        rows = []
+        for row in self.model.probes.values():
+            whole = np.zeros(self.N)
+            whole[: self.n] = row / self.scale
+            rows += [(whole, np.zeros(self.U)), (-whole, np.zeros(self.U))]
+        for i, c in enumerate(self.model.contacts):
+            if not c.slopes:
+                rows.append(self.force(i, phases[i]))
+        return rows
+
+    def start(self):
+        m = self.model
+        y = np.zeros(self.N)
+        y[: self.n], y[self.n : 2 * self.n] = self.scale * m.start[: self.n], m.start[self.n :]
+        return y
+
+    def starting_phases(self, longest):
+        """From the penetration; where that is zero, from the motion a little later, the contact being open."""
+        from dense_stepper import FIT_MATRIX, NODES, Tables, _inputs, _step
+
+        y, m = self.start(), self.model
+        u, inputs = np.empty(self.U), m.inputs
+        packed = (
+            inputs.kind,
+            inputs.numbers,
+            inputs.omega,
+            inputs.amplitude,
+            inputs.phase,
+            inputs.knots,
+            inputs.polynomial,
+        )
+        _inputs(*packed, 0.0, u)
+
+        def phases_of(y, u, undecided):
+            found = []
+            for i, c in enumerate(m.contacts):
+                row_y, row_u, _, _ = self.penetration(c)
+                value = float(row_y @ y + row_u @ u)
+                size = float(np.abs(row_y) @ np.abs(y) + np.abs(row_u) @ np.abs(u))
+                if c.slopes:
+                    nearest = min(c.bends, key=lambda b: abs(b - value))
+                    near = abs(value - nearest) <= 1e-13 * (size + abs(nearest))
+                    found.append(c.segment_at(value))
+                else:
+                    near = abs(value) <= 1e-13 * size or (value == 0.0)
+                    found.append(int(value > 0))
+                if undecided is None and near:
+                    close.append(i)
+            return found
+
+        close = []
+        phases = phases_of(y, u, None)
+        if not close:
+            return phases
+        tables = Tables(self.N, inputs, longest, tuple(c.phases for c in m.contacts))
+        later = list(phases)
+        for i in close:
+            if not m.contacts[i].slopes:
+                later[i] = 0
+        tables.add(tuple(later), self.linear(later))
+        out = np.empty(self.N)
+        level = int(tables.arrays["finest"][0])
+        _step(
+            tables.arrays["F"], (*packed, NODES, FIT_MATRIX), 0, level, longest, 0.0, y, np.empty(self.U),
+            np.empty((self.U - 1, 8)), out,
+        )  # fmt: skip
+        _inputs(*packed, longest * 2.0**-level, u)
+        after = phases_of(out, u, ())
+        for i in close:
+            phases[i] = after[i]
+        return phases
+
+    def move(self, stops, longest, most_steps):
+        """The motion through the stops."""
+        return integrate(
+            self.linear, self.N, [c.phases for c in self.model.contacts], self.model.inputs, longest, self.start(),
+            self.starting_phases(longest), stops, 2 * len(self.model.probes) + self.one_sided, most_steps,
+        )  # fmt: skip
+
+    def perturbed(self, size, motion):
+        """The same with start, loads and gaps changed by so much of their values, and contacts that change late.
+
+        They change where the penetration has passed zero by the round-off of the motion. What is zero stays zero.
+        """
+        rng = np.random.default_rng(1)
+
+        def changed(values):
+            return values * (1 + size * rng.choice([-1.0, 1.0], np.shape(values)))
+
+        m = self.model
+        contacts = tuple(
+            replace(c, gap=float(changed(c.gap)), bends=tuple(changed(np.array(c.bends)))) for c in m.contacts
+        )
+        numbers = {"constant": changed(m.constant), "loads": changed(m.loads), "start": changed(m.start)}
+        largest = np.linalg.norm(motion.y[:, : self.n], axis=1).max(initial=0.0) / self.scale
+        return Equations(replace(m, contacts=contacts, **numbers), late=ROUND_OFF * largest)
+
+    @property
+    def one_sided(self):
+        return sum(not c.slopes for c in self.model.contacts)
+
+    def displacement(self, y, probe):
+        return y[..., : self.n] @ self.model.probes[probe] / self.scale
+
+    def stored(self, motion):
+        """(nt,) kinetic and elastic energy, contacts included."""
+        m, n = self.model, self.n
+        x, v = motion.y[:, :n] / self.scale, motion.y[:, n : 2 * n]
+        total = 0.5 * np.sum(v**2, axis=1) + 0.5 * np.sum((m.omega * x) ** 2, axis=1)
+        u = self.inputs_at(motion.time)
+        for i, c in enumerate(m.contacts):
+            row_y, row_u, _, _ = self.penetration(c)
+            delta = motion.y @ row_y + u @ row_u
+            if c.slopes:
+                total += [c.energy(s, d) for s, d in zip(motion.phases[:, i], delta, strict=True)]
+                continue
+            closed = motion.phases[:, i] == 1
+            total += np.where(closed, 0.5 * c.stiffness * delta**2, 0.0)
+            if c.relaxing:
+                face = motion.y[:, 2 * n + self.faces.index(i)] / self.scale
+                total += np.where(closed, 0.0, 0.5 * c.stiffness * face**2)
+        return total
+
+    def inputs_at(self, time):
+        from dense_stepper import _inputs
+
+        i, out = self.model.inputs, np.empty((time.size, self.U))
+        for k, t in enumerate(time):
+            _inputs(i.kind, i.numbers, i.omega, i.amplitude, i.phase, i.knots, i.polynomial, t, out[k])
+        return out
+
+    def periods(self):
+        """Shortest and longest period of the open structure that counts, s; the shortest of the inputs with it."""
+        m = self.model
+        moving = m.omega[m.omega > 0]
+        i = m.inputs
+        drive = 0.0
+        if i.kind == 0 and i.omega.size:
+            drive = float(i.omega.max())
+        elif i.kind == 2:
+            drive = np.pi / i.numbers[2]
+        elif i.kind == 4:
+            drive = 2 * np.pi * max(i.numbers[1], i.numbers[1] + i.numbers[2])
+        slow = moving.min() if moving.size else self.stiffest()
+        fast = max(m.omega.max(), drive) or slow
+        return 2 * np.pi / fast, 2 * np.pi / slow

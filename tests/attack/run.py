@@ -1,0 +1,159 @@
+"""The whole attack by one command: random systems, mutants, kills, full disks, damaged files, seeded faults.
+
+    python tests/attack/run.py --systems 10000 --mutants 2500 --jobs 1 --seed 1
+
+Prints the counts for each feature and writes them to a file; exit code 1 where anything was found.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import tempfile
+import time
+import warnings
+from collections import Counter
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "helpers"), str(HERE.parents[1])]
+
+PATIENCE = 20.0  # s of processor time for one system
+HANG, FIRST = 120.0, 600.0  # s on the clock; the first systems of a process compile kernels
+
+
+def system(seed):
+    """One random system; a failure of our own counts as one that was not compared."""
+    from comparison import Finding, compare
+
+    warnings.simplefilter("ignore")
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            finding = compare(seed, Path(folder))
+        except Exception as error:
+            finding = Finding(seed, set(), f"our own failure: {type(error).__name__}", [str(error)[:200]])
+    return finding
+
+
+def systems(first, count, jobs, say):
+    """Findings of ``count`` seeds from ``first`` on; where a system does not end, its process is replaced."""
+    from comparison import Finding
+
+    seeds = iter(range(first, first + count))
+    findings, context = [], multiprocessing.get_context("spawn")
+    pools = [context.Pool(1) for _ in range(jobs)]
+    waiting = {}
+    while True:
+        for j, pool in enumerate(pools):
+            if j not in waiting and (seed := next(seeds, None)) is not None:
+                waiting[j] = seed, pool.apply_async(system, (seed,)), time.monotonic()
+        if not waiting:
+            break
+        for j, (seed, answer, begun) in list(waiting.items()):
+            answer.wait(0.2 if jobs > 1 else None if answer.ready() else HANG)
+            if answer.ready():
+                findings.append(answer.get())
+            elif time.monotonic() - begun > (HANG if len(findings) > jobs else FIRST):
+                findings.append(Finding(seed, set(), "does not end", [f"no end within {HANG} s"]))
+                pools[j].terminate()
+                pools[j] = context.Pool(1)
+            else:
+                continue
+            del waiting[j]
+            say("systems", len(findings), count)
+    for pool in pools:
+        pool.terminate()
+    return findings
+
+
+def report_systems(findings):
+    """Lines about the systems, and what is wrong with them."""
+    from comparison import summarise
+
+    outcomes, features, differing = summarise(findings)
+    compared = [f for f in findings if f.outcome in ("agrees", "differs")]
+    periods = sorted(f.periods for f in compared)
+    lines = [f"random systems: {len(findings)}; " + ", ".join(f"{name}: {n}" for name, n in outcomes.most_common())]
+    if compared:
+        longest = [max(f.seconds[k] for f in compared) for k in range(2)]
+        lines.append(
+            f"  {sum(f.events for f in compared)} contact events; median {periods[len(periods) // 2]:.1f} periods "
+            f"of the first mode; longest time of a system: ours {longest[0]:.1f} s, the package {longest[1]:.1f} s"
+        )
+    for name, count in sorted(features.items()):
+        lines.append(f"  {name:<44} {count:>6}" + (f"   differing {differing[name]}" if differing[name] else ""))
+    faults = [f"system {f.seed}: {'; '.join(f.differences)}" for f in findings if f.differences]
+    slow = [f"system {f.seed}: {f.seconds[1]:.1f} s" for f in compared if f.seconds[1] > PATIENCE]
+    return lines, faults + slow
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--systems", type=int, default=10_000)
+    parser.add_argument("--mutants", type=int, default=2500)
+    parser.add_argument("--kills", type=int, default=60)
+    parser.add_argument("--disks", type=int, default=40)
+    parser.add_argument("--damaged", type=int, default=300)
+    parser.add_argument("--faults", type=int, default=12, help="seeded faults of the event search")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--output", type=Path, default=Path("attack.json"))
+    options = parser.parse_args()
+
+    begin, last = time.monotonic(), [0.0]
+
+    def say(what, done, total):
+        now = time.monotonic()
+        if now - last[0] > 20 or done == total:
+            last[0] = now
+            print(f"{what} {done}/{total}, {now - begin:.0f} s", file=sys.stderr, flush=True)
+
+    record, faults = {"seed": options.seed}, []
+
+    def keep(name, lines, found):
+        print("\n".join(lines), flush=True)
+        print("\n".join(f"  FOUND {line}" for line in found), flush=True) if found else None
+        faults.extend(found)
+        record[name] = {"lines": lines, "found": found}
+        options.output.write_text(json.dumps(record, indent=1), encoding="utf-8")
+
+    if options.systems:
+        findings = systems(options.seed * 1_000_000, options.systems, options.jobs, say)
+        keep("systems", *report_systems(findings))
+    if options.mutants:
+        import yaml_mutants
+
+        codes, found = yaml_mutants.attack(
+            options.mutants, options.seed, lambda k, _: say("mutants", k, options.mutants)
+        )
+        keep("mutants", [f"mutants: {options.mutants}; {_counts(codes)}"], found)
+    import adversity
+
+    for name in ("kills", "disks", "damaged"):
+        count = getattr(options, name)
+        if count:
+            codes, found = getattr(adversity, name)(count, options.seed)
+            keep(name, [f"{name}: {count}; {_counts(codes)}"], found)
+    if options.faults:
+        import seeded_faults
+
+        lines, found = [], []
+        for name in ["nothing", *list(seeded_faults.SEEDED)[: options.faults]]:
+            difference = seeded_faults.catch(name, 0, 200)
+            lines.append(f"  seeded fault: {name}: {difference or 'not caught'}")
+            if bool(difference) == (name == "nothing"):
+                found.append(lines[-1].strip())
+            say("seeded faults", len(lines), options.faults + 1)
+        keep("seeded faults", lines, found)
+    print(f"{len(faults)} found in {time.monotonic() - begin:.0f} s; see {options.output}")
+    return 1 if faults else 0
+
+
+def _counts(codes):
+    return ", ".join(f"{code}: {n}" for code, n in sorted(Counter(codes).items(), key=str))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,90 @@
+"""A slice of the attack (`python -m tests.attack` runs all of it), and the cases that it found."""
+
+import sys
+
+import adversity
+import pytest
+import seeded_faults
+import yaml_mutants
+from comparison import compare, own_motion
+from random_systems import random_case
+
+FAST = range(40)
+SLOW = range(1000, 1300)
+
+
+def assert_agreement(seeds, folder):
+    findings = [compare(seed, folder) for seed in seeds]
+    assert [f for f in findings if f.differences] == []
+    return [f for f in findings if f.outcome == "agrees"]
+
+
+def test_random_systems(tmp_path):
+    agreeing = assert_agreement(FAST, tmp_path)
+    assert len(agreeing) > 0.9 * len(FAST)
+    assert sum(f.events for f in agreeing) > 1000
+
+
+@pytest.mark.slow
+def test_more_random_systems(tmp_path):
+    agreeing = assert_agreement(SLOW, tmp_path)
+    features = set().union(*(f.features for f in agreeing))
+    for kind in ("none", "harmonic", "multi_tone", "step", "half_sine", "swept_sine", "sampled", "random"):
+        assert f"input {kind}" in features
+    assert {"two bodies", "no_tension with dashpot", "piecewise_linear", "gap: prestress", "on the ground"} <= features
+
+
+def test_the_same_contact_is_not_counted_twice(tmp_path):
+    """A stop of 1.2 GN/m without dashpot: contacts ended and began anew in the same instant, by round-off."""
+    (finding,) = assert_agreement([291], tmp_path)
+    assert finding.events > 500
+
+
+def test_our_own_motion_has_the_accuracy_it_claims(tmp_path):
+    """Half the step gives the same motion: the twin without which agreement would say nothing."""
+    case, _ = random_case(5, tmp_path)
+    own = own_motion(case)
+    assert own.apart[own.outputs[0]] < 1e-9
+
+
+def test_a_changed_system_differs(tmp_path, monkeypatch):
+    """The comparison can fail: a stiffness that is off by 1e-5 is seen."""
+    import beamsim
+
+    validate = beamsim.Scenario.model_validate
+
+    def changed(case):
+        chain = dict(case["chain"])
+        chain["snubbers"] = [{**s, "stiffness": s["stiffness"] * (1 + 1e-5)} for s in chain["snubbers"]]
+        return validate({**case, "chain": chain})
+
+    seed = next(s for s in range(100) if "chain" in random_case(s, tmp_path)[0] and compare(s, tmp_path).events > 20)
+    monkeypatch.setattr(beamsim.Scenario, "model_validate", changed)
+    assert compare(seed, tmp_path).differences
+
+
+def test_mutated_scenarios():
+    codes, faults = yaml_mutants.attack(25, 7)
+    assert faults == []
+    assert codes[2] > 0
+
+
+@pytest.mark.slow
+def test_more_mutated_scenarios():
+    codes, faults = yaml_mutants.attack(200, 8)
+    assert faults == []
+    assert codes[2] > 20
+    assert codes[0] + codes[3] > 20
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
+def test_kills_disks_and_damaged_files():
+    for attack, count in ((adversity.kills, 8), (adversity.disks, 6), (adversity.damaged, 40)):
+        assert attack(count, 1)[1] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["nothing", *seeded_faults.SEEDED])
+def test_seeded_faults_are_caught(name):
+    assert bool(seeded_faults.catch(name, 0, 60)) == (name != "nothing")
