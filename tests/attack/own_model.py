@@ -165,9 +165,11 @@ class Body:
             if spring["kind"] == "linear":
                 slope = spring["stiffness"]
             else:
+                bends, slopes = spring["breakpoints"], spring["stiffnesses"]
+                kept = [i for i in range(len(bends)) if slopes[i] != slopes[i + 1]]  # others are no bends
                 contact = Contact(
-                    "", "piecewise_linear", row, felt=float(grounded), bends=tuple(spring["breakpoints"]),
-                    slopes=tuple(spring["stiffnesses"]),
+                    "", "piecewise_linear", row, felt=float(grounded), bends=tuple(bends[i] for i in kept),
+                    slopes=(*(slopes[i] for i in kept), slopes[-1]),
                 )  # fmt: skip
                 slope = contact.slope_at_rest
                 bent.append(contact)
