@@ -124,6 +124,7 @@ def _horizon(motion, other, step):
 
 def _against_package(finding, case, own):
     import beamsim
+    from beamsim.scenario import Run
 
     time = own.motion.time
     end = float(time[own.outputs[-1]])
@@ -132,7 +133,7 @@ def _against_package(finding, case, own):
         [t["frequency"] for t in case["excitation"].get("tones", ())] + [case["excitation"].get("frequency", 0.0)]
     )
     finding.finer = int(np.ceil(max(2.5 * fastest * end / count, 1.0)))  # outputs of the package for each of ours
-    quiet = {"convergence": "off"} if "convergence" in beamsim.scenario.Run.model_fields else {}  # not compared
+    quiet = {"convergence": "off"} if "convergence" in Run.model_fields else {}  # not compared
     run = {**case["run"], **quiet, "duration": end, "sample_rate": finding.finer * count / end}
     try:
         result = beamsim.run(beamsim.Scenario.model_validate({**case, "run": run}))

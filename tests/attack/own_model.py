@@ -172,7 +172,8 @@ class Body:
                     slopes=(*(slopes[i] for i in kept), slopes[-1]),
                 )  # fmt: skip
                 slope = contact.slope_at_rest
-                bent.append(contact)
+                if kept:
+                    bent.append(contact)
             self.K = self.K + slope * np.outer(row, row)
             if grounded:
                 self.ground -= slope * row
