@@ -206,7 +206,9 @@ def test_places_that_cannot_be_written(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("pathlib.Path.touch", denied)
-    with pytest.raises(ResultFileError, match=r"no file can be made in .* \(Permission denied\); choose another folder"):
+    with pytest.raises(
+        ResultFileError, match=r"no file can be made in .* \(Permission denied\); choose another folder"
+    ):
         check_writable(tmp_path / "case.h5")
     check_writable_is_side_effect_free = os.listdir(tmp_path)
     assert check_writable_is_side_effect_free == ["file"]
