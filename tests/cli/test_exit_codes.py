@@ -34,7 +34,10 @@ def test_an_outcome_has_its_code(outcome, code, fabricated_run):
 
 def test_every_kind_of_outcome_has_a_code():
     assert set(EXIT_CODES) == set(OutcomeKind)
-    assert [kind for kind, code in EXIT_CODES.items() if code == ExitCode.SUCCESS] == [OutcomeKind.COMPLETE]
+    assert [kind for kind, code in EXIT_CODES.items() if code == ExitCode.SUCCESS] == [
+        OutcomeKind.COMPLETE,
+        OutcomeKind.NOTED,
+    ]
 
 
 def test_a_limit_counts_only_where_it_is_checked(fabricated_run):

@@ -11,7 +11,7 @@ from beamsim.scenario.tree import parse
 
 numbers = st.floats(1e-6, 1e6)
 anything = st.floats(-1e6, 1e6).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
-ratios = st.floats(0.0, 0.5)
+ratios = st.floats(0.0, 0.5).map(lambda x: x if x > 1e-30 else 0.0)
 frequencies = st.floats(1e-3, 1e4)
 durations = st.floats(1e-2, 100.0)
 names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_-]{0,8}", fullmatch=True)

@@ -33,7 +33,24 @@ _HARMONICS = (
 )
 _FREQUENCIES = ("excitation frequency", "excitation frequency of the fold", "frequency of the motion")
 _RESPONSES = ("displacement per unit of excitation, without snubbers", "absolute acceleration per unit of excitation")
+_SWEPT = ("absolute acceleration", "displacement", "force")
 REWORDED = {
+    **{
+        f"amplitude of cos(order x phase) in the {x}": [
+            f"amplitude of cos(order x phase) in the {x}; of order p/q over q cycles up to this one"
+        ]
+        for x in _SWEPT
+    },
+    **{f"mean {x} of a cycle": [f"mean of the {x} over the time of a cycle"] for x in _SWEPT},
+    **{
+        f"root mean square of the {x} over a cycle": [f"root mean square of the {x} over the time of a cycle"]
+        for x in _SWEPT
+    },
+    "share of the time in contact": ["share of the cycle's time in contact"],
+    "coordinates at the slowest instant": [
+        "coordinates at phase zero of the excitation; of a free motion at its slowest instant"
+    ],
+    "their velocities then; zero at rest": ["their velocities then; of a brake orbit zero"],
     **{text: [f"{text}{part}" for part in _PARTS] for text in _RESPONSES},
     **{f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS},
     **{text: ["frequency of the excitation, or of a free motion"] for text in _FREQUENCIES},

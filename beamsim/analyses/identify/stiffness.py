@@ -51,7 +51,8 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
         return low
     # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
     unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, measured.omega[0]) ** 2))
-    low, high = max(low, unit / _WIDEST), min(high, unit * _WIDEST)
+    # The margin keeps a minimum at a bound inside the bracket: there the other modes have a node at the spring.
+    low, high = max(low * (1 - 1e-6), unit / _WIDEST), min(high * (1 + 1e-6), unit * _WIDEST)
     if low >= high:
         return low
     x = np.linspace(np.log(low), np.log(high), _GRID)

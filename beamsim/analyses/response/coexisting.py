@@ -77,7 +77,8 @@ def _settled(local: ForcedOrbits) -> Iterator[Floats]:
     period = 2 * np.pi / local.omega
     linear = linear_guess(flow)
     n = flow.system.size
-    for shape, gap in zip(flow.system.contacts.shape, flow.system.contacts.clearances, strict=True):
+    springs = flow.system.contacts.split()  # one per breakpoint of a piecewise-linear law
+    for shape, gap in zip(springs.shape, springs.gap, strict=True):
         reached = float(np.abs(shape @ linear[:n]))
         if reached == 0.0:
             continue

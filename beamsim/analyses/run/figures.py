@@ -15,6 +15,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 Extremes = dict[str, tuple[Floats, Floats, Floats, Floats]]  # by output group: lowest, its time, highest, its time
+ROUND_OFF_PULL = 1e-9  # of the largest contact force
 
 
 def sampled_extremes(times: Floats, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -56,7 +57,7 @@ def motion_figures(
         "min_displacement_m": by_name(probes, low),
         "max_displacement_m": by_name(probes, high),
         "peak_acceleration_g": by_name(probes, largest(extremes["acceleration"]) / STANDARD_GRAVITY),
-        "largest_pull_n": by_name(snubbers, np.maximum(-extremes["force"][0][:count], 0.0)),
+        "largest_pull_n": by_name(snubbers, _pulls(extremes["force"])[:count]),
         "peak_force_n": by_name(snubbers, extremes["force"][2][:count]),
         "largest_gap_m": by_name(snubbers, np.maximum(-extremes["penetration"][0][:count], 0.0)),
         "contact_share": by_name(snubbers, contact_share[:count]),
@@ -71,6 +72,12 @@ def motion_figures(
     if system.stress is not None and "stress" in extremes:
         figures["largest_bending_stress_pa"] = float(largest(extremes["stress"]).max())
     return figures
+
+
+def _pulls(forces: tuple[Floats, Floats, Floats, Floats]) -> Floats:
+    """(m,) largest tension of each contact; 0 where it is the round-off of an opening."""
+    low, _, high, _ = forces
+    return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
 
 
 def static_figures(system: StructuralSystem) -> dict[str, Any]:
