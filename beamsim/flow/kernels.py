@@ -439,9 +439,9 @@ def extremes(  # type: ignore[no-untyped-def]
             z = zeta[tables.term_source[s, q]]
             if z == 0.0:
                 continue
-            most, bent = abs(z) * largest[b], abs(z) * bend[b]
+            highest_part, bent = abs(z) * largest[b], abs(z) * bend[b]
             for j in range(k):
-                ceiling[j] += most * magnitude[s, q, j]
+                ceiling[j] += highest_part * magnitude[s, q, j]
                 curve[j] += bent * magnitude[s, q, j]
             if power[b] == 0:
                 w = exponent[b] * z

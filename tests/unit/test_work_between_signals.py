@@ -88,6 +88,14 @@ def test_a_search_that_takes_long_goes_on_in_pieces(calls):
     assert max(call[0] for call in calls["extremes"][before:]) <= EVALUATIONS_A_CALL + 10
 
 
+def test_a_search_is_not_interrupted_before_its_budget_is_used(calls):
+    """Each call but the last of a search does the work it may do: a call costs as much as many evaluations."""
+    beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.duration=0.4 s"]))
+    unfinished = [evaluations for evaluations, done in calls["extremes"] if not done]
+    assert all(evaluations >= EVALUATIONS_A_CALL for evaluations in unfinished)
+    assert len(unfinished) < 10
+
+
 def test_a_stopped_run_keeps_its_motion(monkeypatch):
     scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
     whole = beamsim.run(scenario)
