@@ -60,9 +60,11 @@ def on_this_machine(
         raise SystemExit(UNGUARDED)
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
-        done = False
+        done, processes = False, []
         try:
-            for future in [pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)]:
+            prepared = [pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)]
+            processes = _processes(pool)
+            for future in prepared:
                 future.result()
             waiting: set[Future[Result]] = set()
             for item in items:
@@ -75,7 +77,9 @@ def on_this_machine(
                 yield from (future.result() for future in ready)
             done = True
         except BrokenProcessPool:
-            if any(process.exitcode == UNGUARDED for process in _processes(pool)):
+            processes = processes or _processes(pool)
+            pool.shutdown(wait=True)  # the pool's own thread collects the exit codes: before, they may be unknown
+            if any(process.exitcode == UNGUARDED for process in processes):
                 raise ScenarioError(
                     "worker processes cannot start: they import the calling script, which starts workers again; put "
                     'the call under `if __name__ == "__main__":`, or use workers=1'
