@@ -12,6 +12,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from workers import Worker, invoke
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 PROGRAM = [sys.executable, "-c", "from beamsim.cli import main; main()"]
@@ -122,7 +123,7 @@ def damaged(count, seed):
             process = _run([*JOBS[name], "-o", str(path), "--no-plots", "-q"], folder)
             process.communicate(timeout=120)
             files.append(path)
-        with _Reader() as reader:
+        with Worker(_read) as reader:
             for k in range(count):
                 source = files[int(rng.integers(len(files)))]
                 target = Path(folder) / "damaged.h5"
@@ -130,14 +131,9 @@ def damaged(count, seed):
                 arguments = [["info"], ["plot"], ["export", "--format", "csv"], ["export", "--format", "mat"]][
                     int(rng.integers(4))
                 ]
-                code, output, crashed = reader.run(
-                    arguments[0],
-                    [
-                        str(target),
-                        *arguments[1:],
-                        *([] if arguments[0] == "info" else ["-o", str(Path(folder) / "out")]),
-                    ],
-                )
+                output_folder = [] if arguments[0] == "info" else ["-o", str(Path(folder) / "out")]
+                job = [arguments[0], str(target), *arguments[1:], *output_folder]
+                code, output, crashed = reader.run(job, 60.0)
                 codes[code] += 1
                 if code not in (0, 2) or crashed:
                     faults.append(
@@ -194,50 +190,5 @@ def _read(connection):
     import matplotlib
 
     matplotlib.use("agg")
-    from typer.testing import CliRunner
-
-    from beamsim.cli.app import app
-
     while True:
-        job = connection.recv()
-        if job is None:
-            return
-        result = CliRunner().invoke(app, job)
-        crashed = result.exception is not None and not isinstance(result.exception, SystemExit)
-        connection.send((result.exit_code, (repr(result.exception) if crashed else "") + result.output[-400:], crashed))
-
-
-class _Reader:
-    """A process for commands on result files, replaced when it dies or hangs."""
-
-    def __enter__(self):
-        self._start()
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.join()
-
-    def _start(self):
-        import multiprocessing
-
-        context = multiprocessing.get_context("spawn")
-        self.connection, other = context.Pipe()
-        self.process = context.Process(target=_read, args=(other,), daemon=True)
-        self.process.start()
-        other.close()
-
-    def run(self, command, arguments):
-        self.connection.send([command, *arguments])
-        if not self.connection.poll(60):
-            self.process.kill()
-            self.process.join()
-            self._start()
-            return -9, "no answer within 60 s", True
-        try:
-            return self.connection.recv()
-        except EOFError:
-            self.process.join()
-            code = self.process.exitcode
-            self._start()
-            return -abs(code or 1), "the process died", True
+        connection.send(invoke(connection.recv()))

@@ -57,6 +57,11 @@ class Inputs:
     def count(self):
         return self.amplitude.shape[0]
 
+    @property
+    def packed(self):
+        """What compiled functions take of them."""
+        return self.kind, self.numbers, self.omega, self.amplitude, self.phase, self.knots, self.polynomial
+
 
 def rate_of_inputs(count):
     """(U, U) matrix D with d/dt (1, inputs) = D (1, inputs) where that is linear: d' = v, v' = a; others unused."""
@@ -607,17 +612,7 @@ def integrate(build, count, phase_counts, inputs, longest, start, phases, stops,
     tables = Tables(count, inputs, longest, tuple(phase_counts))
     phases = np.array(phases, dtype=np.int64)
     y = np.array(start, dtype=float)
-    packed = (
-        inputs.kind,
-        inputs.numbers,
-        inputs.omega,
-        inputs.amplitude,
-        inputs.phase,
-        inputs.knots,
-        inputs.polynomial,
-        NODES,
-        FIT_MATRIX,
-    )
+    packed = (*inputs.packed, NODES, FIT_MATRIX)
     out_y, out_phase = np.empty((stops.size, count)), np.empty((stops.size, phases.size), dtype=np.int64)
     out_best = np.empty((stops.size, watches))
     ev_time, ev_contact, ev_phase = (

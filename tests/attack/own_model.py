@@ -551,16 +551,7 @@ class Equations:
         from dense_stepper import FIT_MATRIX, NODES, Tables, _inputs, _step
 
         y, m = self.start(), self.model
-        u, inputs = np.empty(self.U), m.inputs
-        packed = (
-            inputs.kind,
-            inputs.numbers,
-            inputs.omega,
-            inputs.amplitude,
-            inputs.phase,
-            inputs.knots,
-            inputs.polynomial,
-        )
+        u, packed = np.empty(self.U), m.inputs.packed
         _inputs(*packed, 0.0, u)
 
         def phases_of(y, u, undecided):
@@ -584,7 +575,7 @@ class Equations:
         phases = phases_of(y, u, None)
         if not close:
             return phases
-        tables = Tables(self.N, inputs, longest, tuple(c.phases for c in m.contacts))
+        tables = Tables(self.N, m.inputs, longest, tuple(c.phases for c in m.contacts))
         later = list(phases)
         for i in close:
             if not m.contacts[i].slopes:

@@ -36,8 +36,8 @@ def test_more_random_systems(tmp_path):
 @pytest.mark.slow
 def test_the_same_contact_is_not_counted_twice(tmp_path):
     """A stop of 1.2 GN/m without dashpot: contacts ended and began anew in the same instant, by round-off."""
-    assert_agreement([291], tmp_path)
     finding = compare(291, tmp_path)
+    assert bool(finding.differences) == (291 in UNEXPLAINED)
     assert finding.events > 500
     assert not any("events of ours" in text for text in finding.differences)
 

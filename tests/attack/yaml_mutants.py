@@ -8,7 +8,6 @@ for, no hang.
 
 import contextlib
 import copy
-import multiprocessing
 import signal
 import tempfile
 import time
@@ -17,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from workers import Worker, invoke
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 COMMANDS = {"run": "run", "sweep": "sweep", "vary": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
@@ -229,18 +229,11 @@ def _mangle(text, rng):
 
 def execute(command, text, folder):
     """Exit code and what was printed of a command on a mutant, in this process."""
-    from typer.testing import CliRunner
-
-    from beamsim.cli.app import app
-
     case = Path(folder) / "case.yaml"
     case.write_text(text, encoding="utf-8", errors="surrogatepass")
     arguments = [command, str(case), "-o", str(Path(folder) / "case.h5"), "--no-plots"]
     arguments += ["--workers", "1"] if command == "sweep" and "vary:" in text else []
-    result = CliRunner().invoke(app, arguments)
-    error = result.exception
-    crashed = error is not None and not isinstance(error, SystemExit)
-    return result.exit_code, (repr(error) if crashed else "") + result.output[-400:], crashed
+    return invoke(arguments)
 
 
 def _work(connection):
@@ -264,51 +257,14 @@ def _work(connection):
         connection.send(answer)
 
 
-class Worker:
-    """A process that is replaced when it hangs or dies."""
-
-    def __enter__(self):
-        self._start()
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.join()
-
-    def _start(self):
-        context = multiprocessing.get_context("spawn")
-        self.connection, other = context.Pipe()
-        self.process = context.Process(target=_work, args=(other,))
-        self.process.start()
-        other.close()
-        for command, name in WARMING:  # compile kernels, or load them
-            self.connection.send((command, yaml.safe_dump(_resolved(CONFIGS / f"{name}.yaml")), WARM))
-            self.connection.recv()
-
-    def run(self, command, text):
-        """(exit code, output, crashed); code -9 for a hang, another negative one for a death."""
-        self.connection.send((command, text, PATIENCE))
-        if not self.connection.poll(PATIENCE + GRACE):
-            self.process.kill()
-            self.process.join()
-            self._start()
-            return -9, "no answer", True
-        try:
-            return self.connection.recv()
-        except EOFError:
-            self.process.join()
-            code = self.process.exitcode
-            self._start()
-            return -abs(code or 1), "the process died", True
-
-
 def attack(count, seed, report=None):
     """Run mutants; returns the counts of exit codes and a line for each fault."""
     codes, faults = Counter(), []
     begin = time.monotonic()
-    with Worker() as worker:
+    warming = [(command, yaml.safe_dump(_resolved(CONFIGS / f"{name}.yaml")), WARM) for command, name in WARMING]
+    with Worker(_work, warming) as worker:  # the warming compiles kernels, or loads them
         for number, command, text, change in mutants(count, seed):
-            code, output, crashed = worker.run(command, text)
+            code, output, crashed = worker.run((command, text, PATIENCE), PATIENCE + GRACE)
             codes[code] += 1
             if code not in ACCEPTED or crashed or "Traceback" in output or "internal error" in output:
                 faults.append(

@@ -23,6 +23,7 @@ from beamsim.analyses.run.figures import (
     Extremes,
     by_name,
     largest,
+    largest_pulls,
     motion_figures,
     refine_extremes,
     sampled_extremes,
@@ -372,12 +373,13 @@ def _reference(
 
 def _pulls(system: StructuralSystem, motion: _RunMotion) -> list[str]:
     """A warning for each snubber whose dashpot pulls before the contact opens."""
-    low, _, high, _ = motion.extremes["force"]
+    forces = motion.extremes["force"]
+    pulls = largest_pulls(forces)
     return [
-        f"snubbers.{s.name}: its dashpot pulls with up to {-low[j]:.3g} N before the contact opens; law: no_tension "
+        f"snubbers.{s.name}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens; law: no_tension "
         "opens it before"
         for j, s in enumerate(system.snubbers)
-        if -low[j] > SMALLEST_PULL * high[j]
+        if pulls[j] > SMALLEST_PULL * forces[2][j]
     ]
 
 

@@ -57,7 +57,7 @@ def motion_figures(
         "min_displacement_m": by_name(probes, low),
         "max_displacement_m": by_name(probes, high),
         "peak_acceleration_g": by_name(probes, largest(extremes["acceleration"]) / STANDARD_GRAVITY),
-        "largest_pull_n": by_name(snubbers, _pulls(extremes["force"])[:count]),
+        "largest_pull_n": by_name(snubbers, largest_pulls(extremes["force"])[:count]),
         "peak_force_n": by_name(snubbers, extremes["force"][2][:count]),
         "largest_gap_m": by_name(snubbers, np.maximum(-extremes["penetration"][0][:count], 0.0)),
         "contact_share": by_name(snubbers, contact_share[:count]),
@@ -74,7 +74,7 @@ def motion_figures(
     return figures
 
 
-def _pulls(forces: tuple[Floats, Floats, Floats, Floats]) -> Floats:
+def largest_pulls(forces: tuple[Floats, Floats, Floats, Floats]) -> Floats:
     """(m,) largest tension of each contact; 0 where it is the round-off of an opening."""
     low, _, high, _ = forces
     return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
