@@ -47,7 +47,7 @@ class Watched:
     row: Floats  # (w, 3) factors of the penetration, its rate, and 1
     internal: Floats  # (w, r) factors of all internal states
     guards: int  # g
-    following: Ints  # (g, m) phases after each guard's event
+    following: Ints  # (g,) phase of the guard's contact after its event
     reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
 
 
@@ -261,7 +261,7 @@ class Contacts:
             for i in range(a.guards[j, k]):
                 contact.append(j)
                 rows.append(a.guard[j, k, i])
-                following.append(self.after(phases, j, a.next[j, k, i]))
+                following.append(int(a.next[j, k, i]))
                 reset.append(len(resetting) if a.resets[j, k, i] else -1)
                 if a.resets[j, k, i]:
                     resetting += [(j, row) for row in a.reset[j, k, i, : a.states[j]]]
@@ -276,7 +276,7 @@ class Contacts:
         first = np.array(reset, dtype=np.int64)
         return Watched(
             np.array(contact, dtype=np.int64), table[:, :3], np.array(internal).reshape(len(rows), r), guards,
-            np.array(following, dtype=np.int64).reshape(guards, self.count), np.where(first >= 0, first + guards, -1),
+            np.array(following, dtype=np.int64), np.where(first >= 0, first + guards, -1),
         )  # fmt: skip
 
     @cached_property

@@ -197,10 +197,10 @@ class ExactFlow:
             gamma = segment_coefficients(tables, self.inputs(), tables.watch, index, piece, time, state)
             for g in range(watched.guards):
                 j = int(watched.contact[g])
-                following = int(watched.following[g, j])
+                following = int(watched.following[g])
                 if following in unvisited[j] and _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power) < 0:
                     unvisited[j].discard(following)
-                    phases = watched.following[g].copy()
+                    phases = contacts.after(phases, j, following)
                     break
             else:
                 return phases

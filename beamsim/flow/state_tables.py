@@ -27,8 +27,14 @@ class StateTables:
     def __init__(self, contacts: Contacts) -> None:
         self.contacts = contacts
         self.watched: list[Watched] = []
+        self._phases: list[Ints] = []
         self._index: dict[bytes, int] = {}
         self._arrays: dict[str, NDArray[np.generic]] = {}
+        self._before = [  # of every contact and phase: the phases that have a guard to it
+            [[i for i, phase in enumerate(law.phases) if any(g.next == k for g in phase.guards)]
+             for k in range(len(law.phases))]
+            for law in contacts.laws
+        ]  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -41,7 +47,8 @@ class StateTables:
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases after the event of a guard."""
-        return np.array(self.watched[state].following[guard])
+        watched = self.watched[state]
+        return self.contacts.after(self._phases[state], int(watched.contact[guard]), int(watched.following[guard]))
 
     def append(self, state: ContactState, watched: Watched, watch: Complexes, roughness: Floats) -> int:
         """Add a state with the coefficients of its watched functions (T, w) and the guards' round-off scale (T, g)."""
@@ -65,9 +72,10 @@ class StateTables:
             "n_guards": np.array(guards),
             "guard_contact": watched.contact[:guards],
             "reset": watched.reset,
-            "follower": np.array([-1 if f is None else f for f in map(self.index, watched.following)], dtype=np.int64),
+            "follower": np.full(guards, -1, dtype=np.int64),
         }
         self.watched.append(watched)
+        self._phases.append(state.phases)
         for name, row in rows.items():
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
@@ -78,13 +86,21 @@ class StateTables:
                 self._arrays[name] = old = grown
             place: tuple[int | slice, ...] = (index, *(slice(0, d) for d in row.shape))
             old[place] = row
-        follower = self._arrays["follower"]
-        for s, other in enumerate(self.watched):
-            for g, phases in enumerate(other.following):
-                if np.array_equal(phases, state.phases):
-                    follower[s, g] = index
-        assert guards <= follower.shape[1]
+        self._link(index)
         return index
+
+    def _link(self, index: int) -> None:
+        """Enter a new state as follower of its neighbours, which differ in one contact, and these as its own."""
+        follower, phases = self._arrays["follower"], self._phases[index]
+        for guard in range(self.watched[index].guards):
+            follower[index, guard] = self._index.get(self.following(index, guard).tobytes(), -1)
+        for contact, before in enumerate(self._before):
+            for phase in before[phases[contact]]:
+                other = self.index(self.contacts.after(phases, contact, phase))
+                if other is not None:
+                    watched = self.watched[other]
+                    leads = (watched.contact[: watched.guards] == contact) & (watched.following == phases[contact])
+                    follower[other, np.flatnonzero(leads)] = index
 
     def arrays(self) -> Tables:
         """The tables as the kernels take them; rows beyond ``count`` are unused."""

@@ -279,7 +279,7 @@ class VariationalFlow(SeriesFlow):
                 value = row[0] * delta[j] + row[2] + watched.internal[g] @ z[2 * n :]
                 near = row[1] == 0.0 and rate[j] == 0.0 and abs(value) <= 1e-12 * abs(row[0]) * size[j]
                 if near and row[0] * bend[j] < 0.0:
-                    phases[j] = watched.following[g, j]
+                    phases[j] = watched.following[g]
         return phases
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
