@@ -1,4 +1,4 @@
-"""Workers: processes on this machine, or an existing Dask cluster.
+"""Workers: threads or processes on this machine, or an existing Dask cluster.
 
 Results are yielded in the order of completion. They do not depend on the worker, which gets plain data and uses one
 thread for linear algebra.
@@ -19,6 +19,7 @@ Result = TypeVar("Result")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 UNGUARDED = 97  # exit code of a worker that was about to start workers itself
+_ASKED_EVERY_S = 0.5  # whether the caller is interrupted, which Windows does not see while it waits
 _AHEAD = 3  # tasks queued per worker, so that none is idle
 
 
@@ -28,6 +29,39 @@ def default_workers() -> int:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # not on every system
         return os.cpu_count() or 1
+
+
+def on_threads(
+    function: Callable[[Item], Result], items: Sequence[Item], workers: int, stop: Callable[[], None]
+) -> Iterator[Result]:
+    """Yield ``function(item)`` for every item, computed by threads of this process; one is the calling thread itself.
+
+    ``function`` spends its time in compiled code that lets go of the interpreter. Where the caller is interrupted,
+    ``stop`` tells the functions that are under way to end.
+    """
+    from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+
+    workers = max(1, min(workers, len(items)))
+    if workers == 1:
+        yield from map(function, items)
+        return
+    pool = ThreadPoolExecutor(workers)
+    done = False
+    try:
+        waiting: set[Future[Result]] = set()
+        for item in items:
+            waiting.add(pool.submit(function, item))
+            while len(waiting) >= _AHEAD * workers:
+                ready, waiting = wait(waiting, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in ready)
+        while waiting:
+            ready, waiting = wait(waiting, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in ready)
+        done = True
+    finally:
+        if not done:
+            stop()
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def on_this_machine(

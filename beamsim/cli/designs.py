@@ -73,6 +73,7 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
 
 def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
     from beamsim.analyses.designs.analysis import design_study, gather
+    from beamsim.analyses.designs.table import CaseTable
     from beamsim.store.journal import Journal, journal_path
     from beamsim.store.results import write_designs
 
@@ -82,27 +83,27 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
             say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
         elif journal.known and not reporting.quiet:
             say(f"beamsim: {len(journal.known)} of {cases} cases are already computed")
-        outcomes = {outcome.index: outcome for outcome in journal.known}
+        table = CaseTable(cases, journal.known)
         begin = saved = clock.monotonic()
 
         def store(outcome: Any) -> None:
             nonlocal saved
             journal.add(outcome)
-            outcomes[outcome.index] = outcome
+            table.add(outcome)
             if clock.monotonic() - saved > SAVED_EVERY_S:
-                write_designs(gather(plan, outcomes, clock.monotonic() - begin), target)
+                write_designs(gather(plan, table, clock.monotonic() - begin), target)
                 saved = clock.monotonic()
 
         try:
-            with _progress(len(outcomes), cases, reporting) as progress:
+            with _progress(table.count, cases, reporting) as progress:
                 result = design_study(
                     plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
                     progress=progress,
                 )  # fmt: skip
         except BaseException:
-            if outcomes:
-                write_designs(gather(plan, outcomes, clock.monotonic() - begin), target)
-                say(f"beamsim: {len(outcomes)} of {cases} cases are in {target}; --resume computes the others")
+            if table.count:
+                write_designs(gather(plan, table, clock.monotonic() - begin), target)
+                say(f"beamsim: {table.count} of {cases} cases are in {target}; --resume computes the others")
             else:
                 journal.remove()
             raise

@@ -51,7 +51,10 @@ def sweep(
     resume: Resume = False,
     json: Json = False,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Number of processes for vary (default: one per core).")
+        int | None,
+        typer.Option(
+            "--workers", min=1, help="Number of threads (of processes for sweeps) for vary; by default one a core."
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")

@@ -24,7 +24,11 @@ _REMEDY = "set NUMBA_CACHE_DIR to a folder that can be written"
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """`numba.njit` for functions of this package; ``cache=True`` keeps the compiled code where that is possible."""
+    """`numba.njit` for functions of this package; ``cache=True`` keeps the compiled code where that is possible.
+
+    They let go of the interpreter, so that threads execute them side by side.
+    """
+    options = {"nogil": True, **options}
 
     def compiled(function: Callable[..., Any]) -> Any:
         try:

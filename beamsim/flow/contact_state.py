@@ -13,6 +13,7 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -62,14 +63,19 @@ class ContactState:
     def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output."""
         table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
-        lookup = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
-        for f in np.flatnonzero(np.any(output.direct != 0, axis=0) | np.any(output.direct_slope != 0, axis=0)):
-            term = lookup[int(self.basis_of_source[f]), int(f)]
-            table[term] += output.direct[:, f] + sources.exponent[f] * output.direct_slope[:, f]
-            if sources.power[f] > 0:
-                below = lookup[int(self.basis_below_source[f]), int(f)]
-                table[below] += sources.power[f] * output.direct_slope[:, f]
+        own, below = self._terms_of_sources
+        table[own] += (output.direct + sources.exponent * output.direct_slope).T
+        rising = sources.power > 0
+        table[below[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return np.ascontiguousarray(table)
+
+    @cached_property
+    def _terms_of_sources(self) -> tuple[Ints, Ints]:
+        """(F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)."""
+        terms = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
+        own = [terms[int(b), f] for f, b in enumerate(self.basis_of_source)]
+        below = [terms.get((int(b), f), -1) for f, b in enumerate(self.basis_below_source)]
+        return np.array(own, dtype=np.int64), np.array(below, dtype=np.int64)
 
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
         """(T, k) bound on what each term's coefficient is made of before its parts cancel.

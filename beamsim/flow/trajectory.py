@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -199,6 +200,7 @@ def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
     return group, degree
 
 
+@cache
 def _gauss_rules() -> tuple[Floats, Floats, Floats]:
     """Longest panel of each rule in radians, nodes and weights (rules, points), padded with zeros."""
     most = max(points for points, _ in GAUSS_RULES)

@@ -131,7 +131,7 @@ class Schema(BaseModel):
     @classmethod
     def keys(cls) -> dict[str, str]:
         """Map the key as it is written in YAML to the attribute's name."""
-        return {key_of(cls, name): name for name in cls.model_fields}
+        return _keys(cls)
 
     @classmethod
     def descriptions(cls) -> dict[str, str]:
@@ -177,6 +177,11 @@ class Schema(BaseModel):
         except (PydanticCustomError, ScenarioError) as error:
             self._late = error
         return self
+
+
+@cache
+def _keys(schema: type[Schema]) -> dict[str, str]:
+    return {key_of(schema, name): name for name in schema.model_fields}
 
 
 @cache

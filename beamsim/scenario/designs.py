@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import Field, Tag
 from pydantic_core import PydanticCustomError
 
-from beamsim.errors import Problem
+from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import BY_KIND, Schema, Variants, fail, path_text
 from beamsim.scenario.quantities import (
     LEVEL_DIMENSIONS,
@@ -200,6 +200,49 @@ def varied_parameters(scenario: Varied) -> tuple[VariedParameter, ...]:
     """The varied parameters of a scenario that passed its checks."""
     assert scenario.vary is not None
     return tuple(_varied_parameter(scenario.whole, parameter) for parameter in scenario.vary.parameters)
+
+
+def drawn_parameters(scenario: Schema, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:
+    """The parameters of an ensemble: by path the values of all draws, SI numbers or text as a list of values has it.
+
+    Raises
+    ------
+    ScenarioError
+        Located in ``draws``.
+    """
+    parameters, problems = [], []
+    for path, values in draws.items():
+        if not isinstance(values, list) or not values:
+            problems.append(Problem(f"draws[{path!r}]", "is not a list of values", _LIST_EXAMPLE))
+            continue
+        try:
+            parameters.append(_drawn_parameter(scenario, path, values))
+        except PydanticCustomError as error:
+            context = error.context or {}
+            problems.append(Problem(f"draws[{path!r}]", context["message"], context["remedy"]))
+    counts = {parameter.path: len(parameter.values) for parameter in parameters}
+    if len(set(counts.values())) > 1:
+        given = ", ".join(f"{count} of {path}" for path, count in counts.items())
+        problems.append(Problem("draws", f"have different numbers of values: {given}", "give all of them equally many"))
+    if problems:
+        raise ScenarioError(problems)
+    return tuple(parameters)
+
+
+def _drawn_parameter(scenario: Schema, path: str, values: list[Any]) -> VariedParameter:
+    from beamsim.scenario.parameters import field_type_at, value_at
+
+    places = _places(scenario, path, ("path",))
+    field = field_type_at(scenario, places[0])
+    text = any(isinstance(value, str) for value in values)
+    read = [_read(scenario, places[0], value, ()) for value in values] if text else values
+    nominal = value_at(scenario, places[0])
+    whole = isinstance(field, Whole) or (field is None and isinstance(nominal, int))
+    if whole:
+        read = [int(value) if not isinstance(value, str) and float(value).is_integer() else value for value in read]
+    return VariedParameter(
+        path=path, places=tuple(places), unit=_unit(scenario, field), nominal=math.nan, values=tuple(read), whole=whole
+    )
 
 
 def case_count(scenario: Varied) -> int:

@@ -28,6 +28,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
 from beamsim.system.parts import Parts, force_sites, point_of_excitation, reduced_parts, start_of
+from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
 
@@ -39,12 +40,15 @@ DOUBTFUL_REDUCTION = 0.01
 """Estimated relative error of a reduced model above which results carry a warning."""
 
 
-def build_system(scenario: Scenario) -> StructuralSystem:
+def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, assessed: bool = True) -> StructuralSystem:
     """Assemble, reduce and resolve a scenario.
 
     Parameters
     ----------
     scenario : a validated scenario.
+    shared : keeps what was built for other scenarios, where this one has the same structure, reduction or excitation.
+    assessed : whether to estimate the error of the reduction, which takes longer than the rest where that is shared;
+        else it is nan.
 
     Returns
     -------
@@ -58,7 +62,7 @@ def build_system(scenario: Scenario) -> StructuralSystem:
         the start asks for a mode that the reduction does not keep.
     """
     try:
-        return _build(reduced_parts(scenario))
+        return _build(reduced_parts(scenario, shared=shared), assessed)
     except ScenarioError as error:
         raise scenario.located(error) from None
     except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -108,9 +112,9 @@ def build_with_moving_point(
     return system, shape_at
 
 
-def _build(parts: Parts) -> StructuralSystem:
+def _build(parts: Parts, assessed: bool = True) -> StructuralSystem:
     scenario, basis = parts.scenario, parts.basis
-    damping = parts.structure.reduced_damping(basis, parts.omega)
+    damping = parts.reduced.damping
 
     snubbers = scenario.located_snubbers
     stops = build_contacts(snubbers, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
@@ -131,9 +135,9 @@ def _build(parts: Parts) -> StructuralSystem:
     correction = None if corrections is None else CorrectionSize.of(corrections)
     on_base = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
     sites = parts.snubber_sites + force_sites(scenario)
-    recoveries = parts.structure.recoveries(basis, sites, on_base)
-    modes = _mode_table(parts, stops, damping, recoveries)
-    if not modes.reduction_error <= DOUBTFUL_REDUCTION:
+    recoveries = parts.reduced.recoveries(sites, on_base)
+    modes = _mode_table(parts, stops, damping, recoveries, assessed)
+    if assessed and not modes.reduction_error <= DOUBTFUL_REDUCTION:
         warnings.append(
             f"the reduced model is not accurate: its estimated relative error is {modes.reduction_error:.2g}; "
             "keep more modes (reduction: {modes: all}), or leave reduction out"
@@ -159,8 +163,11 @@ def _build(parts: Parts) -> StructuralSystem:
     )
 
 
-def _mode_table(parts: Parts, stops: Contacts, damping: Floats, recoveries: tuple[Recovery, ...]) -> ModeTable:
+def _mode_table(
+    parts: Parts, stops: Contacts, damping: Floats, recoveries: tuple[Recovery, ...], assessed: bool
+) -> ModeTable:
     basis, structure = parts.basis, parts.structure
+    error = reduction_error(structure, basis, damping, _linear_state(parts, stops)) if assessed else math.nan
     closed = closed_frequencies(parts.omega, stops.shape, stops.slow[0], basis.rigid)
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
@@ -171,7 +178,7 @@ def _mode_table(parts: Parts, stops: Contacts, damping: Floats, recoveries: tupl
         kept_modes=basis.modes,
         static_vectors=basis.static_vectors,
         highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
-        reduction_error=reduction_error(structure, basis, damping, _linear_state(parts, stops)),
+        reduction_error=error,
     )
 
 

@@ -31,10 +31,11 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
         return None, Forcing(np.zeros((0, parts.basis.size)), ())
     duration = None if scenario.run is None else scenario.run.duration
     folder = scenario.folder_of("excitation", "file")
+    key = (excitation, duration, folder)
     if excitation.applied_to != "base":
-        signals = (level_signal(excitation, duration, folder),)
+        signals = (parts.shared.once("signal", key, lambda: level_signal(excitation, duration, folder)),)
         return None, Forcing(parts.shape(excitation.applied_to)[None, :], signals)
-    motion = base_motion(excitation, duration, folder)
+    motion = parts.shared.once("signal", key, lambda: base_motion(excitation, duration, folder))
     load: list[Floats] = [-parts.inertia]
     signal: list[Signal] = [motion.acceleration]
     if structure.ground.any():  # springs to ground stretch by the base's displacement as well

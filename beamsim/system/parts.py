@@ -10,14 +10,16 @@ import numpy as np
 
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, site_in, snubber_site
-from beamsim.structures.basis import LoadPattern, ReducedBasis
+from beamsim.structures.basis import LoadPattern
 from beamsim.structures.places import Place, Site
 from beamsim.structures.reduction import reduce_model
+from beamsim.system.shared import ReducedStructure, SharedBuilds
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.run import Start
+    from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
 
 # Modes that a default reduction keeps at least, whatever the sample rate.
@@ -31,9 +33,28 @@ class Parts:
     """The structure of a scenario in reduced, mass-normalised coordinates."""
 
     scenario: Scenario
-    structure: Structure
-    basis: ReducedBasis
-    omega: Floats  # (n,) rad/s
+    reduced: ReducedStructure
+    shared: SharedBuilds
+
+    @property
+    def structure(self) -> Structure:
+        """The structure."""
+        return self.reduced.structure
+
+    @property
+    def basis(self) -> ReducedBasis:
+        """Its reduced coordinates."""
+        return self.reduced.basis
+
+    @property
+    def omega(self) -> Floats:
+        """(n,) rad/s."""
+        return self.reduced.omega
+
+    @property
+    def inertia(self) -> Floats:
+        """(n,) modal load of a unit acceleration, sqrt(kg)."""
+        return self.reduced.inertia
 
     @property
     def stiffness(self) -> Floats:
@@ -46,15 +67,7 @@ class Parts:
 
     def shapes(self, sites: Sequence[Site]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
-        rows = [self.structure.row(site) @ self.basis.vectors for site in sites]
-        scale = np.sqrt(self.structure.mass_scale)
-        return np.asarray(np.array(rows).reshape(len(sites), self.basis.size) / scale)
-
-    @property
-    def inertia(self) -> Floats:
-        """(n,) modal load of a unit acceleration, sqrt(kg)."""
-        row = self.structure.inertia @ self.basis.vectors
-        return np.asarray(row * np.sqrt(self.structure.mass_scale))
+        return self.reduced.shapes(sites)
 
     @property
     def snubber_sites(self) -> list[Site]:
@@ -67,11 +80,22 @@ class Parts:
         return [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]
 
 
-def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = ()) -> Parts:
-    """Assemble and reduce the structure of a scenario, with static vectors at further places."""
-    structure = assemble(scenario)
-    basis = _reduce(scenario, structure, also_at)
-    return Parts(scenario, structure, basis, basis.omega * structure.frequency_scale)
+def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None) -> Parts:
+    """Assemble and reduce the structure of a scenario, with static vectors at further places.
+
+    ``shared`` keeps what is built for other scenarios with the same structure.
+    """
+    shared = SharedBuilds() if shared is None else shared
+    bodies = tuple(scenario.all_bodies.items())
+    structure = shared.once("structure", bodies, lambda: assemble(scenario))
+    sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
+    gravity = scenario.gravity != 0
+    reduced = shared.once(
+        "reduction",
+        (bodies, tuple(sites), gravity, tuple(asked.items())),
+        lambda: ReducedStructure(structure, reduce_model(structure, _patterns(structure, sites, gravity), **asked)),
+    )
+    return Parts(scenario, reduced, shared)
 
 
 def start_of(scenario: Scenario) -> Start | None:
@@ -99,27 +123,31 @@ def force_sites(scenario: Scenario) -> list[Site]:
     return sites
 
 
-def _reduce(scenario: Scenario, structure: Structure, also_at: Sequence[Place]) -> ReducedBasis:
-    """The reduced basis that the scenario asks for, or the default.
+def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[Site]:
+    """Where forces act whose static deflections the reduced model needs."""
+    felt = (*scenario.located_snubbers, *scenario.nonlinear_springs)
+    return [snubber_site(located) for located in felt] + force_sites(scenario) + list(also_at)
+
+
+def _patterns(structure: Structure, sites: Sequence[Site], gravity: bool) -> list[LoadPattern]:
+    patterns = [LoadPattern(structure.row(site), site.coordinate) for site in structure.loaded_sites(sites)]
+    return [*patterns, LoadPattern(structure.inertia, None)] if gravity else patterns
+
+
+def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]:
+    """How much `reduce_model` keeps: what the scenario asks for, or the default.
 
     By default a structure keeps the modes up to half the sample rate, at least ten times the excitation frequency and
     six flexible modes, and none that its discretisation does not carry; one that carries all of its modes keeps them.
     """
-    felt = (*scenario.located_snubbers, *scenario.nonlinear_springs)
-    sites = [snubber_site(located) for located in felt] + force_sites(scenario) + list(also_at)
-    patterns = [LoadPattern(structure.row(site), site.coordinate) for site in structure.loaded_sites(sites)]
-    if scenario.gravity != 0:
-        patterns.append(LoadPattern(structure.inertia, None))
     asked = scenario.reduction
     hz = 2 * np.pi / structure.frequency_scale
     if asked is not None and asked.modes is not None:
-        return reduce_model(structure, patterns, count=None if asked.modes == "all" else asked.modes)
+        return {"count": None if asked.modes == "all" else asked.modes}
     if asked is not None and asked.highest_frequency is not None:
-        return reduce_model(structure, patterns, highest_frequency=asked.highest_frequency * hz)
+        return {"highest_frequency": asked.highest_frequency * hz}
     half_rate = 0.0 if scenario.run is None else scenario.run.output_rate / 2
     wanted = max(half_rate, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
     start = start_of(scenario)
     mode = start.mode if isinstance(start, ModeStart) else 0
-    return reduce_model(
-        structure, patterns, highest_frequency=wanted * hz, default=True, least=_LEAST_FLEXIBLE_MODES, mode=mode
-    )
+    return {"highest_frequency": wanted * hz, "default": True, "least": _LEAST_FLEXIBLE_MODES, "mode": mode}

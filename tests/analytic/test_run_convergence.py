@@ -135,13 +135,13 @@ def test_all_modes_kept_leaves_nothing_to_compare():
 def test_off_and_studies():
     assert "convergence" not in beamsim.run(harmonic_beam(run={"convergence": "off"})).summary
     from beamsim.analyses.designs.analysis import plan_designs
-    from beamsim.analyses.designs.cases import case_scenario
+    from beamsim.analyses.designs.cases import CaseSolver
 
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
-    tasks = plan_designs(harmonic_beam(vary=vary)).tasks
-    assert case_scenario(tasks[0]).run.convergence == "off"
-    tasks = plan_designs(harmonic_beam(vary=vary, run={"convergence": "on"})).tasks
-    assert case_scenario(tasks[0]).run.convergence == "on"
+    study = plan_designs(harmonic_beam(vary=vary)).study
+    assert CaseSolver(study).draws.scenario((1e5,)).run.convergence == "off"
+    study = plan_designs(harmonic_beam(vary=vary, run={"convergence": "on"})).study
+    assert CaseSolver(study).draws.scenario((1e5,)).run.convergence == "on"
 
 
 def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statistically_after():

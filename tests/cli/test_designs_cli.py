@@ -210,8 +210,8 @@ def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monk
 
     real = designs._solved
 
-    def interrupted(tasks, workers, scheduler):
-        for count, outcome in enumerate(real(tasks, workers, scheduler)):
+    def interrupted(*arguments):
+        for count, outcome in enumerate(real(*arguments)):
             if count == 2:
                 raise interrupt
             yield outcome

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import beamsim
 from beamsim.analyses.designs.analysis import check_cases, design_study, gather, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import on_this_machine
 from beamsim.cli.app import app
 from beamsim.errors import NotTrustedError, ScenarioError
@@ -314,11 +315,11 @@ def test_one_worker_prepares_for_all(tmp_path, monkeypatch):
 
 def test_gathering_before_anything_is_known():
     plan = plan_designs(load_scenario(BASE + GRID))
-    empty = gather(plan, {})
+    empty = gather(plan, CaseTable(6))
     assert empty.status == "0 of 6 cases computed"
     assert not empty.solved.any()
     assert empty.summary["margins"] == {}
-    one = gather(plan, {2: CaseOutcome(2, {"bending_stress": 1e6})})
+    one = gather(plan, CaseTable(6, [CaseOutcome(2, {"bending_stress": 1e6})]))
     assert one.solved.sum() == 1
     assert one.responses["bending_stress"].values[0, 2] == 1e6
 

@@ -8,6 +8,7 @@ import pytest
 
 from beamsim.analyses.designs.analysis import gather, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.designs.table import CaseTable
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, save_design_plots, shown_quantities
@@ -63,7 +64,8 @@ def fabricated(name, failed=(), missing=()):
     rng = np.random.default_rng(1)
     outcomes = {task.index: outcome(task.index, rng) for task in plan.tasks}
     outcomes |= {k: failure(k, "more than max_events events") for k in failed}
-    return gather(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
+    kept = (o for k, o in outcomes.items() if k not in missing)
+    return gather(plan, CaseTable(len(plan.tasks), kept), 1.5)
 
 
 @pytest.mark.parametrize("name", STUDIES)

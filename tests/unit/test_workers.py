@@ -3,13 +3,15 @@
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import beamsim
 
 case = {{
     "chain": {{"masses": [1], "springs": [100, 0]}},
     "excitation": {{"kind": "harmonic", "applied_to": {{"mass": 1}}, "level": "1 N", "frequency": "1 Hz"}},
-    "run": {{"duration": "1 s"}},
+    {analysis},
     "vary": {{"kind": "grid", "parameters": [{{"path": "chain.masses[0]", "values": [1, 2]}}]}},
 }}
 result = beamsim.design_study(beamsim.load_scenario(case), workers={workers})
@@ -17,20 +19,25 @@ print(result.summary["solved"])
 """
 
 
-def script(folder, workers):
+RUN = '"run": {"duration": "1 s"}'
+SWEEP = '"sweep": {"kind": "swept_sine", "from": "1 Hz", "to": "2 Hz", "rate": "0.1 oct/s", "direction": "up"}'
+
+
+def script(folder, workers, analysis):
     path = folder / "study.py"
-    path.write_text(SCRIPT.format(workers=workers))
+    path.write_text(SCRIPT.format(workers=workers, analysis=analysis))
     return subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300, check=False)
 
 
-def test_one_worker_is_the_process_itself(tmp_path):
-    done = script(tmp_path, 1)
+@pytest.mark.parametrize(("workers", "analysis"), [(1, RUN), (1, SWEEP), (2, RUN)])
+def test_one_worker_and_threads_belong_to_the_process_itself(tmp_path, workers, analysis):
+    done = script(tmp_path, workers, analysis)
     assert (done.returncode, done.stdout.split()) == (0, ["2"]), done.stderr
 
 
 def test_workers_of_a_script_without_a_guard_are_refused_with_the_remedy(tmp_path):
     """They import the script, which would start workers again; that is not a lack of memory."""
-    done = script(tmp_path, 2)
+    done = script(tmp_path, 2, SWEEP)
     assert done.returncode != 0
     assert 'put the call under `if __name__ == "__main__":`, or use workers=1' in done.stderr
     assert "out of memory" not in done.stderr

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import math
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from threading import Event
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.cases import CaseTask, Place, analysis_of, case_scenario, solve_case, warm_up
-from beamsim.analyses.designs.responses import describe
+from beamsim.analyses.designs.cases import CaseSolver, CaseTask, Place, Study, analysis_of, solve_case, warm_up
+from beamsim.analyses.designs.responses import QUANTITIES, describe
 from beamsim.analyses.designs.result import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
+from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.limits import margin_of
-from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine
+from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.scenario.designs import LatinHypercube, VariedParameter, varied_parameters
-from beamsim.typing import Floats
+from beamsim.scenario.base import suggestion
+from beamsim.scenario.designs import LatinHypercube, VariedParameter, drawn_parameters, varied_parameters
+from beamsim.scenario.draws import Draws
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -32,6 +35,9 @@ Value = float | str
 MOST_CHECKED = 400  # cases checked before the first is solved
 MOST_SHOWN = 5  # problems and failures in a message
 NORMAL_REACH = 3.0  # standard deviations in a tolerance
+
+SAMPLES = ("latin_hypercube", "draws")  # kinds of studies whose cases are a sample, so that they have statistics
+THREADED = ("run",)  # analyses whose time is spent in compiled code, which threads execute side by side
 
 LIMITED_QUANTITIES = {
     "peak_force": "peak_force",
@@ -44,16 +50,71 @@ LIMITED_QUANTITIES = {
 
 
 @dataclass(frozen=True)
+class CaseTasks(Sequence[CaseTask]):
+    """The cases in order, each made when it is asked for."""
+
+    study: Study
+    columns: tuple[Sequence[Value], ...]  # of values, one a parameter
+    grid: bool  # every combination, the last column varying fastest; else row by row
+
+    def __len__(self) -> int:
+        return math.prod(len(column) for column in self.columns) if self.grid else len(self.columns[0])
+
+    @overload
+    def __getitem__(self, index: int) -> CaseTask: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[CaseTask]: ...
+    def __getitem__(self, index: int | slice) -> CaseTask | Sequence[CaseTask]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        rest, values = index, []
+        for column in reversed(self.columns):
+            rest, k = divmod(rest, len(column)) if self.grid else (rest, index)
+            values.append(column[k])
+        return CaseTask(index, self.study, tuple(reversed(values)))
+
+
+@dataclass(frozen=True)
+class Remaining(Sequence[CaseTask]):
+    """Some of the cases."""
+
+    tasks: CaseTasks
+    cases: Ints  # their numbers
+
+    def __len__(self) -> int:
+        return int(self.cases.size)
+
+    @overload
+    def __getitem__(self, index: int) -> CaseTask: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[CaseTask]: ...
+    def __getitem__(self, index: int | slice) -> CaseTask | Sequence[CaseTask]:
+        if isinstance(index, slice):
+            return Remaining(self.tasks, self.cases[index])
+        return self.tasks[int(self.cases[index])]
+
+
+@dataclass(frozen=True)
 class DesignPlan:
     """The cases to be computed, in order."""
 
     scenario: Scenario
-    analysis: str
     kind: str
     coordinates: tuple[Coordinate, ...]
     shape: tuple[int, ...]
-    tasks: tuple[CaseTask, ...]
-    fingerprint: str
+    tasks: CaseTasks
+
+    @property
+    def study(self) -> Study:
+        """What the cases share."""
+        return self.tasks.study
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of all that the responses depend on."""
+        return self.study.fingerprint
 
 
 def plan_designs(scenario: Scenario) -> DesignPlan:
@@ -69,31 +130,63 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         raise ScenarioError(
             Problem("vary", "is missing", "add `vary: {kind: grid, parameters: [{path: ..., values: [...]}]}`")
         )
-    analysis = analysis_of(scenario)
     varied = varied_parameters(scenario)
     if isinstance(vary, LatinHypercube):
         columns = _latin_hypercube(varied, vary.samples, vary.seed)
     else:
         columns = [_values(parameter) for parameter in varied]
-    shape = tuple(len(c) for c in columns) if vary.kind == "grid" else (len(columns[0]),)
-    rows: Iterable[tuple[Value, ...]] = (
-        itertools.product(*columns) if vary.kind == "grid" else zip(*columns, strict=True)
-    )
+    return _plan(scenario, vary.kind, varied, columns)
+
+
+def plan_draws(
+    scenario: Scenario, draws: Mapping[str, Sequence[Value] | NDArray[Any]], responses: Sequence[str] = ()
+) -> DesignPlan:
+    """List the cases of an ensemble: one for each draw of the numbers.
+
+    Parameters
+    ----------
+    scenario : with a ``run``, or a ``sweep``; what it says in ``vary`` is not used.
+    draws : by path of a number of the scenario its values, all equally many: SI numbers, or text with units.
+    responses : quantities or names of responses that are computed, by default all.
+
+    Raises
+    ------
+    ScenarioError
+        If a path does not exist, a value is not one of its field, or numbers of values differ.
+    """
+    if not draws:
+        raise ScenarioError(Problem("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}"))
+    varied = drawn_parameters(scenario, {path: list(np.asarray(values).tolist()) for path, values in draws.items()})
+    unknown = [name for name in responses if name.rpartition("/")[2] not in QUANTITIES]
+    if unknown:
+        remedy = suggestion(unknown[0].rpartition("/")[2], QUANTITIES, "the quantities are")
+        raise ScenarioError(Problem("responses", f"= {unknown[0]} is not known", remedy))
+    return _plan(scenario, "draws", varied, [list(parameter.values) for parameter in varied], tuple(responses))
+
+
+def _plan(
+    scenario: Scenario,
+    kind: str,
+    varied: tuple[VariedParameter, ...],
+    columns: list[list[Value]],
+    asked: tuple[str, ...] = (),
+) -> DesignPlan:
     base = _base(scenario)
     places = tuple(parameter.places for parameter in varied)
     if _varies_seed(places):
         base["excitation"].setdefault("amplitudes", "random")
+    analysis = analysis_of(scenario)
+    study = Study(analysis, base, places, asked, _fingerprint(base, places, columns, kind, analysis, asked))
+    grid = kind == "grid"
     return DesignPlan(
         scenario=scenario,
-        analysis=analysis,
-        kind=vary.kind,
+        kind=kind,
         coordinates=tuple(
             Coordinate(parameter.path, _array(column), parameter.unit)
             for parameter, column in zip(varied, columns, strict=True)
         ),
-        shape=shape,
-        tasks=tuple(CaseTask(k, analysis, base, places, row) for k, row in enumerate(rows)),
-        fingerprint=_fingerprint(base, places, columns, vary.kind, analysis),
+        shape=tuple(len(c) for c in columns) if grid else (len(columns[0]),),
+        tasks=CaseTasks(study, tuple(columns), grid),
     )
 
 
@@ -106,11 +199,12 @@ def check_cases(plan: DesignPlan) -> None:
         With the first invalid cases and their problems.
     """
     problems: list[Problem] = []
+    draws = Draws(plan.study.base, plan.study.places)
     step = max(1, -(-len(plan.tasks) // MOST_CHECKED))
     chosen = sorted({*range(0, len(plan.tasks), step), len(plan.tasks) - 1})
     for task in (plan.tasks[k] for k in chosen):
         try:
-            case_scenario(task)
+            draws.scenario(task.values)
         except ScenarioError as error:
             named = ", ".join(_assigned(c, value) for c, value in zip(plan.coordinates, task.values, strict=True))
             problems += [
@@ -121,11 +215,6 @@ def check_cases(plan: DesignPlan) -> None:
             break
     if problems:
         raise plan.scenario.located(ScenarioError(problems[:MOST_SHOWN]))
-
-
-def remaining(plan: DesignPlan, known: Mapping[int, CaseOutcome]) -> list[CaseTask]:
-    """The cases still to be solved."""
-    return [task for task in plan.tasks if task.index not in known]
 
 
 def design_study(
@@ -164,37 +253,36 @@ def design_study(
     else:
         plan = plan_designs(scenario)
         check_cases(plan)
-    outcomes = {outcome.index: outcome for outcome in known}
-    tasks = remaining(plan, outcomes)
+    table = CaseTable(len(plan.tasks), known)
     if progress is not None:
-        progress(len(outcomes) / len(plan.tasks))
-    for outcome in _solved(tasks, workers, scheduler):
-        outcomes[outcome.index] = outcome
+        progress(table.count / len(plan.tasks))
+    for outcome in _solved(plan, table, workers, scheduler):
+        table.add(outcome)
         if each is not None:
             each(outcome)
         if progress is not None:
-            progress(len(outcomes) / len(plan.tasks))
-    return gather(plan, outcomes, clock.perf_counter() - begin)
+            progress(table.count / len(plan.tasks))
+    return gather(plan, table, clock.perf_counter() - begin)
 
 
-def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
-    """Collect the outcomes, possibly of some cases only, in one table."""
-    solved = np.zeros(len(plan.tasks), dtype=bool)
-    failed = [outcomes[k] for k in sorted(outcomes) if not outcomes[k].outcome.complete]
-    good = [outcomes[k] for k in sorted(outcomes) if outcomes[k].outcome.complete]
-    solved[[outcome.index for outcome in good]] = True
-    responses = _responses(plan, good)
+def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> DesignsResult:
+    """The result of the cases in a table, which may be some of them only."""
+    responses = {
+        name: Response(name, column.reshape(plan.shape + column.shape[1:]).copy(), *describe(name))
+        for name, column in table.columns.items()
+    }
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
     margins, where = _margins(plan, responses, limits)
-    failures = tuple(CaseFailure(o.index, plan.tasks[o.index].values, o.outcome) for o in failed)
-    missing = len(plan.tasks) - len(outcomes)
+    failures = tuple(
+        CaseFailure(k, plan.tasks[k].values, table.failures[k].outcome) for k in sorted(table.failures)
+    )  # fmt: skip
     return DesignsResult(
         scenario=plan.scenario,
-        analysis=plan.analysis,
+        analysis=plan.study.analysis,
         kind=plan.kind,
-        outcome=_outcome(len(plan.tasks), missing, failures),
+        outcome=_outcome(len(plan.tasks), len(plan.tasks) - table.count, failures),
         coordinates=plan.coordinates,
-        solved=solved.reshape(plan.shape),
+        solved=table.solved.reshape(plan.shape),
         responses=responses,
         margins=margins,
         limits=limits,
@@ -203,20 +291,27 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         wall_time_s=wall_time_s,
         fingerprint=plan.fingerprint,
     ).with_summary(
-        solved=len(good),
-        failed=len(failed),
+        solved=table.count - len(failures),
+        failed=len(failures),
         responses=_extremes(plan, responses),
         margins=_worst_margins(plan, margins, where, limits) if limits else None,
-        processor_time_s=float(sum(o.processor_time_s for o in outcomes.values())),
+        processor_time_s=table.processor_time_s,
     )
 
 
-def _solved(tasks: list[CaseTask], workers: int | None, scheduler: str | None) -> Iterator[CaseOutcome]:
+def _solved(plan: DesignPlan, table: CaseTable, workers: int | None, scheduler: str | None) -> Iterator[CaseOutcome]:
+    """The cases that are not in the table yet, in the order of completion."""
+    tasks = Remaining(plan.tasks, np.flatnonzero(~table.known))
     if not tasks:
         return iter(())
     if scheduler is not None:
         return on_cluster(solve_case, tasks, scheduler, warm_up)
-    return on_this_machine(solve_case, tasks, workers or default_workers(), warm_up)
+    count = workers or default_workers()
+    if plan.study.analysis not in THREADED:
+        return on_this_machine(solve_case, tasks, count, warm_up)
+    interrupted = Event()
+    solver = CaseSolver(plan.study, interrupted.is_set)
+    return on_threads(solver.solve, tasks, count, interrupted.set)
 
 
 def _base(scenario: Scenario) -> dict[str, Any]:
@@ -242,10 +337,9 @@ def _varies_seed(places: Iterable[Iterable[Place]]) -> bool:
 
 def _about_seeds(plan: DesignPlan) -> list[str]:
     """What the scatter between the seeds of a random input means."""
-    task = plan.tasks[0]
-    if not _varies_seed(task.places):
+    if not _varies_seed(plan.study.places):
         return []
-    if task.base["excitation"]["amplitudes"] == "random":
+    if plan.study.base["excitation"]["amplitudes"] == "random":
         return [
             "the seeds are realisations of a Gaussian process (excitation.amplitudes: random): they scatter as records "
             "of this duration do"
@@ -256,8 +350,10 @@ def _about_seeds(plan: DesignPlan) -> list[str]:
     ]
 
 
-def _fingerprint(base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str) -> str:
-    text = json.dumps([analysis, kind, base, places, columns], sort_keys=True)
+def _fingerprint(
+    base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str, asked: tuple[str, ...]
+) -> str:
+    text = json.dumps([analysis, kind, base, places, columns, *([asked] if asked else [])], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -296,21 +392,6 @@ def _latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: in
             values = low + u * (high - low)
         columns.append([int(v) for v in values] if parameter.whole else values.tolist())
     return columns
-
-
-def _responses(plan: DesignPlan, outcomes: list[CaseOutcome]) -> dict[str, Response]:
-    names = dict.fromkeys(name for outcome in outcomes for name in outcome.values)
-    responses: dict[str, Response] = {}
-    for name in names:
-        widths = {len(v) for o in outcomes if isinstance(v := o.values.get(name), list)}
-        table = np.full((len(plan.tasks), max(widths, default=1)), np.nan)
-        for outcome in outcomes:
-            given = outcome.values.get(name, math.nan)
-            row = given if isinstance(given, list) else [given]
-            table[outcome.index, : len(row)] = row
-        table = table if widths else table[:, 0]
-        responses[name] = Response(name, table.reshape(plan.shape + table.shape[1:]), *describe(name))
-    return responses
 
 
 def _margins(
@@ -375,7 +456,7 @@ def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, 
             "largest": float(flat[high]),
             "largest_at": _named(plan, high),
         }
-        if plan.kind == "latin_hypercube":
+        if plan.kind in SAMPLES:
             known = flat[np.isfinite(flat)]
             summary[name] |= {
                 "mean": float(known.mean()),

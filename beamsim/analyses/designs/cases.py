@@ -6,16 +6,26 @@ that every worker, on this machine or another, computes the same numbers.
 
 from __future__ import annotations
 
-import copy
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from beamsim.analyses.designs.responses import Responses, response_responses, run_responses, sweep_responses
+from beamsim.analyses.designs.responses import (
+    Responses,
+    entries_of,
+    entries_of_result,
+    is_asked,
+    response_responses,
+    run_responses,
+    sweep_responses,
+)
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
+from beamsim.flow.march import never
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.draws import Draws
+from beamsim.system.shared import SharedBuilds
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -27,13 +37,22 @@ Value = float | str
 
 
 @dataclass(frozen=True)
+class Study:
+    """What the cases of a study share, as plain data for workers."""
+
+    analysis: str
+    base: Mapping[str, Any]  # the scenario
+    places: tuple[tuple[Place, ...], ...]  # of each parameter
+    asked: tuple[str, ...] = ()  # responses; empty for all
+    fingerprint: str = ""
+
+
+@dataclass(frozen=True)
 class CaseTask:
     """Data of one case for a worker."""
 
     index: int
-    analysis: str
-    base: Mapping[str, Any]  # the scenario
-    places: tuple[tuple[Place, ...], ...]  # of each parameter
+    study: Study
     values: tuple[Value, ...]  # of each parameter
 
 
@@ -41,7 +60,7 @@ class CaseTask:
 class Analysis:
     """How a case is solved."""
 
-    solve: Callable[[Scenario], tuple[Responses, Outcome]]  # responses and outcome
+    solve: Callable[[Scenario, CaseSolver], tuple[Responses, Outcome]]  # responses and outcome
     rehearse: Callable[[Scenario], object]  # a short case that compiles all functions needed
 
 
@@ -59,37 +78,49 @@ def analysis_of(scenario: Scenario) -> str:
     return kind
 
 
-def case_scenario(task: CaseTask) -> Scenario:
-    """The scenario of a case, checked like any other.
+class CaseSolver:
+    """Solves the cases of one study; what they share is built once. May be used by several threads.
 
     Raises
     ------
     ScenarioError
-        If the scenario with these values is invalid.
+        If the scenario of the study is invalid.
     """
-    from beamsim.scenario import load_scenario
 
-    data = copy.deepcopy(dict(task.base))
-    for places, value in zip(task.places, task.values, strict=True):
-        for place in places:
-            owner: Any = data
-            for part in place[:-1]:
-                owner = owner[part]
-            owner[place[-1]] = value
-    return load_scenario(data)
+    def __init__(self, study: Study, stop: Callable[[], bool] = never) -> None:
+        self.study = study
+        self.draws = Draws(study.base, study.places)
+        self.shared = SharedBuilds()
+        self.stop = stop
+
+    def solve(self, task: CaseTask) -> CaseOutcome:
+        """Solve one case; an error becomes part of the outcome, so that the other cases continue."""
+        begin = clock.thread_time()
+        try:
+            scenario = self.draws.scenario(task.values)
+            values, outcome = ANALYSES[self.study.analysis].solve(scenario, self)
+        except BeamsimError as error:
+            values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason="; ".join(str(error).splitlines()))
+        except (ArithmeticError, ValueError, RuntimeError) as error:
+            reason = f"internal error ({type(error).__name__}: {error})"
+            values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason=reason)
+        values = {name: value for name, value in values.items() if is_asked(name, self.study.asked)}
+        return CaseOutcome(task.index, values if outcome.complete else {}, outcome, clock.thread_time() - begin)
 
 
 def solve_case(task: CaseTask) -> CaseOutcome:
-    """Solve one case; an error becomes part of the outcome, so that the other cases continue."""
-    begin = clock.process_time()
-    try:
-        values, outcome = ANALYSES[task.analysis].solve(case_scenario(task))
-    except BeamsimError as error:
-        values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason="; ".join(str(error).splitlines()))
-    except (ArithmeticError, ValueError, RuntimeError) as error:
-        reason = f"internal error ({type(error).__name__}: {error})"
-        values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason=reason)
-    return CaseOutcome(task.index, values if outcome.complete else {}, outcome, clock.process_time() - begin)
+    """Solve one case in a worker process, which keeps what the cases of a study share."""
+    return _solver(task.study).solve(task)
+
+
+_SOLVERS: dict[str, CaseSolver] = {}  # of the study that this worker is computing
+
+
+def _solver(study: Study) -> CaseSolver:
+    if study.fingerprint not in _SOLVERS:
+        _SOLVERS.clear()
+        _SOLVERS[study.fingerprint] = CaseSolver(study)
+    return _SOLVERS[study.fingerprint]
 
 
 def warm_up(task: CaseTask | None) -> None:
@@ -99,16 +130,25 @@ def warm_up(task: CaseTask | None) -> None:
 
     if task is not None:
         try:
-            ANALYSES[task.analysis].rehearse(case_scenario(task))
+            ANALYSES[task.study.analysis].rehearse(_solver(task.study).draws.scenario(task.values))
         except BeamsimError:
             return  # reported when the case is solved
 
 
-def _solve_run(scenario: Scenario) -> tuple[Responses, Outcome]:
+def _solve_run(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
     from beamsim.analyses.run.analysis import run
+    from beamsim.analyses.run.asked import asked_figures, gives_figures
+    from beamsim.system.build import build_system
 
-    result = run(scenario)
-    return run_responses(result), result.outcome
+    settings = scenario.run
+    assert settings is not None
+    if gives_figures(scenario):
+        system = build_system(scenario, solver.shared, assessed=False)
+        asked = entries_of(solver.study.asked, scenario.excitation.kind)
+        figures, outcome = asked_figures(system, settings, asked, solver.stop)
+        return run_responses(figures), outcome
+    result = run(scenario, stop=solver.stop)
+    return run_responses(entries_of_result(result)), result.outcome
 
 
 def _rehearse_run(scenario: Scenario) -> object:
@@ -122,10 +162,10 @@ def _rehearse_run(scenario: Scenario) -> object:
     return run(scenario.model_copy(update={"run": settings}))
 
 
-def _solve_sweep(scenario: Scenario) -> tuple[Responses, Outcome]:
+def _solve_sweep(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
     from beamsim.analyses.sweep.analysis import sweep
 
-    result = sweep(scenario)
+    result = sweep(scenario, stop=solver.stop)
     return sweep_responses(result), result.outcome
 
 
@@ -141,7 +181,7 @@ def _rehearse_sweep(scenario: Scenario) -> object:
     return sweep(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
-def _solve_response(scenario: Scenario) -> tuple[Responses, Outcome]:
+def _solve_response(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
     from beamsim.analyses.response.analysis import frequency_response
 
     result = frequency_response(scenario)

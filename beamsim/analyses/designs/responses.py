@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,29 +48,75 @@ def describe(name: str) -> tuple[str, str]:
     return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
 
 
-def run_responses(result: RunResult) -> Responses:
-    """Responses of a run, from its summary."""
-    s = result.summary
+RUN_ENTRIES: dict[str, tuple[str, str]] = {
+    "peak_displacement": ("probes", "peak_displacement_m"),
+    "min_displacement": ("probes", "min_displacement_m"),
+    "max_displacement": ("probes", "max_displacement_m"),
+    "peak_acceleration": ("probes", "peak_acceleration_g"),
+    "peak_force": ("snubbers", "peak_force_n"),
+    "contact_share": ("snubbers", "contact_share"),
+    "contacts": ("snubbers", "contacts"),
+    "largest_gap": ("snubbers", "largest_gap_m"),
+    "static_force": ("snubbers", "static_force_n"),
+    "rms_absolute_acceleration": ("probes", "rms_absolute_acceleration"),
+    "rms_displacement": ("probes", "rms_displacement"),
+    "rms_force": ("snubbers", "rms_force"),
+    "bending_stress": ("", "largest_bending_stress_pa"),
+    "bending_stress_position": ("", "largest_bending_stress_position_m"),
+    "open_frequencies_hz": ("", "open_frequencies_hz"),
+    "closed_frequencies_hz": ("", "closed_frequencies_hz"),
+    "energy_error": ("", "energy_error"),
+}
+"""By quantity of a run's responses: to what it belongs, and the entry of the summary that it is."""
+BROADBAND = ("random", "sampled")  # excitations whose responses have a root mean square
+MODEL_ENTRIES = ("static_force_n", "open_frequencies_hz", "closed_frequencies_hz")
+"""Entries that responses are made of whatever is asked for; the model has them anyway."""
+
+
+def run_responses(figures: Mapping[str, Any], asked: Collection[str] = ()) -> Responses:
+    """Responses of a run, from entries of its summary; of those that are not there, none.
+
+    ``asked`` are quantities or whole names of responses; all of them where it is empty.
+    """
     values: Responses = {}
-    for name in result.probes:
-        for quantity in ("peak_displacement", "min_displacement", "max_displacement"):
-            values[f"probes/{name}/{quantity}"] = s[f"{quantity}_m"][name]
-        values[f"probes/{name}/peak_acceleration"] = s["peak_acceleration_g"][name] * STANDARD_GRAVITY
-    for name in result.snubbers:
-        values[f"snubbers/{name}/peak_force"] = s["peak_force_n"][name]
-        values[f"snubbers/{name}/contact_share"] = s["contact_share"][name]
-        values[f"snubbers/{name}/contacts"] = float(s["contacts"][name])
-        values[f"snubbers/{name}/largest_gap"] = s["largest_gap_m"][name]
-        values[f"snubbers/{name}/static_force"] = s["static_force_n"][name]
+    for owner in ("probes", "snubbers"):
+        entries = {quantity: entry for quantity, (of, entry) in RUN_ENTRIES.items() if of == owner}
+        names = dict.fromkeys(name for entry in entries.values() for name in figures.get(entry, ()))
+        for name in names:
+            for quantity, entry in entries.items():
+                if name in figures.get(entry, ()):
+                    factor = STANDARD_GRAVITY if entry.endswith("_g") else 1.0
+                    values[f"{owner}/{name}/{quantity}"] = float(figures[entry][name]) * factor
+    for quantity in ("bending_stress", "bending_stress_position"):
+        if RUN_ENTRIES[quantity][1] in figures:
+            values[quantity] = figures[RUN_ENTRIES[quantity][1]]
+    snubbers = bool(figures["static_force_n"])
+    values |= frequency_responses(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
+    if "energy_error" in figures:
+        values["energy_error"] = figures["energy_error"]
+    return {name: value for name, value in values.items() if is_asked(name, asked)}
+
+
+def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
+    """Entries of a run's summary that the responses asked for need, with a kind of excitation."""
+    quantities = {name.rpartition("/")[2] for name in asked} or set(RUN_ENTRIES)
+    if excitation not in BROADBAND:
+        quantities = {name for name in quantities if not name.startswith("rms_")}
+    wanted = [entry for quantity, (_, entry) in RUN_ENTRIES.items() if quantity in quantities]
+    return tuple(dict.fromkeys((*wanted, *MODEL_ENTRIES)))
+
+
+def entries_of_result(result: RunResult) -> dict[str, Any]:
+    """The entries of a whole result, with the root mean squares of a random or sampled input."""
+    entries = dict(result.summary)
     for signal in result.random.signals if result.random is not None else ():
-        where = "snubbers" if signal.quantity == "force" else "probes"
-        values[f"{where}/{signal.name}/rms_{signal.quantity}"] = signal.rms
-    if "largest_bending_stress_pa" in s:
-        values["bending_stress"] = s["largest_bending_stress_pa"]
-        values["bending_stress_position"] = s["largest_bending_stress_position_m"]
-    values |= frequency_responses(s["open_frequencies_hz"], s["closed_frequencies_hz"], bool(result.snubbers))
-    values["energy_error"] = s["energy_error"]
-    return values
+        entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms
+    return entries
+
+
+def is_asked(name: str, asked: Collection[str]) -> bool:
+    """Whether a response is among those asked for, by its name or by its quantity."""
+    return not asked or name in asked or name.rpartition("/")[2] in asked
 
 
 def sweep_responses(result: SweepResult) -> Responses:

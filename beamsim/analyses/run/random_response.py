@@ -14,9 +14,10 @@ from beamsim.typing import Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
+SKIPPED = 0.1  # share of a run that is left out at its beginning
 
 
-def random_response(result: RunResult, force: Floats | None = None, skip: float = 0.1) -> RandomResponse | None:
+def random_response(result: RunResult, force: Floats | None = None, skip: float = SKIPPED) -> RandomResponse | None:
     """Analyse a run; None where it is too short.
 
     Parameters

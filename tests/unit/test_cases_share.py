@@ -1,0 +1,127 @@
+"""What a case of a study does, and what is done once for all of them: counts of work, not times."""
+
+import importlib
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.designs.analysis import design_study, plan_designs
+from beamsim.analyses.designs.cases import CaseSolver
+from beamsim.analyses.designs.responses import entries_of_result, run_responses
+from beamsim.scenario import load_scenario
+from beamsim.scenario.draws import Draws, draw_data
+
+BASE = """\
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
+  damping: {kind: modal, ratio: 1 %}, supports: {left: clamped, right: free}}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm,
+  damping: {kind: ratio, ratio: 2 %}}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.1 s}
+"""
+CONTACT = """\
+vary:
+  kind: grid
+  parameters:
+    - {path: snubbers.tip.stiffness, values: [50 kN/m, 100 kN/m, 200 kN/m]}
+    - {path: snubbers.tip.gap, from: -0.1 mm, to: 0.1 mm, points: 3}
+    - {path: excitation.level, values: [1 g, 2 g]}
+"""
+BEAM = "vary: {kind: grid, parameters: [{path: beam.thickness, from: 4 mm, to: 6 mm, points: 3}]}\n"
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Counts the calls of functions, given by the module that calls them and their name."""
+    counts = {}
+
+    def count(module, name):
+        owner = importlib.import_module(module)
+        real = getattr(owner, name)
+
+        def called(*arguments, **options):
+            counts[name] = counts.get(name, 0) + 1
+            return real(*arguments, **options)
+
+        monkeypatch.setattr(owner, name, called)
+
+    for module, name in (
+        ("beamsim.system.parts", "assemble"),
+        ("beamsim.system.parts", "reduce_model"),
+        ("beamsim.structures.reduction", "natural_modes"),
+        ("beamsim.system.build", "reduction_error"),
+        ("beamsim.scenario.draws", "load_scenario"),
+        ("importlib.metadata", "version"),
+        ("beamsim.flow.exact", "build_state"),
+        ("beamsim.analyses.run.analysis", "spectra_of_motion"),
+    ):
+        count(module, name)
+    return counts
+
+
+def test_cases_that_differ_in_contact_and_level_share_the_structure_and_one_validation(counted):
+    result = design_study(load_scenario(BASE + CONTACT), workers=1)
+    assert result.cases == 18
+    assert counted["assemble"] == counted["reduce_model"] == counted["natural_modes"] == 1
+    assert counted["load_scenario"] == 2  # one for the check before the study, one for its cases
+    assert counted.get("version", 0) < result.cases  # of the table alone
+    assert "spectra_of_motion" not in counted
+    assert "reduction_error" not in counted
+    assert counted["build_state"] <= 2 * 18 + 1  # open and closed, and one that loads the kernels
+
+
+def test_cases_that_differ_in_the_beam_build_it_once_each(counted):
+    design_study(load_scenario(BASE + BEAM), workers=1)
+    assert counted["assemble"] == counted["reduce_model"] == 3
+    assert counted["load_scenario"] == 2
+
+
+@pytest.mark.parametrize("vary", [CONTACT, BEAM])
+def test_a_draw_is_the_scenario_that_is_read_whole(vary):
+    study = plan_designs(load_scenario(BASE + vary)).study
+    solver = CaseSolver(study)
+    for task in plan_designs(load_scenario(BASE + vary)).tasks:
+        whole = load_scenario(draw_data(study.base, study.places, task.values))
+        assert solver.draws.scenario(task.values) == whole
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("snubbers", 0, "stiffness"), -5.0, "snubbers[0].stiffness = -5 must be positive"),
+        (("beam", "thickness"), float("nan"), "beam.thickness"),
+        (("beam", "length"), 0.2, "snubbers[0].position"),
+        (("excitation", "frequency"), 1e9, "run.sample_rate"),
+    ],
+)
+def test_a_bad_number_gives_the_located_error_of_a_whole_scenario(path, value, message):
+    base = load_scenario(BASE.replace("0.1 s", "0.1 s, sample_rate: 1 kHz"))
+    data = base.model_dump(mode="json", by_alias=True, exclude_none=True)
+    with pytest.raises(beamsim.ScenarioError) as drawn:
+        Draws(data, [[path]]).scenario((value,))
+    with pytest.raises(beamsim.ScenarioError) as whole:
+        load_scenario(draw_data(data, [[path]], (value,)))
+    assert message in str(drawn.value)
+    assert drawn.value.problems == whole.value.problems
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("", ""),
+        ("side: below", "side: above"),
+        ("snubbers:", "probes: [{name: a, position: 100 mm}, {name: b, position: 200 mm}]\nsnubbers:"),
+        ("snubbers:", "gravity: 1 g\nsnubbers:"),
+    ],
+)
+def test_the_figures_of_a_case_are_those_of_its_run(old, new):
+    plan = plan_designs(load_scenario(BASE.replace(old, new, 1) + CONTACT))
+    solver = CaseSolver(plan.study)
+    task = plan.tasks[7]
+    whole = run_responses(entries_of_result(beamsim.run(solver.draws.scenario(task.values))))
+    case = solver.solve(task).values
+    assert list(case) == list(whole)
+    assert max(whole.pop("energy_error"), case["energy_error"]) < 1e-9
+    for name, value in whole.items():
+        np.testing.assert_allclose(case[name], value, rtol=1e-10, err_msg=name)
