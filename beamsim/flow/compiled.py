@@ -44,6 +44,19 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     return compiled
 
 
+def kernel(function: Callable[..., Any]) -> Any:
+    """A compiled function that Python calls."""
+    return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """A compiled function that only compiled functions call.
+
+    It has no entry from Python, which would take a third of the compilation: called from there it crashes.
+    """
+    return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
+
+
 @cache
 def use_temporary_folder() -> bool:
     """Let Numba keep compiled code in a private temporary folder, also in worker processes; whether there is one."""

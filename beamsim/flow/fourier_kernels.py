@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import _coefficients, _exp, _fill_sources
 
@@ -22,7 +22,7 @@ BERNOULLI = (0.5, 1.0 / 12.0, *(2.05 / (2.0 * math.pi) ** k for k in range(3, OR
 CONVERGENT = 0.9  # |s| step / 2 pi below which the series is used
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _exponential_integral(s, T, e):  # type: ignore[no-untyped-def]
     """``int_0^T e^{s tau} d tau`` with e = e^{sT}; a series where the difference would cancel."""
     x = s * T
@@ -38,7 +38,7 @@ def _exponential_integral(s, T, e):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def fourier_integrals(  # type: ignore[no-untyped-def]
     tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, omega, out
 ):
@@ -83,7 +83,7 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
                     out[j, w] += 0.5 * (c * first + np.conj(c * second)) * shift[w]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _jets(exponent, power, nb, gamma, tau, step, reach, out):  # type: ignore[no-untyped-def]
     """Derivatives of order 0 to ORDERS - 1 at tau, into ``out``; returns the bound on the terms beyond them.
 
@@ -119,7 +119,7 @@ def _jets(exponent, power, nb, gamma, tau, step, reach, out):  # type: ignore[no
     return beyond
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def folded(  # type: ignore[no-untyped-def]
     tables, inputs, table, dropped, seg_time, seg_length, seg_state, seg_piece, seg_y, step, reach, open_ends, out
 ):

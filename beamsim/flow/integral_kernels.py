@@ -12,14 +12,14 @@ import math
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _outputs, _rows
 
 DEAD = 45.0  # decay, in powers of e, after which an exponential no longer counts
 LONG_TURN = 60.0  # rad of the fastest motion alive: from here on the closed form is cheaper than panels
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
     """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top, with ex = e^x; the direction of recursion that is stable."""
     if abs(x.real) + abs(x.imag) < 2.0:
@@ -56,7 +56,7 @@ def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
             q -= 1
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
     """int_0^tau exp(lam s) ds with e = exp(lam tau)."""
     x = lam * tau
@@ -65,7 +65,7 @@ def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
     return (e - 1.0) / lam
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fill_pairs(rows, group, degree, groups, power, nb, weight, plus, minus):  # type: ignore[no-untyped-def]
     """Coefficients (Q, G, G, R) of ``tau^r e^{(a + b) tau}``, and with b conjugate, in the integrands; a <= b.
 
@@ -102,7 +102,7 @@ def _fill_pairs(rows, group, degree, groups, power, nb, weight, plus, minus):  #
                         minus[q, h, g, r] += w * across.conjugate()
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _closed_form(exponent, degree, groups, plus, minus, tau, e, moment, out):  # type: ignore[no-untyped-def]
     """Integrals (Q,) from 0 to tau of what `_fill_pairs` wrote."""
     Q = out.size
@@ -134,7 +134,7 @@ def _closed_form(exponent, degree, groups, plus, minus, tau, e, moment, out):  #
                     out[q] += total.real
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fastest_alive(exponent, power, nb, tau):  # type: ignore[no-untyped-def]
     """Largest size of an exponent whose basis function has not died out at tau."""
     fastest = 0.0
@@ -146,7 +146,7 @@ def _fastest_alive(exponent, power, nb, tau):  # type: ignore[no-untyped-def]
     return math.sqrt(fastest)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def product_integrals(  # type: ignore[no-untyped-def]
     tables, inputs, table, weight, seg_time, seg_length, seg_state, seg_piece, seg_y, time, group, degree,
     radians, node, gauss, at, total, lost, out, most_work,

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
@@ -56,7 +56,7 @@ class Inputs(NamedTuple):
     group_last: Any  # (F,)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _exp(re: float, im: float, tau: float) -> complex:
     size = 1.0 if re == 0.0 else math.exp(re * tau)
     if im == 0.0:
@@ -65,7 +65,7 @@ def _exp(re: float, im: float, tau: float) -> complex:
     return complex(size * math.cos(angle), size * math.sin(angle))
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fill_sources(tables, s, inputs, piece, t, y, zeta):  # type: ignore[no-untyped-def]
     """Amplitudes of all sources at the start (time t, state y) of a segment in state s."""
     F = inputs.exponent.size
@@ -96,7 +96,7 @@ def _fill_sources(tables, s, inputs, piece, t, y, zeta):  # type: ignore[no-unty
                 zeta[F + i] += tables.projector[s, i, k] * rest
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def]
     """Basis functions at tau."""
     for b in range(nb):
@@ -110,7 +110,7 @@ def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def
             value[b] = v
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _evaluate(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
     """Value, slope, bound on the curvature over [tau, reach], round-off level, and reach, of all watched functions.
 
@@ -162,7 +162,7 @@ def _evaluate(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no
     return reach
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     """Longest step from g > 0 over which g + slope h - bound h^2 / 2 stays positive."""
     if bound <= 0.0:
@@ -173,7 +173,7 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     return (slope + root) / bound
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _coefficients(tables, s, table, zeta, gamma):  # type: ignore[no-untyped-def]
     """Coefficients of the basis functions in ``count`` functions tabulated per term."""
     count = gamma.shape[0]
@@ -188,7 +188,7 @@ def _coefficients(tables, s, table, zeta, gamma):  # type: ignore[no-untyped-def
             gamma[j, b] += table[s, q, j] * z
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-def]
     """The same, and the size of each."""
     _coefficients(tables, s, table, zeta, gamma)
@@ -197,7 +197,7 @@ def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-de
             size[j, b] = abs(gamma[j, b])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
     N = y.size
     for k in range(N):
@@ -210,7 +210,7 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
                 y[k] += v.real * a.real - v.imag * a.imag
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
     """Round-off of the watched functions on a segment of length H that the terms' cancellation leaves."""
     for j in range(least.size):
@@ -222,7 +222,7 @@ def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
             least[j] += a * tables.roughness[s, q, j]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
     """What each watched function may be below zero where a segment begins with an event.
 
@@ -240,7 +240,7 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
             floors[j] = min(-2.0 * out[j, 0], max(1e-9 * scale, AT_ONCE * H * out[j, 1]))
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     """(step, hit): how far no watched function can reach zero, or which is there already (-1: none).
 
@@ -259,7 +259,7 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     return step, -1
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     """Time of the zero next to tau, by one Newton step where the curvature allows it."""
     g, slope, bound = out[hit, 0], out[hit, 1], out[hit, 2]
@@ -268,7 +268,7 @@ def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     return tau
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
     """The internal states with which the phase after a guard's event starts, into y; ``basis`` is at the event."""
     column = tables.reset[s, guard]
@@ -284,7 +284,7 @@ def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
         y[first + i] = total
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no-untyped-def]
     """Coefficients (B, k) of the basis functions, from a table in two parts; the loop over outputs is the inner one."""
     k = real.shape[2]
@@ -301,7 +301,7 @@ def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no
                 rows_imag[b, j] += real[s, q, j] * z.imag + imag[s, q, j] * z.real
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-def]
     """Real part of every function, from `_rows`."""
     for j in range(out.size):
@@ -316,7 +316,7 @@ def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-d
                 out[j] += rows_real[b, j] * re - rows_imag[b, j] * im
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def segment_coefficients(tables, inputs, table, state, piece, t, y):  # type: ignore[no-untyped-def]
     """(k, B) coefficients of the basis functions in the outputs on a segment that starts with (t, y)."""
     k = table.shape[2]
@@ -327,7 +327,7 @@ def segment_coefficients(tables, inputs, table, state, piece, t, y):  # type: ig
     return gamma
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
     """A local maximum near tau: secant steps on the slope, kept inside [0, H]; returns (time, value)."""
     _evaluate(exponent, power, nb, gamma, size, tau, H, out)
@@ -372,7 +372,7 @@ def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-un
     return best_tau, best
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-def]
     """Largest size of every basis function, and of its second derivative, on [0, H]."""
     for b in range(nb):
@@ -392,13 +392,13 @@ def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-d
             bend[b] = (r2 * H * H + 2.0 * p * math.sqrt(r2) * H + p * (p - 1.0)) * size * level
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def]
     """Whether value + rate t + curve t^2 / 2 stays below ``highest`` on [0, H]."""
     return value < highest and _safe_step(highest - value, -rate, curve) >= H
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def extremes(  # type: ignore[no-untyped-def]
     tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, highest, when, relative, at, most
 ):

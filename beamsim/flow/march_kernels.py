@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import (
     _coefficients,
     _combine,
@@ -44,7 +44,7 @@ DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 RESTART = 256  # even samples, after which the exponentials are evaluated anew
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def march(  # type: ignore[no-untyped-def]
     tables, inputs, swept, t, piece, end, state, guard, waits, y, log, most_evaluations
 ):
@@ -191,7 +191,7 @@ def march(  # type: ignore[no-untyped-def]
     return DONE, t, piece, state, guard, n_seg, n_ev, n_eval
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _since(swept, piece, t, time):  # type: ignore[no-untyped-def]
     """How long a position lies back at a time of the motion."""
     if swept is None:
@@ -199,7 +199,7 @@ def _since(swept, piece, t, time):  # type: ignore[no-untyped-def]
     return time - swept.windows.start[piece] - t
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sample(  # type: ignore[no-untyped-def]
     tables, inputs, swept, table, seg_time, seg_state, seg_piece, seg_y, time, out
 ):
@@ -255,7 +255,7 @@ def sample(  # type: ignore[no-untyped-def]
             add_forced(response.output, used, swept.windows.omega[piece], tau, 0, out[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sample_evenly(  # type: ignore[no-untyped-def]
     tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, step, out
 ):

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
 
 
@@ -59,7 +59,7 @@ class Parameters(NamedTuple):
     force: Any  # (P, H, n) complex amplitudes
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def force_terms(  # type: ignore[no-untyped-def]
     tables, inputs, contacts, first_forced, first_basis, K, C, omega, multiple, force, base, dforce, dbase, level_force,
     level_base, out,
@@ -131,7 +131,7 @@ def force_terms(  # type: ignore[no-untyped-def]
                         tables.watch[s, t, tables.reset[s, g] + i] = complex(rows[i, 0], w * rows[i, 1]) * delta
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _guard_of_contact(tables, s, g):  # type: ignore[no-untyped-def]
     """Number of a state's guard among those of its contact."""
     number = 0
@@ -140,7 +140,7 @@ def _guard_of_contact(tables, s, g):  # type: ignore[no-untyped-def]
     return number
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def phases_at_start(contacts, y, base, base_rate, phases):  # type: ignore[no-untyped-def]
     """Phases of the contacts at a motion, into ``phases``; False where a guard is too near zero to tell."""
     m, n = contacts.shape.shape
@@ -194,7 +194,7 @@ def phases_at_start(contacts, y, base, base_rate, phases):  # type: ignore[no-un
     return clear
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _difference(a, b, ea, eb, tau):  # type: ignore[no-untyped-def]
     """Divided difference (e^{b tau} - e^{a tau}) / (b - a), stable when a and b meet."""
     x = (b - a) * tau
@@ -206,7 +206,7 @@ def _difference(a, b, ea, eb, tau):  # type: ignore[no-untyped-def]
     return (eb - ea) / (b - a)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
     """Add to ``add`` (2n,) the response over a segment to the change of the contacts' forces with parameter p."""
     m, n = contacts.shape.shape
@@ -285,7 +285,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
                     add[i] += u.real * total.real - u.imag * total.imag
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _add_structure(tables, s, first, variation, parameters, p, t0, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
     """Add to ``add`` (2n,) the response over a segment to the change of the structure's matrices and loads.
 
@@ -344,7 +344,7 @@ def _add_structure(tables, s, first, variation, parameters, p, t0, zeta, basis, 
             add[i] += u.real * total.real - u.imag * total.imag
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j, t, y):  # type: ignore[no-untyped-def]
     """Explicit derivative of contact j's penetration and of its rate by parameter p, the state held."""
     n = contacts.shape.shape[1]
@@ -369,7 +369,7 @@ def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j
     return delta, rate
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _rate_at(tables, s, zeta, basis, tau, out):  # type: ignore[no-untyped-def]
     """Time derivative of the state at tau, where ``basis`` was evaluated."""
     N = out.size
@@ -389,7 +389,7 @@ def _rate_at(tables, s, zeta, basis, tau, out):  # type: ignore[no-untyped-def]
                 out[i] += u.real * a.real - u.imag * a.imag
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _add_forced_derivative(tables, s, inputs, variation, parameters, t, sign, sens):  # type: ignore[no-untyped-def]
     """Add ``sign`` times the forced response's derivative by each parameter at time t to its column."""
     P = parameters.moves_frequency.size
@@ -406,7 +406,7 @@ def _add_forced_derivative(tables, s, inputs, variation, parameters, t, sign, se
                 sens[i, first + p] += (d * e).real
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _started(contacts, j, k, guard, i, a):  # type: ignore[no-untyped-def]
     """Factor of quantity a in the internal state i with which the phase after a guard's event starts."""
     if contacts.resets[j, k, guard]:
@@ -414,7 +414,7 @@ def _started(contacts, j, k, guard, i, a):  # type: ignore[no-untyped-def]
     return 1.0 if a == 3 + i else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def carry_sensitivity(  # type: ignore[no-untyped-def]
     tables, inputs, contacts, variation, parameters, n_seg, seg_time, seg_length, seg_state, seg_piece, seg_y,
     ev_contact, sens, slope,

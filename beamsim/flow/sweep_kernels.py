@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import EPS, _combine, _exp
 
@@ -110,7 +110,7 @@ class ForcedPart(NamedTuple):
     work: Any  # see `_Work`
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _shift(c, degree, by):  # type: ignore[no-untyped-def]
     """Coefficients of a polynomial about another point, in place."""
     for i in range(degree):
@@ -118,7 +118,7 @@ def _shift(c, degree, by):  # type: ignore[no-untyped-def]
             c[p] += by * c[p + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignore[no-untyped-def]
     """Channels c (L, D + 1) and forced state U (Q, N) about the point ``x`` after the start of window k.
 
@@ -210,7 +210,7 @@ def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignor
     return used
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type: ignore[no-untyped-def]
     """Coefficients (count, Q) of the forced part of linear outputs."""
     N = U.shape[1]
@@ -231,7 +231,7 @@ def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type
                     out[j, p] += channel[j, a] * c[a, p] + slope[j, a] * rate
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
     """Room for the forced response, none where nothing is swept."""
     if swept is None:
@@ -252,7 +252,7 @@ def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def respond(swept, response, s, k, x, H, y):  # type: ignore[no-untyped-def]
     """Forced response on a segment of length H that starts with state y, ``x`` after the start of window k.
 
@@ -266,7 +266,7 @@ def respond(swept, response, s, k, x, H, y):  # type: ignore[no-untyped-def]
     return used
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def watch_response(tables, swept, response, s, k, used, H, least):  # type: ignore[no-untyped-def]
     """The forced part of the watched functions, and its round-off, added to ``least``."""
     kept, U = swept.kept, response.state
@@ -295,7 +295,7 @@ def watch_response(tables, swept, response, s, k, used, H, least):  # type: igno
             )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def add_watched(response, used, omega, tau, reach, out):  # type: ignore[no-untyped-def]
     """Add the forced part ``Re[e^{i omega tau} sum_q watch_q tau^q]`` to the result of `kernels._evaluate`."""
     cw, aw = response.watch, response.watch_size
@@ -323,7 +323,7 @@ def add_watched(response, used, omega, tau, reach, out):  # type: ignore[no-unty
         out[j, 3] += EPS * (8.0 + abs(angle)) * near
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def add_forced(poly, used, omega, tau, first, out):  # type: ignore[no-untyped-def]
     """Add ``Re[e^{i omega tau} sum_q poly[j, q] tau^q]`` to ``out[first + j]``."""
     turn = complex(math.cos(omega * tau), math.sin(omega * tau))
@@ -334,7 +334,7 @@ def add_forced(poly, used, omega, tau, first, out):  # type: ignore[no-untyped-d
         out[first + j] += v.real * turn.real - v.imag * turn.imag
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-def]
     """Add the forced response at tau to the state; the loop over its entries is the inner one."""
     turn = complex(math.cos(omega * tau), math.sin(omega * tau))
@@ -347,7 +347,7 @@ def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-
         y[i] += v[i].real * turn.real - v[i].imag * turn.imag
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def output_response(swept, response, s, k, used):  # type: ignore[no-untyped-def]
     """The forced part of the outputs."""
     kept = swept.kept
@@ -357,7 +357,7 @@ def output_response(swept, response, s, k, used):  # type: ignore[no-untyped-def
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def end_window(windows, cycles, k):  # type: ignore[no-untyped-def]
     """The outputs' range over the cycle that ends with window k, if one does."""
     cycle = windows.cycle[k]
@@ -390,7 +390,7 @@ class _Work(NamedTuple):
     length: Any  # (K, G, 4) sums over p of |poly|, times 1, p, p (p - 1), p (p - 1) (p - 2)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _make_work(kept, K, B, DM):  # type: ignore[no-untyped-def]
     G = kept.group_exponent.shape[1] + 1
     P = MOST_POWERS
@@ -414,7 +414,7 @@ def _make_work(kept, K, B, DM):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: ignore[no-untyped-def]
     """Add a segment of length T, ``x`` after the start of window k, to what is kept of its cycle."""
     kept, windows, cycles, work = swept.kept, swept.windows, swept.cycles, response.work
@@ -486,7 +486,7 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
         _add_harmonics(work, windows, groups + 1, K, k, x, T, omega, cycles, cycle)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
     """Integral of the square of every output: sum of products of pairs of groups, in closed form."""
     moment = work.moment
@@ -525,7 +525,7 @@ def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
                     cycles.square[cycle, j] += twice * total
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type: ignore[no-untyped-def]
     """Integral over the phase of ``output * exp(-i order phase)``, a tracking filter in closed form; for order 0 the
     integral of the output over time."""
@@ -586,7 +586,7 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
                     cycles.harmonic[cycle, j, r] += total
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
     """Outputs first ... last - 1 at s: value, three derivatives' data.
 
@@ -641,7 +641,7 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
             out[i, 5] += level * a0 * (8.0 + r * s)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
     """Raise the cycle's highest and lower its lowest values to those of the segment.
 
@@ -694,7 +694,7 @@ def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
                 cycles.low[cycle, j] = -best
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _ceiling(fa, fb, bound, h):  # type: ignore[no-untyped-def]
     """Highest value on an interval of length h that a curvature of at most ``bound`` allows."""
     d = abs(fb - fa)
@@ -704,7 +704,7 @@ def _ceiling(fa, fb, bound, h):  # type: ignore[no-untyped-def]
     return 0.5 * (fa + fb) + 0.25 * bend + 0.25 * d * d / bend
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: ignore[no-untyped-def]
     """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``."""
     one = work.one.reshape(1, 6)

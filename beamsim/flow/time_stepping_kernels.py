@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel
 from beamsim.typing import Floats
 
 MOST_ITERATIONS = 40  # of the contacts' phases in one step
@@ -16,7 +16,7 @@ def contact_space(projection: Floats, inverse: Floats) -> tuple[Floats, Floats]:
     return np.ascontiguousarray(moved), np.ascontiguousarray(projection @ moved)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _solve(A, b):  # type: ignore[no-untyped-def]
     """Solution of a small linear system, in b, by elimination with row exchanges; A is overwritten."""
     m = b.size
@@ -40,7 +40,7 @@ def _solve(A, b):  # type: ignore[no-untyped-def]
         b[i] /= A[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _row(row, delta, rate, p):  # type: ignore[no-untyped-def]
     """A linear function of penetration, rate, 1 and internal states."""
     total = row[0] * delta + row[1] * rate + row[2]
@@ -49,7 +49,7 @@ def _row(row, delta, rate, p):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def march_in_steps(  # type: ignore[no-untyped-def]
     stiffness, damping, inverse, moved, compliance, projection, gap, felt, laws, cubic, h, alpha, loads, d, base_rate,
     q, v, phases, rows, motion, force, record,
@@ -152,7 +152,7 @@ def march_in_steps(  # type: ignore[no-untyped-def]
     return unsettled
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _inside(  # type: ignore[no-untyped-def]
     dynamics, reset, j, phase, origin, pending, h, p, delta, rate, new_delta, new_rate, new
 ):
