@@ -73,6 +73,7 @@ class Equilibrium:
     q: Floats | None  # (n,)
     force: Floats  # (m,) N, contact forces (nan without equilibrium)
     reason: str = ""  # empty if q exists and is unique
+    one_of_many: Floats | None = None  # (n,) where it exists and is not unique
 
 
 def find_equilibrium(
@@ -126,7 +127,7 @@ def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -
         clear = springs.gap + normal @ q
         closed = force * np.diag(compliance) > _ROUND_OFF * size
         if not _held(away, closed, clear <= _ROUND_OFF * size):
-            return Equilibrium(None, nothing, FLOATS)
+            return Equilibrium(None, nothing, FLOATS, q)
     return Equilibrium(q, force)
 
 

@@ -87,6 +87,21 @@ def springs_of(contacts: Contacts) -> Springs:
     return Springs(parts.shape, parts.sign, parts.stiffness, parts.gap)
 
 
+def _balancing(normal: Floats, force: Floats, push: Floats) -> str:
+    """What to do about preloads that do not balance the loads on rigid-body motions: the nearest ones that do.
+
+    ``normal`` is (p, r), ``force`` (p,), ``push`` (r,).
+    """
+    scale = np.linalg.norm(normal, axis=0) + np.abs(push)
+    scale = np.where(scale > 0, scale, 1.0)
+    away = normal / scale
+    nearest = force - np.linalg.lstsq(away.T, away.T @ force + push / scale, rcond=1e-10)[0]
+    left = np.abs(away.T @ nearest + push / scale).max(initial=0.0)
+    if left > 1e-9 * np.abs(nearest).max(initial=0.0) or np.any(nearest <= 0):
+        return "add a snubber against which the loads push: no preloads of these snubbers balance them"
+    return "balance the loads: the nearest preloads that do are " + ", ".join(f"{x:.6g} N" for x in nearest)
+
+
 def resolve_preloads(
     contacts: Contacts,
     located: Sequence[Located],
@@ -98,8 +113,13 @@ def resolve_preloads(
     """Contacts whose gaps give the specified preloads (of the first of them) as contact forces at static equilibrium.
 
     At that equilibrium a preloaded snubber is a constant force s phi P, so the other contacts determine the shape; its
-    gap then follows from P = k (-gap - s w). Raises ScenarioError if no such equilibrium exists: on a structure that
-    only the stops hold, the loads determine the contact forces and no gap changes them.
+    gap then follows from P = k (-gap - s w). A structure that floats between preloaded snubbers stays where it is
+    drawn: any rigid-body motion would only shift their gaps.
+
+    Raises
+    ------
+    ScenarioError
+        If no such equilibrium exists: on a structure that only the stops hold the preloads have to balance the loads.
     """
     preload = [item.preload for _, _, item in located]
     given = np.array([p is not None for p in preload], dtype=bool)
@@ -112,18 +132,21 @@ def resolve_preloads(
     springs = springs_of(contacts)  # those of the snubbers come first
     rest = springs.take(~np.append(given, np.zeros(springs.stiffness.size - given.size, dtype=bool)))
     equilibrium = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, forces[given]]), cubic)
-    if equilibrium.q is None:
+    q = equilibrium.one_of_many if equilibrium.q is None else equilibrium.q
+    if q is None:
+        normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid]
+        remedy = _balancing(normal, force[given], loads[:, :rigid].sum(axis=0))
         raise ScenarioError(
             [
                 Problem(
                     f"{path_text(located[i].path)}.preload",
                     f"= {force[i]:g} N cannot be reached: with it, {equilibrium.reason}",
-                    "give a gap instead, hold the structure, or balance the loads",
+                    f"give a gap instead, hold the structure, or {remedy}",
                 )
                 for i in np.flatnonzero(given).tolist()
             ]
         )
-    w = contacts.shape @ equilibrium.q
+    w = contacts.shape @ q
     gap = np.where(
         given,
         -contacts.sign * w

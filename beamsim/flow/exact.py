@@ -14,7 +14,7 @@ from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.state_tables import StateTables, pad
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
@@ -180,15 +180,20 @@ class ExactFlow:
         return output
 
     def starting_state(self, state: Floats, time: float = 0.0) -> Ints:
-        """Phases of the contacts at a given motion (N,).
+        """Phases of the contacts at a given motion (N,)."""
+        return self.begin(state, time)[0]
 
-        A guard that is negative hands over to the phase it names; where one is zero the first derivative that is not
-        zero decides, which counts as zero when it is below the round-off of the terms that make it up.
+    def begin(self, state: Floats, time: float = 0.0) -> tuple[Ints, Bools]:
+        """(m,) phases of the contacts at a given motion (N,), and which of them are entered at this very time.
+
+        A guard that is negative hands over to the phase it names: the contact was in it before. Where a guard is zero
+        the first derivative that is not zero decides, which counts as zero when it is below the round-off of the terms
+        that make it up; the phase that it hands over to is entered here.
         """
         from beamsim.flow.kernels import segment_coefficients
 
         contacts = self.system.contacts
-        phases = contacts.start
+        phases, entered = contacts.start, np.zeros(contacts.count, dtype=bool)
         piece = max(int(np.searchsorted(self.sources.start, time, side="right")) - 1, 0)
         unvisited = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
         while True:
@@ -198,16 +203,20 @@ class ExactFlow:
             for g in range(watched.guards):
                 j = int(watched.contact[g])
                 following = int(watched.following[g])
-                if following in unvisited[j] and _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power) < 0:
+                if following not in unvisited[j]:
+                    continue
+                sign, order = _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power)
+                if sign < 0:
                     unvisited[j].discard(following)
                     phases = contacts.after(phases, j, following)
+                    entered[j] |= order > 0
                     break
             else:
-                return phases
+                return phases, entered & (phases != contacts.start)
 
 
-def _first_sign(gamma: Complexes, exponent: Complexes, power: Ints) -> int:
-    """Sign of the first derivative at 0 of ``Re sum gamma tau^p e^{lambda tau}`` that exceeds its round-off."""
+def _first_sign(gamma: Complexes, exponent: Complexes, power: Ints) -> tuple[int, int]:
+    """Sign and order of the first derivative at 0 of ``Re sum gamma tau^p e^{lambda tau}`` beyond its round-off."""
     from math import factorial
 
     for k in range(HIGHEST_DERIVATIVE + 1):
@@ -218,5 +227,5 @@ def _first_sign(gamma: Complexes, exponent: Complexes, power: Ints) -> int:
                 value += (g * factor).real
                 noise += abs(g * factor)
         if abs(value) > 1e-13 * noise:
-            return 1 if value > 0 else -1
-    return 0
+            return (1 if value > 0 else -1), k
+    return 0, HIGHEST_DERIVATIVE

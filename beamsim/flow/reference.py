@@ -9,6 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class ReferenceTrajectory:
     evaluations: int  # of the right-hand side
     restarts: int
     end: float
+    contact_share: Floats  # (m,) of the time up to there, from the located events
     outcome: Outcome
     processor_time_s: float
 
@@ -48,18 +50,31 @@ class ReferenceTrajectory:
 
     def sample(self, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at the output times."""
-        value, slope = _source_values(self.flow, self.time)
-        out: Floats | None = None
-        for key in np.unique(self.phases, axis=0):
-            here = np.all(self.phases == key, axis=1)
-            output = output_of(key)
-            part = self.y[here] @ output.row.T + value[here] @ output.direct.T + slope[here] @ output.direct_slope.T
-            if out is None:
-                out = np.zeros((self.time.size, part.shape[1]))
-            out[here] = part
+        return sampled(self.flow, self.time, self.y, self.phases, output_of)
+
+
+def sampled(
+    flow: ExactFlow,
+    times: Floats,
+    y: Floats,
+    phases: Ints,
+    output_of: Callable[[Ints], LinearOutput],
+    since: float | None = None,
+) -> Floats:
+    """Outputs (nt, k) of states (nt, N) with contacts in phases (nt, m); the sources are those that act
+    at ``since``, by default at the times themselves."""
+    value, slope = _source_values(flow, times, times if since is None else np.full(times.size, since))
+    out: Floats | None = None
+    for key in np.unique(phases, axis=0):
+        here = np.all(phases == key, axis=1)
+        output = output_of(key)
+        part = y[here] @ output.row.T + value[here] @ output.direct.T + slope[here] @ output.direct_slope.T
         if out is None:
-            raise ValueError("no output times")
-        return out
+            out = np.zeros((times.size, part.shape[1]))
+        out[here] = part
+    if out is None:
+        raise ValueError("no output times")
+    return out
 
 
 def integrate(
@@ -75,6 +90,7 @@ def integrate(
     max_events: int = 1_000_000,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
+    observe: Callable[[Any, Ints], None] | None = None,
 ) -> ReferenceTrajectory:
     """Integrate from t = 0 through the increasing output ``times`` with ``scipy.integrate.solve_ivp``.
 
@@ -83,6 +99,7 @@ def integrate(
     integrator : a method of ``solve_ivp``; the thesis used a stiff BDF.
     rtol, atol : as in SciPy; atol acts on mass-normalised displacements and velocities alike.
     stop : asked after every step whether to end there.
+    observe : called with every piece of the solution (``solve_ivp``'s, with dense output) and the contacts' phases.
     """
     from scipy.integrate import solve_ivp
 
@@ -91,14 +108,16 @@ def integrate(
     right_hand_side = _RightHandSide(flow, cubic)
     duration = float(times[-1])
     y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
-    phases = flow.starting_state(y[:N])
+    phases, entered = flow.begin(y[:N])
     breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
     Y = np.empty((times.size, N + 2))
     C = np.zeros((times.size, contacts.count), dtype=np.int64)
     done, t, restarts, outcome = 0, 0.0, 0, COMPLETE
-    ev_time: list[float] = []
-    ev_contact: list[int] = []
-    ev_phase: list[int] = []
+    touched = np.zeros(contacts.count)  # s
+    first = np.flatnonzero(entered)
+    ev_time: list[float] = [0.0] * first.size
+    ev_contact: list[int] = first.tolist()
+    ev_phase: list[int] = phases[first].tolist()
     while True:
         until = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
         right_hand_side.begin(t, phases)
@@ -113,6 +132,9 @@ def integrate(
                 integrator=integrator, time=float(solution.t[-1]), reason=str(solution.message),
             )  # fmt: skip
         end = float(solution.t[-1])
+        if observe is not None and end > t:
+            observe(solution, phases)
+        touched += contacts.touching(phases) * (end - t)
         last = int(np.searchsorted(times, end, side="right" if end >= duration else "left"))
         if last > done:
             Y[done:last] = solution.sol(times[done:last]).T
@@ -151,6 +173,7 @@ def integrate(
         right_hand_side.count,
         restarts,
         t,
+        touched / t if t > 0 else touched,
         outcome,
         clock.process_time() - begin,
     )
@@ -280,10 +303,10 @@ def _stopping(stop: Callable[[], bool], begin: float) -> Callable[[float, Floats
     return value
 
 
-def _source_values(flow: ExactFlow, times: Floats) -> tuple[Floats, Floats]:
-    """(nt, F) real values of the sources and of their time derivatives."""
+def _source_values(flow: ExactFlow, times: Floats, since: Floats) -> tuple[Floats, Floats]:
+    """(nt, F) real values of the sources and of their time derivatives, of the pieces at the times ``since``."""
     s = flow.sources
-    piece = np.clip(np.searchsorted(s.start, times, side="right") - 1, 0, None)
+    piece = np.clip(np.searchsorted(s.start, since, side="right") - 1, 0, None)
     sigma = (times - s.start[piece])[:, None]
     term = s.amplitude[piece] * np.exp(s.exponent * sigma)
     value = term * sigma**s.power

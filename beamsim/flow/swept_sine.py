@@ -68,7 +68,11 @@ class SweptFlow:
         self._forced: list[_ForcedTables] = []
 
     def starting_state(self, state: Floats) -> Ints:
-        """Phases of the contacts when the sweep begins; see `ExactFlow.starting_state`."""
+        """Phases of the contacts when the sweep begins."""
+        return self.begin(state)[0]
+
+    def begin(self, state: Floats) -> tuple[Ints, Bools]:
+        """The same, and which of them are entered there; see `ExactFlow.begin`."""
         w = self.windows
         D = self.channel.shape[2] - 1
         sigma = -0.5 * w.length[0]
@@ -83,7 +87,7 @@ class SweptFlow:
         L = self.load.shape[0]
         base = signals[L] if self.template.base_channel >= 0 else None
         flow = ExactFlow(self.system, Forcing(self.load, tuple(signals[:L]), base), float(w.length[0]))
-        return flow.starting_state(np.asarray(state, dtype=float))
+        return flow.begin(np.asarray(state, dtype=float))
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, diagonalised when it is first asked for."""
@@ -292,8 +296,10 @@ def sweep(
     begin = clock.process_time()
     windows = flow.windows
     y = flow.bare.whole_state(initial_state)
-    motion = Motion(y, flow.state_index(flow.starting_state(y)))
+    phases, entered = flow.begin(y)
+    motion = Motion(y, flow.state_index(phases))
     march = CycleMarch(flow, output_of, np.asarray(orders, dtype=float), windows.cycles)
+    march.cycles.closings[0] += entered & flow.system.contacts.touching(phases)
     carried = carry(
         march, motion, (*range(WINDOWS_A_CALL, windows.count, WINDOWS_A_CALL), windows.count), keep=keep_history,
         max_events=max_events, max_evaluations=max_evaluations,
@@ -317,7 +323,7 @@ def sweep(
         final_y=y,
         reached=reached,
         end=march.time_of(motion),
-        events=carried.events,
+        events=carried.events + int(entered.sum()),
         segments=carried.segments,
         evaluations=carried.evaluations,
         outcome=outcome,

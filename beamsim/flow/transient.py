@@ -31,6 +31,9 @@ def simulate(
     with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
     with an outcome that says so, as does one that ``stop`` ends, which is asked several times a second.
 
+    A contact that begins at t = 0, where its gap is just closed, is the first event. One that is pressed there was in
+    contact before and has none.
+
     Returns
     -------
     Trajectory : segments, events and counters; sample it for outputs.
@@ -39,7 +42,8 @@ def simulate(
     begin = clock.process_time()
     end = float(flow.duration if duration is None else duration)
     y = flow.whole_state(np.asarray(initial_state, dtype=float))
-    motion = Motion(y, flow.state_index(flow.starting_state(y)))
+    phases, entered = flow.begin(y)
+    motion = Motion(y, flow.state_index(phases))
     carried = carry(
         flow, motion, (end,), keep=True, max_events=max_events, max_evaluations=max_evaluations,
         progress=None if progress is None else lambda t: progress(t / end), stop=stop,
@@ -48,6 +52,12 @@ def simulate(
     if log is None or not log.time.size:  # out of budget within the first segment: at least the start is known
         one, no_event = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
         log = Log(np.zeros(1), np.zeros(1), one + motion.state, one, y[None, :].copy(), np.zeros(0), no_event, no_event)
+    first = np.flatnonzero(entered)
+    log = log._replace(
+        event_time=np.concatenate([np.zeros(first.size), log.event_time]),
+        event_contact=np.concatenate([first, log.event_contact]),
+        event_phase=np.concatenate([phases[first], log.event_phase]),
+    )
     trajectory = Trajectory(flow, motion.time, *log, y, carried.evaluations, carried.outcome, processor)
     return trajectory if np.all(np.isfinite(y)) else trajectory.up_to_finite()
 

@@ -112,6 +112,15 @@ class StructuralSystem:
         """Bending stress along the bodies; None where no body gives one."""
         return stress_rows(self.bodies)
 
+    def certificate_warnings(self, found_on: str) -> tuple[str, ...]:
+        """That contacts beside cubic springs may be missed; ``found_on`` is what they are looked for on."""
+        if not self.cubic.count or not self.dynamics.contacts.count:
+            return ()
+        return (
+            f"cubic springs have no closed-form motion: contacts are found by sign changes on {found_on}, without "
+            "certificate",
+        )
+
     @property
     def contact_names(self) -> tuple[str, ...]:
         """(m,) owner of each contact: a snubber's name, or that of a piecewise-linear spring."""

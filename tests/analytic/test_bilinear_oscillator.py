@@ -68,8 +68,8 @@ def test_coefficient_of_restitution_of_a_dashpot(make_system, no_forcing, law):
     early = np.arctan2(2 * decay * omega, omega**2 - decay**2) if law else 0.0
     end = (np.pi - early) / omega
     left = speed * np.exp(-decay * end) * (np.cos(omega * end) - decay / omega * np.sin(omega * end))
-    assert trajectory.event_closing.tolist() == [False]
-    np.testing.assert_allclose(trajectory.event_time, [end], rtol=1e-12)
+    assert trajectory.event_closing.tolist() == [True, False]
+    np.testing.assert_allclose(trajectory.event_time, [0.0, end], rtol=1e-12)
     np.testing.assert_allclose(trajectory.final_y[1], -left, rtol=1e-12)
 
 

@@ -99,8 +99,9 @@ def test_transient(case):
     found, trajectory = exact_motion(case, times)
     expected, motion = independent_motion(case, times)
     assert motion.event_time.size > 0
-    np.testing.assert_array_equal(trajectory.event_contact, motion.event_stop)
-    np.testing.assert_array_equal(trajectory.event_closing, motion.event_closing)
+    later = trajectory.event_time > 0.0  # what begins at the start is no event of the other code
+    np.testing.assert_array_equal(trajectory.event_contact[later], motion.event_stop)
+    np.testing.assert_array_equal(trajectory.event_closing[later], motion.event_closing)
     assert max(differences(found, expected)) < 1e-9
 
 

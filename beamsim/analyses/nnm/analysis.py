@@ -131,7 +131,7 @@ def nnm(
         phase_resonance=resonance,
         expansion=work.expansion,
         relaxed=work.relaxed,
-        warnings=(*scenario.warnings, *system.warnings),
+        warnings=(*scenario.warnings, *system.warnings, *system.certificate_warnings("Taylor series")),
         wall_time_s=clock.perf_counter() - begin,
     )
     linear = float(followed.problem.omega[job.mode] / (2 * np.pi))

@@ -108,12 +108,13 @@ def frequency_response(
         parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=left)
     f, second = model.followed, model.second
+    found_on = "Taylor series" if settings.method.kind == "shooting" else "sums of harmonics"  # type: ignore[union-attr]
     return FrequencyResponse(
         scenario=scenario,
         outcome=outcome,
         branches=tuple(branches),
         modes=model.system.modes,
-        warnings=(*scenario.warnings, *model.system.warnings),
+        warnings=(*scenario.warnings, *model.system.warnings, *model.system.certificate_warnings(found_on)),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
         unit=f.unit,

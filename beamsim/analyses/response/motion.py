@@ -162,18 +162,16 @@ def measure(
 
 
 def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, shapes: Floats) -> Floats:
-    """(S + E, probes) from the equation of motion; with smooth springs from the harmonics of the velocity."""
-    dynamics, c = system.dynamics, motion.contacts
-    if system.cubic.count:
-        period = SAMPLES * motion.times[1]
-        order = 1j * np.fft.rfftfreq(SAMPLES, motion.times[1] / (2 * np.pi))
-        even = np.fft.irfft(order[:, None] * np.fft.rfft(motion.v(shapes)[:SAMPLES], axis=0), SAMPLES, axis=0)
-        nearest = np.round(motion.times[SAMPLES:] / period * SAMPLES).astype(int) % SAMPLES
-        return np.vstack([even, even[nearest]])
+    """(S + E, probes) from the equation of motion."""
+    dynamics, c, cubic = system.dynamics, motion.contacts, system.cubic
     force = loads.at(motion.omega, motion.level)[0]
     turning = np.exp(1j * np.multiply.outer(motion.times, loads.multiple * motion.omega))
     load = shapes @ dynamics.constant_load + (turning @ (force @ shapes.T)).real
     elastic = motion.q(shapes * dynamics.stiffness) + motion.v(shapes @ dynamics.damping)
+    if cubic.count:
+        base, _ = loads.base_motion(motion.omega, motion.level, motion.times)
+        stretch = motion.q(cubic.shape) + np.multiply.outer(base, cubic.felt)
+        elastic = elastic + (cubic.stiffness * stretch**3) @ (cubic.shape @ shapes.T)
     return np.asarray(load - elastic + (motion.force * c.sign) @ (c.shape @ shapes.T))
 
 

@@ -130,7 +130,8 @@ def _compared(
     share = _shares(motion)
     for j, snubber in enumerate(result.snubbers.values()):
         names = {"peak contact force": ("N", result.summary["peak_force_n"][snubber.name], motion.force[:, j].max())}
-        closings = int(every[j][1][1].sum()) + int(motion.touching[0, j])
+        begins = motion.touching[0, j] and np.any((result.events.snubber == j) & (result.events.time == 0))
+        closings = int(every[j][1][1].sum()) + int(begins)
         names["contacts"] = ("1", result.summary["contacts"][snubber.name], closings)
         names["time in contact"] = ("1", result.summary["contact_share"][snubber.name], share[j])
         figures += [

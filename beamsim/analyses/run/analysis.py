@@ -169,6 +169,7 @@ class _RunMotion:
     closed: Bools
     balance: EnergyBalance
     events: EventLog
+    breakpoints: int  # of piecewise-linear springs that were passed, the start left out
     extremes: Extremes
     extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
     extreme_states: Floats  # (2, 2n) there
@@ -280,6 +281,7 @@ def _exact(
         closed=closed,
         balance=balance,
         events=_events(system, trajectory),
+        breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
         extreme_times=extreme_times,
         extreme_states=trajectory.states_at(extreme_times[order])[order],
@@ -304,7 +306,8 @@ def _reference(
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> _RunMotion:
-    """The same by time stepping; extremes are those of the samples."""
+    """The same by time stepping; extremes on the integrator's dense output, contact from its located events."""
+    from beamsim.analyses.run.stepped_outputs import SteppedOutputs
     from beamsim.flow.reference import integrate
 
     flow = exact_flow(system, settings.duration)
@@ -318,32 +321,20 @@ def _reference(
             f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
             "contacts are found by sign changes between steps, without certificate",
         )
+    outputs = SteppedOutputs(system, flow)
     trajectory = integrate(
         flow, system.initial_state, times, integrator=integrator, rtol=rtol, atol=settings.atol,
         max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
+        observe=outputs.observe,
     )  # fmt: skip
-    n = flow.system.size
-    groups = output_groups(system, flow)
-    values = groups.split(trajectory.sample(groups), flow.system.contacts.start)
-    if system.cubic.count:
-        q = trajectory.y[:, :n] @ system.cubic.shape.T
-        d = _signal(system.base_displacement, trajectory.time)[:, None] * system.cubic.felt
-        probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, n)
-        pull = (system.cubic.stiffness * (q + d) ** 3) @ (system.cubic.shape @ probe_shapes.T)
-        values["acceleration"] = values["acceleration"] - pull
-    for i, spring in enumerate(system.springs):
-        if spring.on_ground and flow.base_channel < 0:  # no contact feels the base's displacement
-            values["stretch"][:, i] += _signal(system.base_displacement, trajectory.time)
+    at = trajectory.time
+    values = outputs.at(at, trajectory.y, trajectory.phases)
     stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.phases)
     if system.cubic.count:
-        stored = stored + 0.25 * (q + d) ** 4 @ system.cubic.stiffness
+        stored = stored + 0.25 * outputs.cubic_stretch(at, trajectory.y) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
-    balance = EnergyBalance.of(trajectory.time, energy, trajectory.power_in)
-    searched = {name: values[name] for name in SEARCHED if name in values}
-    if system.stress is not None:
-        searched["stress"] = trajectory.sample(in_every_state(bending_stress(flow, system.stress)))
-    at = trajectory.time
-    extremes = {name: sampled_extremes(at, x) for name, x in searched.items()}
+    balance = EnergyBalance.of(at, energy, trajectory.power_in)
+    extremes = outputs.extremes(trajectory)
     low_passed = None
     if settings.low_pass is not None:
         low_passed, extremes["acceleration"] = filtered_samples(at, values["acceleration"], settings.low_pass)
@@ -355,10 +346,11 @@ def _reference(
         closed=flow.system.contacts.touching(trajectory.phases),
         balance=balance,
         events=_events(system, trajectory),
+        breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
         extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
-        extreme_states=trajectory.y[[values["displacement"][:, 0].argmin(), values["displacement"][:, 0].argmax()]],
-        contact_share=flow.system.contacts.touching(trajectory.phases).mean(axis=0),
+        extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
+        contact_share=trajectory.contact_share,
         work=Work(
             events=trajectory.event_time.size,
             evaluations=trajectory.evaluations,
@@ -454,6 +446,10 @@ def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajecto
     return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
 
 
+def _breakpoints(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> int:
+    return int(np.sum((trajectory.event_contact >= len(system.snubbers)) & (trajectory.event_time > 0)))
+
+
 def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
     """Results along each body that has a continuous axis, as fields of the result."""
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
@@ -525,7 +521,7 @@ def _summary(
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
     if system.springs:
-        summary["breakpoints_passed"] = motion.work.events - motion.events.time.size
+        summary["breakpoints_passed"] = motion.breakpoints
     if system.stress is not None:
         where = int(largest(motion.extremes["stress"]).argmax())
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])

@@ -87,9 +87,17 @@ class SpringHistory:
 
 @declared
 class EventLog:
-    """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them."""
+    """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them.
 
-    time: Floats = dataset("s", "time of the contact event", along=_EVENT)
+    A contact that begins at t = 0, where the gap is just closed, has its closing there. A snubber that is pressed at
+    t = 0 (prestressed, or by the start) was in contact before: it has no closing, its first event may be an opening.
+    """
+
+    time: Floats = dataset(
+        "s",
+        "time of the contact event; 0 for a contact that begins there, none for a snubber pressed from before",
+        along=_EVENT,
+    )
     snubber: Ints = dataset("1", "index of the snubber, from 0", along=_EVENT)
     closing: Bools = dataset("1", "whether the contact closes", along=_EVENT, flags=("opening", "closing"))
 
@@ -279,7 +287,10 @@ _SUMMARY = (
     Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra"),
     Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
     Entry("contact_share", "1", "share of the time in contact of a snubber", "time in contact"),
-    Entry("contacts", "1", "closings of a snubber; a contact that begins at t = 0 counts"),
+    Entry(
+        "contacts", "1",
+        "closings of a snubber; a contact that begins at t = 0 counts, that of one pressed there does not",
+    ),
     Entry("events", "1", "closings and openings of all snubbers"),
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
     Entry("peak_spring_force_n", "N", "largest magnitude of a spring's force", "peak spring force"),

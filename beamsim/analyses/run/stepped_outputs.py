@@ -1,0 +1,75 @@
+"""What a run reports of a time-stepped motion: samples, and extremes on the integrator's dense output."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.run.convergence import SEARCHED
+from beamsim.analyses.run.figures import Extremes, sampled_extremes
+from beamsim.analyses.run.outputs import bending_stress, in_every_state, output_groups
+from beamsim.flow.dense_extremes import DenseExtremes
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.reference import ReferenceTrajectory, sampled
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats, Ints
+
+
+class SteppedOutputs:
+    """The outputs of a system, cubic springs included; shown a motion piece by piece, it keeps the extremes."""
+
+    def __init__(self, system: StructuralSystem, flow: ExactFlow) -> None:
+        self.system, self.flow = system, flow
+        self.groups = output_groups(system, flow)
+        self.stress = None if system.stress is None else in_every_state(bending_stress(flow, system.stress))
+        self.probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
+        self.dense = DenseExtremes()
+        self.lowest_state = self.highest_state = np.zeros(flow.size)  # at the extremes of the first probe
+
+    def cubic_stretch(self, times: Floats, y: Floats) -> Floats:
+        """(nt, springs) of the cubic springs."""
+        cubic, base = self.system.cubic, self.system.base_displacement
+        d = np.zeros(times.size) if base is None else base(times)
+        return np.asarray(y[:, : self.flow.system.size] @ cubic.shape.T + d[:, None] * cubic.felt)
+
+    def at(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
+        """Values (nt, k) by group; see :func:`beamsim.flow.reference.sampled`."""
+        system, flow = self.system, self.flow
+        values = self.groups.split(sampled(flow, times, y, phases, self.groups, since), flow.system.contacts.start)
+        if system.cubic.count:
+            pull = system.cubic.stiffness * self.cubic_stretch(times, y) ** 3
+            values["acceleration"] = values["acceleration"] - pull @ (system.cubic.shape @ self.probe_shapes.T)
+        for i, spring in enumerate(system.springs):
+            if spring.on_ground and flow.base_channel < 0 and system.base_displacement is not None:
+                values["stretch"][:, i] += system.base_displacement(times)  # which no contact feels
+        return values
+
+    def searched(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
+        """The groups whose extremes are reported."""
+        values = {name: x for name, x in self.at(times, y, phases, since).items() if name in SEARCHED}
+        if self.stress is not None:
+            values["stress"] = sampled(self.flow, times, y, phases, self.stress, since)
+        return values
+
+    def observe(self, solution: Any, phases: Ints) -> None:
+        """Take a piece of the solution into the extremes."""
+        begin, end = float(solution.t[0]), float(solution.t[-1])
+
+        def outputs(times: Floats, y: Floats) -> dict[str, Floats]:
+            each = np.broadcast_to(phases, (times.size, phases.size))
+            return self.searched(times, y[:, : self.flow.size], each, begin)
+
+        self.dense.add(solution, outputs)
+        lowest, highest = self.dense.low["displacement"].when[0], self.dense.high["displacement"].when[0]
+        if begin <= lowest <= end:
+            self.lowest_state = solution.sol(lowest)[: self.flow.size]
+        if begin <= highest <= end:
+            self.highest_state = solution.sol(highest)[: self.flow.size]
+
+    def extremes(self, trajectory: ReferenceTrajectory) -> Extremes:
+        """Of the continuous motion; of a motion without length those of its start."""
+        if self.dense.low:
+            return self.dense.extremes()
+        values = self.searched(trajectory.time, trajectory.y, trajectory.phases)
+        return {name: sampled_extremes(trajectory.time, x) for name, x in values.items()}

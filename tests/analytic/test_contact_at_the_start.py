@@ -1,0 +1,84 @@
+"""A contact that begins at t = 0 is an event and counts; a snubber that is pressed there was in contact before."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.scenario import Scenario
+
+SPRING, STOP = 4.0, 60.0  # N/m, on a mass of 1 kg
+OPEN, CLOSED = np.sqrt(SPRING), np.sqrt(SPRING + STOP)
+METHODS = [{}, {"method": "reference", "integrator": "DOP853", "rtol": 1e-11}]
+
+
+def case(start, gap=0.0, **rest):
+    stop = {"name": "stop", "mass": 1, "side": "below", "stiffness": STOP, **({} if gap is None else {"gap": gap})}
+    run = {"duration": 5.0, "sample_rate": 50.0, "start": start, "convergence": "off", **rest.pop("run", {})}
+    chain = {"masses": [1.0], "springs": [SPRING], "snubbers": [stop | rest.pop("stop", {})]}
+    return Scenario.model_validate({"chain": chain, "probes": [{"name": "m", "mass": 1}], "run": run, **rest})
+
+
+@pytest.mark.parametrize("method", METHODS, ids=["exact", "reference"])
+def test_a_mass_thrown_at_a_closed_gap(method):
+    """Half a period in contact, half a period away, from t = 0 on."""
+    result = beamsim.run(case({"displacement": [0.0], "velocity": [-1.0]}, run=method))
+    expected = np.cumsum([0.0, *[np.pi / CLOSED, np.pi / OPEN] * 3])
+    expected = expected[expected < 5.0]
+    np.testing.assert_allclose(result.events.time, expected, atol=1e-8)
+    assert result.events.closing.tolist() == [k % 2 == 0 for k in range(expected.size)]
+    figures = result.summary
+    assert figures["contacts"]["stop"] == (expected.size + 1) // 2
+    assert figures["events"] == expected.size
+    assert figures["linear"] is False
+    away = np.clip(np.diff(np.append(expected, 5.0)), 0, None)[::2].sum() / 5.0
+    assert figures["contact_share"]["stop"] == pytest.approx(away, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=["exact", "reference"])
+def test_a_step_that_only_presses_is_one_contact_and_not_linear(method):
+    """Pushed against the stop from rest, the mass never comes back beyond its start."""
+    push = {"kind": "step", "applied_to": {"mass": 1}, "level": -3.0}
+    result = beamsim.run(case("rest", excitation=push, run={**method, "duration": 0.7}))
+    assert result.events.time[0] == 0.0
+    assert result.events.closing[0]
+    assert (result.summary["contacts"]["stop"], result.summary["linear"]) == (1, False)
+    assert result.summary["contact_share"]["stop"] == 1.0
+    away = beamsim.run(case("rest", excitation={**push, "level": 3.0}, run={**method, "duration": 0.7}))
+    assert (away.summary["contacts"]["stop"], away.summary["events"], away.summary["linear"]) == (0, 0, True)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=["exact", "reference"])
+def test_a_prestressed_snubber_has_not_begun(method):
+    """Preloaded by 3 N: shaken little it stays closed, a linear run; shaken hard its first event is an opening."""
+    shaken = {"kind": "harmonic", "applied_to": {"mass": 1}, "frequency": 0.4, "level": 0.5}
+    start = "static_equilibrium"
+    calm = beamsim.run(case(start, None, stop={"preload": 3.0}, excitation=shaken, run=method)).summary
+    assert (calm["contacts"]["stop"], calm["events"], calm["linear"]) == (0, 0, True)
+    assert calm["contact_share"]["stop"] == 1.0
+    hard = beamsim.run(case(start, None, stop={"preload": 3.0}, excitation={**shaken, "level": 20.0}, run=method))
+    assert not hard.events.closing[0]
+    assert hard.events.time[0] > 0.0
+    assert hard.summary["contacts"]["stop"] == hard.events.closing.sum() > 0
+    assert hard.summary["linear"] is False
+
+
+def test_a_mass_released_from_the_stop_has_not_begun():
+    """Pressed by the given start; it opens, and every later contact counts."""
+    result = beamsim.run(case({"displacement": [-0.1]}))
+    assert not result.events.closing[0]
+    assert result.events.time[0] == pytest.approx(np.pi / 2 / CLOSED, rel=1e-12)
+    assert result.summary["contacts"]["stop"] == result.events.closing.sum()
+
+
+def test_a_swept_sine_counts_the_contact_in_its_first_cycle():
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 0.4}
+    swept = {"kind": "swept_sine", "from": "0.2 Hz", "to": "0.6 Hz", "rate": "0.005 Hz/s"}
+    started = {"displacement": [0.0], "velocity": [-0.5]}  # into the stop
+    scenario = case(started, excitation=shaken, sweep=swept | {"history_rate": "200 Hz"})
+    result = beamsim.sweep(scenario)
+    curve = next(iter(result.curves.values()))
+    history = next(iter(result.histories.values()))
+    pressed = history.displacement["m"][history.time < curve.time[1]] < 0
+    begun = np.count_nonzero(pressed[1:] & ~pressed[:-1])  # after the first sample, which lies at the gap itself
+    assert int(curve.contacts["stop"][0]) == begun
+    assert pressed[1]

@@ -1,0 +1,144 @@
+"""Peaks and contact shares of time-stepped runs are those of the continuous motion, whatever the sample rate."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import beamsim
+from beamsim.analyses.response.analysis import frequency_response
+from beamsim.flow.dense_extremes import NODES, Highest
+from beamsim.scenario import Scenario
+
+MASS, SPRING, CUBIC, DASHPOT = 1.0, 40.0, 300.0, 0.3
+STOP, STOP_DASHPOT, GAP = 60_000.0, 5.0, 0.07
+LEVEL, HZ, DURATION = 2.0, 1.3, 6.0
+
+
+def case(rate, cubic=CUBIC, run=(), dashpots=(DASHPOT,), snubber=(), snubbers=None, **rest):
+    springs = {"springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": cubic}]} if cubic else {}
+    stop = {
+        "name": "stop", "mass": 1, "side": "below", "stiffness": STOP, "gap": GAP,
+        "damping": {"kind": "viscous", "coefficient": STOP_DASHPOT},
+    }  # fmt: skip
+    stop |= dict(snubber)
+    snubbers = [stop] if snubbers is None else snubbers
+    chain = {"masses": [MASS], "springs": [SPRING], "dashpots": list(dashpots), "snubbers": snubbers, **springs}
+    document = {
+        "chain": chain,
+        "probes": [{"name": "m", "mass": 1}],
+        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": LEVEL, "frequency": HZ},
+    }
+    if run is not None:
+        whole = {"duration": DURATION, "sample_rate": rate, "start": "rest", "convergence": "off", **dict(run)}
+        document["run"] = whole
+    return Scenario.model_validate({**document, **rest})
+
+
+def independent(cubic, start=(0.0, 0.0), hz=HZ, duration=DURATION):
+    """Peaks and contact by hand-written equations, restarted at contact, with 400 points on each short step."""
+    y, t, closed, shared, closings = np.array(start), 0.0, start[0] < -GAP, 0.0, 0
+    low, high, force, acceleration = 0.0, 0.0, 0.0, 0.0
+
+    def pull(t, x, v, closed):
+        push = closed * (STOP * (-GAP - x) - STOP_DASHPOT * v)
+        return push, LEVEL * np.sin(2 * np.pi * hz * t) - SPRING * x - cubic * x**3 - DASHPOT * v + push
+
+    def edge(t, y):
+        return y[0] + GAP
+
+    edge.terminal = True
+    while t < duration:
+        edge.direction = 1.0 if closed else -1.0
+
+        def rate(t, y, closed=closed):
+            return [y[1], pull(t, y[0], y[1], closed)[1] / MASS]
+
+        piece = solve_ivp(
+            rate, (t, duration), y, method="DOP853", rtol=1e-11, atol=1e-13, events=edge, dense_output=True,
+            max_step=2e-2 if not closed else 5e-4,
+        )  # fmt: skip
+        for a, b in zip(piece.t[:-1], piece.t[1:], strict=True):
+            fine = np.linspace(a, b, 400)
+            x, v = piece.sol(fine)
+            push, total = pull(fine, x, v, closed)
+            low, high, force = min(low, x.min()), max(high, x.max()), max(force, push.max())
+            acceleration = max(acceleration, np.abs(total).max() / MASS)
+        shared += closed * (piece.t[-1] - t)
+        y, t = piece.y[:, -1], piece.t[-1]
+        if piece.status == 1:
+            closed = not closed
+            closings += closed
+    return low, high, force, acceleration, shared / duration, closings
+
+
+@pytest.mark.parametrize(
+    ("cubic", "run"),
+    [
+        (CUBIC, {}),
+        (0.0, {"method": "reference", "integrator": "DOP853", "rtol": 1e-10}),
+        (0.0, {"method": "reference", "integrator": "BDF", "rtol": 1e-9}),
+        (0.0, {"method": "reference", "integrator": "LSODA", "rtol": 1e-10}),
+        (0.0, {}),
+    ],
+    ids=["cubic", "DOP853", "BDF", "LSODA", "exact"],
+)
+def test_peaks_and_contact_at_a_coarse_rate(cubic, run):
+    low, high, force, acceleration, share, closings = independent(cubic)
+    result = beamsim.run(case(45.0, cubic, run))
+    figures, close = result.summary, 2e-6 if "BDF" in run.values() else 1e-7
+    assert figures["contacts"]["stop"] == closings > 3
+    assert figures["min_displacement_m"]["m"] == pytest.approx(low, rel=close)
+    assert figures["max_displacement_m"]["m"] == pytest.approx(high, rel=close)
+    assert figures["peak_force_n"]["stop"] == pytest.approx(force, rel=10 * close)
+    assert figures["peak_acceleration_g"]["m"] == pytest.approx(acceleration / 9.80665, rel=10 * close)
+    assert figures["contact_share"]["stop"] == pytest.approx(share, rel=10 * close)
+    # the samples know less
+    history = result.snubbers["stop"]
+    assert abs(history.force.max() / force - 1) > 0.1
+    assert abs(history.closed.mean() / share - 1) > 0.1
+
+
+def test_highest_of_polynomials_is_exact():
+    """A polynomial of degree 8 on steps whose peak is between the Chebyshev points, and the twin that shows it."""
+    rng = np.random.default_rng(5)
+    start, length = np.arange(40.0), np.ones(40)
+    nodes = 0.5 * (1 + np.cos(np.pi * np.arange(NODES + 1) / NODES))
+    coefficients = rng.normal(size=(40, 9))
+    values = np.array([np.polynomial.chebyshev.chebval(2 * nodes - 1, c) for c in coefficients])[:, :, None]
+    highest = Highest(np.array([-np.inf]), np.zeros(1))
+    highest.add(values, start, length)
+    tops = []
+    for begin, c in zip(start, coefficients, strict=True):
+        roots = np.polynomial.chebyshev.chebroots(np.polynomial.chebyshev.chebder(c))
+        inner = roots[(np.abs(roots.imag) < 1e-12) & (np.abs(roots.real) < 1)].real
+        at = np.concatenate([inner, [-1.0, 1.0]])
+        tops += zip(np.polynomial.chebyshev.chebval(at, c), begin + 0.5 * (1 + at), strict=True)
+    top, when = max(tops)
+    assert highest.value[0] == pytest.approx(top, rel=1e-13)
+    assert highest.when[0] == pytest.approx(when, abs=1e-6)
+    assert values.max() < top * (1 - 1e-6)
+
+
+def test_continuation_with_a_cubic_spring_and_a_stop():
+    """It warns of the missing certificate; the peaks of its motions are those of an integration over a period."""
+    result = frequency_response(case(45.0, run=None, sweep={"kind": "continuation", "from": "1.3 Hz", "to": "1.31 Hz"}))
+    assert any("without certificate" in warning for warning in result.warnings)
+    branch = result.branches[0]
+    point = int(np.argmax(branch.contact_share["stop"] > 0))
+    start = np.array([branch.coordinates[point, 0], branch.coordinate_velocities[point, 0]]) / np.sqrt(MASS)
+    hz = branch.frequency_hz[point]
+    low, high, force, acceleration, share, _ = independent(CUBIC, start, hz, 1 / hz)
+    assert branch.min_displacement["m"][point] == pytest.approx(low, rel=1e-6)
+    assert branch.max_displacement["m"][point] == pytest.approx(high, rel=1e-6)
+    assert branch.peak_force["stop"][point] == pytest.approx(force, rel=1e-3)
+    assert branch.peak_acceleration["m"][point] == pytest.approx(acceleration, rel=1e-3)
+    assert branch.contact_share["stop"][point] == pytest.approx(share, rel=1e-6)
+
+
+def test_nonlinear_modes_with_a_cubic_spring_and_a_stop_warn():
+    def warned(**more):
+        result = beamsim.nnm(case(45.0, run=None, dashpots=[0.0], nnm={"mode": 1, "energy": 0.2}, **more))
+        return any("without certificate" in warning for warning in result.warnings)
+
+    assert warned(snubber={"damping": None})
+    assert not warned(snubbers=[])
