@@ -181,6 +181,12 @@ class OutcomeCode(Enum):
         "{allowed:g}",
         "[{remedy}]",
     )
+    ORBIT_ENERGY_NOT_BALANCED = (
+        OutcomeKind.UNTRUSTED,
+        "not reliable: the energy balance over a period is wrong by {error:.2g} of the energy at {place}, and by more "
+        "than {allowed:g} at {points} points",
+        "follow a smaller range around it",
+    )
     INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator failed at {time:.6g} s: {reason}", ""
     NO_STEADY_STATE = OutcomeKind.STOPPED, "stopped at {place}: {reason}", ""
 

@@ -93,6 +93,12 @@ class BranchResult:
     residual: Floats = dataset(
         "1", "largest periodicity error, relative to the size of the motion", along=_POINT, default=None
     )
+    energy_error: Floats | None = dataset(
+        "1",
+        "imbalance of the energies over a period, relative to the energy; None of harmonic balance",
+        along=_POINT,
+        default=None,
+    )
     stable: Bools = dataset(
         "1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"), default=None
     )

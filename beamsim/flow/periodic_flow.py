@@ -79,6 +79,11 @@ class PeriodicFlow(ABC):
         """The flow of the same structure with another damping matrix (n, n), its states numbered alike."""
 
     @property
+    @abstractmethod
+    def fastest(self) -> float:
+        """rad/s, largest rate of its motions."""
+
+    @property
     def reversible(self) -> bool:
         """Undamped and unforced: motions run backwards as well."""
         return self.loads.count == 0 and not np.any(self.system.damping) and not self.system.contacts.damped

@@ -151,6 +151,21 @@ class SmoothFlow(PeriodicFlow):
             float(smallest),
         )  # fmt: skip
 
+    def cubic_stretch(self, y: Floats, times: Floats) -> Floats:
+        """(nt, nc) stretch of the cubic springs at states (nt, N)."""
+        d, _ = self.loads.base_motion(self.omega, self.level, times)
+        return np.asarray(y[:, : self.system.size] @ self.cubic_shape.T + np.multiply.outer(d, self.felt))
+
+    @property
+    def felt(self) -> Floats:
+        """(nc,) share of the base's displacement in each cubic spring's stretch."""
+        return np.ones(self.cubic.size) if self.on_ground is None else self.on_ground.astype(float)
+
+    @property
+    def fastest(self) -> float:
+        """rad/s: a step of the series is at most `RADIANS` of it."""
+        return RADIANS / self._longest
+
     def phases_in(self, passage: Passage) -> Ints:
         """(G, m) phases of the contacts in each segment of a passage, 1 where one is closed."""
         return np.asarray((passage.state[:, None] >> np.arange(self.system.contacts.count)) & 1)

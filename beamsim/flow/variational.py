@@ -238,6 +238,12 @@ class VariationalFlow(SeriesFlow):
             flow.state_index(state.phases)
         return flow
 
+    @property
+    def fastest(self) -> float:
+        """rad/s, largest rate of any motion in the contact states so far, and of the loads."""
+        free = max((float(np.abs(s.exponent).max(initial=0.0)) for s in self._states), default=0.0)
+        return max(free, float(np.abs(self.loads.multiple * self.omega).max(initial=0.0)))
+
     # -- motion --------------------------------------------------------------------------------------------------
 
     def kernel_arguments(self) -> tuple[Tables, Inputs, None]:

@@ -90,6 +90,15 @@ MENDED: dict[str, str] = {
         "continuation: points at the maxima of the curve, coexisting motions, branches cut at the ends of the range",
     ),
     "nnm_* nnm compare */multiple_scales/*": "exact motions are those of the backbone, at all factors",
+    **dict.fromkeys(
+        (
+            "* sweep* json/energy_error",
+            "* nnm* json/energy_error",
+            "* sweep* file/*energy_error",
+            "* nnm* file/*energy_error",
+        ),
+        "periodic motions are held to their energy balance: its error is new in summaries and branches",
+    ),
     "* sweep* file/coordinate": "the states of a continuation are stored",
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
     **dict.fromkeys(

@@ -34,6 +34,7 @@ from beamsim.analyses.nnm.result import (
     RelaxedComparison,
 )
 from beamsim.analyses.nnm.summary import nnm_summary
+from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
@@ -115,6 +116,7 @@ def nnm(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
     outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
+    outcome = balanced(outcome, branches, branch.unit)
     result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,

@@ -9,6 +9,7 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult, OrbitMotion, SpecialPointResult
 from beamsim.analyses.nnm.result import UNITS
+from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import slowest_instant
@@ -71,6 +72,7 @@ def branch_result(
         energy=np.array([orbit.energy for orbit in orbits]),
         share=np.array([share[job.mode] for share in shares]),
         residual=np.array([orbit.residual for orbit in orbits]),
+        energy_error=np.array([energy_error(p.data.flow, p.data.passage) for p in branch.points]),
         coordinates=states[:, :n],
         coordinate_velocities=states[:, n:],
         least_kinetic=least,

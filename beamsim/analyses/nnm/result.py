@@ -250,6 +250,7 @@ _SUMMARY = (
     Entry("mode", of="mode", label="backbone"),
     Entry("continued_in", of="parameter"),
     Entry("points", "1", "points of the backbone"),
+    Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy"),
     Entry("stable_points", "1", "those of them that are stable"),
     Entry("start", "", "first point of the backbone: parameter, frequency, energy", "start"),
     Entry("end", "", "last point of the backbone: parameter, frequency, energy", "end"),

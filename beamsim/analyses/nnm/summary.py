@@ -9,6 +9,7 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.nnm.result import ExpansionComparison, NormalModeResult, PhaseResonanceResult, RelaxedComparison
+from beamsim.analyses.run.orbit_energy import largest_error
 from beamsim.typing import Bools, Floats
 
 
@@ -17,6 +18,7 @@ def nnm_summary(result: NormalModeResult, linear_frequency_hz: float, processor_
     backbone = result.backbone
     return {
         "points": int(backbone.parameter.size),
+        "energy_error": largest_error(result.branches),
         "start": _end(backbone, 0),
         "end": _end(backbone, -1),
         "period_s": 1.0 / float(backbone.frequency_hz[-1]),

@@ -30,6 +30,7 @@ from beamsim.analyses.response.paths import ResponseModel, level_unit, response_
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.analyses.response.side_branches import side_branches
+from beamsim.analyses.run.orbit_energy import balanced, energy_error, largest_error
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
@@ -96,6 +97,7 @@ def frequency_response(
     outcome = _combined(outcomes)
     if isinstance(settings.method, HarmonicBalance):
         outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
+    outcome = balanced(outcome, branches, model.followed.unit)
     overlay = {}
     left = [f"level {level:.4g}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None and stop():
@@ -276,8 +278,10 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> Branch
         table = np.array(values)
         return {name: table[:, k] for k, name in enumerate(of)}
 
-    from_balance = None
-    if by_balance:
+    from_balance = errors = None
+    if not by_balance:
+        errors = np.array([energy_error(problem.flow_at(p.parameter)[0], p.data) for p in traced.points])
+    else:
         from beamsim.analyses.response.balance import neglected
 
         from_balance = neglected(traced)
@@ -285,6 +289,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> Branch
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
         outcome=f.shown(traced.outcome),
+        energy_error=errors,
         frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
         peak_displacement=by_name(list(np.maximum(np.abs(high), np.abs(low))), probes),
         max_displacement=by_name(list(high), probes),
@@ -350,6 +355,7 @@ def _summary(
     processor_time_s: float,
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
+        "energy_error": largest_error(branches),
         "points": int(sum(b.parameter.size for b in branches)),
         "branches": len(branches),
         "peaks": [

@@ -80,6 +80,7 @@ _SUMMARY = (
     Entry("method", of="method"),
     Entry("points", "1", "points of all branches"),
     Entry("branches", "1", "number of branches", "branches"),
+    Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),
     Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
              "special points"),
     Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, stable or not",

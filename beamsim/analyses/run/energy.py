@@ -80,7 +80,7 @@ def energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], No
 
 def _energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], None]) -> EnergyBalance:
     flow = trajectory.flow
-    left, right, weight = _products(flow)
+    left, right, weight = power_factors(flow)
     integral = trajectory.product_integrals(times, left, right, weight, check)
     stored = np.empty(times.size)
     power = np.empty(times.size)
@@ -104,7 +104,7 @@ def _states(flow: ExactFlow) -> OutputSet:
     return OutputSet({"state": lambda phases: whole, "penetration": lambda phases: delta})
 
 
-def _products(flow: ExactFlow):  # type: ignore[no-untyped-def]
+def power_factors(flow: ExactFlow):  # type: ignore[no-untyped-def]
     """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
     system, contacts, sources = flow.system, flow.system.contacts, flow.sources
     m, loads = contacts.count, flow.forcing.load

@@ -1,0 +1,133 @@
+"""The energy balance of periodic motions: work in = dissipated + change of the stored energy, over a period.
+
+A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are taken by
+Gauss-Legendre rules on panels that are short against the fastest motion; where these were many (stiff dashpots), in
+closed form (:mod:`beamsim.analyses.run.energy`).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
+from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.smooth_flow import SmoothFlow
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.variational import VariationalFlow
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from beamsim.analyses.branch import BranchResult
+    from beamsim.flow.passage import Passage
+
+NODES = 20  # of a panel
+LONGEST_TURN = 15.25  # rad, of the fastest motion on a panel: the rule's error is then below 2e-13
+MOST_PANELS = 1024  # beyond which the integrals in closed form cost less
+
+
+def energy_error(flow: PeriodicFlow, passage: Passage) -> float:
+    """Largest imbalance over the largest stored energy, or the dissipated one if it is more."""
+    edges = np.append(passage.time, passage.time[0] + passage.duration)
+    y = np.vstack([passage.y, passage.end])
+    phases = flow.phases_in(passage)
+    stored = _stored(flow, edges, y, np.vstack([phases, phases[-1:]]))
+    if flow.reversible:
+        potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
+        return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
+    panels = np.maximum(np.ceil(passage.length * flow.fastest / LONGEST_TURN), 1).astype(np.int64)
+    if isinstance(flow, VariationalFlow) and (panels.sum() > MOST_PANELS or flow.system.contacts.internal_states):
+        work, lost = _in_closed_form(flow, passage)
+    else:
+        work, lost = _by_quadrature(flow, passage, panels)
+    return _relative(abs(work - lost - (stored[-1] - stored[0])), max(float(stored.max()), abs(lost)))
+
+
+def balanced(outcome: Outcome, branches: Sequence[BranchResult], unit: str) -> Outcome:
+    """The outcome of branches, whose points are not to be trusted where the balance is lost."""
+    checked = [b for b in branches if b.energy_error is not None]
+    if not checked:
+        return outcome
+    error = np.concatenate([b.energy_error for b in checked if b.energy_error is not None])
+    parameter = np.concatenate([b.parameter for b in checked])
+    bad = ~(error <= LARGEST_ERROR)
+    if not np.any(bad):
+        return outcome
+    worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+    parts = () if outcome.complete else (outcome,)
+    return Outcome.of(
+        OutcomeCode.ORBIT_ENERGY_NOT_BALANCED, *parts,
+        error=float(error[worst]), parameter=float(parameter[worst]), unit=unit, points=int(bad.sum()),
+        allowed=LARGEST_ERROR,
+    )  # fmt: skip
+
+
+def largest_error(branches: Sequence[BranchResult]) -> float | None:
+    """Of all points; None where none was looked at."""
+    errors = [float(b.energy_error.max()) for b in branches if b.energy_error is not None and b.energy_error.size]
+    return max(errors, default=None)
+
+
+def _relative(difference: float, scale: float) -> float:
+    return difference / scale if scale > 0.0 else 0.0
+
+
+def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Floats:
+    """(nt,) kinetic and strain energy, J."""
+    n, system = flow.system.size, flow.system
+    delta, _ = flow.penetration_of(y, times)
+    energy = 0.5 * (y[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * (y[:, :n] ** 2) @ system.stiffness
+    energy += system.contacts.stored_energy(phases, delta, y[:, 2 * n :])
+    if isinstance(flow, SmoothFlow):
+        energy += 0.25 * flow.cubic_stretch(y, times) ** 4 @ flow.cubic
+    return np.asarray(energy)
+
+
+def _in_closed_form(flow: VariationalFlow, passage: Passage) -> tuple[float, float]:
+    """Work in and dissipated energy."""
+    exact = flow.by_series()
+    none = np.zeros(0, dtype=np.int64)
+    trajectory = Trajectory(
+        exact, float(passage.time[0] + passage.duration), passage.time, passage.length, passage.state,
+        np.zeros(passage.time.size, dtype=np.int64), passage.y, np.zeros(0), none, none, passage.end, 0, COMPLETE, 0.0,
+    )  # fmt: skip
+    left, right, weight = power_factors(exact)
+    lost, work = trajectory.product_integrals(np.array([trajectory.end]), left, right, weight)[0]
+    return float(work), float(lost)
+
+
+@cache
+def _rule() -> tuple[Floats, Floats]:
+    """Nodes and weights on (-1, 1)."""
+    return np.polynomial.legendre.leggauss(NODES)
+
+
+def _by_quadrature(flow: PeriodicFlow, passage: Passage, panels: Ints) -> tuple[float, float]:
+    """The same by Gauss-Legendre rules on ``panels`` (G,) equal parts of each segment."""
+    node, weight = _rule()
+    length = np.repeat(passage.length / panels, panels)
+    number = np.arange(panels.sum()) - np.repeat(np.cumsum(panels) - panels, panels)
+    start = np.repeat(passage.time, panels) + number * length
+    times = (start[:, None] + 0.5 * length[:, None] * (1.0 + node)).ravel()
+    share = (0.5 * length[:, None] * weight).ravel()
+    n, contacts, loads = flow.system.size, flow.system.contacts, flow.loads
+    y, phases = flow.states_at(passage, times), flow.phases_in(passage)
+    states, of_state = np.unique(phases, axis=0, return_inverse=True)
+    dashpots = np.array([contacts.losses(row)[0] for row in states])[of_state.reshape(-1)]
+    each = np.repeat(np.arange(panels.size), panels * NODES)
+    delta, rate = flow.penetration_of(y, times)
+    push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.on_ground)
+    v, force = y[:, n : 2 * n], loads.at(flow.omega, flow.level)[0]
+    turning = np.exp(1j * np.multiply.outer(times, loads.multiple * flow.omega))
+    outside = flow.system.constant_load + (turning @ force).real
+    _, base_rate = loads.base_motion(flow.omega, flow.level, times)
+    power = (outside * v).sum(axis=1) - push * base_rate
+    if isinstance(flow, SmoothFlow):
+        power += (flow.cubic * flow.cubic_stretch(y, times) ** 3) @ flow.felt * base_rate
+    loss = ((v @ flow.system.damping) * v).sum(axis=1) + (dashpots[each] * rate**2).sum(axis=1)
+    return float(share @ power), float(share @ loss)

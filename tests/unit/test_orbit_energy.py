@@ -1,0 +1,84 @@
+"""Periodic motions are held to their energy balance, as runs are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.response.paths import response_model
+from beamsim.analyses.run import orbit_energy
+from beamsim.outcomes import OutcomeCode, OutcomeKind
+from beamsim.scenario import Scenario
+
+STOP = {"name": "stop", "mass": 2, "side": "below", "stiffness": 300.0, "gap": 0.01}
+
+
+def case(kind, **more):
+    """Two masses on a moving base with a damped stop; cubic springs, and a law with an internal state, on request."""
+    stop = STOP | {"damping": {"kind": "viscous", "coefficient": 0.5}} | more.pop("stop", {})
+    chain = {"masses": [1.0, 0.5], "springs": [40.0, 30.0], "dashpots": [0.3, 0.1], "snubbers": [stop]}
+    if kind == "cubic":
+        chain["springs_to_ground"] = [{"mass": 1, "kind": "cubic", "stiffness": 500.0}]
+    return Scenario.model_validate({"chain": chain, "probes": [{"name": "m", "mass": 2}], **more})
+
+
+def forced(kind, **more):
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8}
+    return case(kind, excitation=shaken, sweep={"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz"}, **more)
+
+
+@pytest.mark.parametrize(
+    ("kind", "stop"),
+    [
+        ("linear", {}),
+        ("linear", {"mounted_on": "ground"}),
+        ("linear", {"law": "no_tension"}),
+        ("cubic", {}),
+        ("cubic", {"mounted_on": "ground"}),
+    ],
+)
+def test_forced_motions_are_in_balance(kind, stop):
+    result = frequency_response(forced(kind, stop=stop))
+    error = result.branches[0].energy_error
+    assert error.shape == result.branches[0].parameter.shape
+    assert result.branches[0].contact_share["stop"].max() > 0.05
+    assert error.max() < 1e-11
+    assert result.summary["energy_error"] == max(b.energy_error.max() for b in result.branches)
+
+
+def test_the_closed_form_agrees_and_a_wrong_motion_is_seen():
+    scenario = forced("linear")
+    model = response_model(scenario)
+    point = frequency_response(scenario).branches[0]
+    flow = model.flow(float(point.frequency_hz[3]), 1.5)
+    start = np.concatenate([point.coordinates[3], point.coordinate_velocities[3]])
+    passage = flow.carry(start, 1.0 / float(point.frequency_hz[3]))
+    panels = np.ones(passage.time.size, dtype=np.int64)
+    by_rule = orbit_energy._by_quadrature(flow, passage, panels)
+    assert by_rule == pytest.approx(orbit_energy._in_closed_form(flow, passage), rel=1e-12)
+    assert by_rule[1] > 0.0
+    assert orbit_energy.energy_error(flow, passage) < 1e-12
+    assert orbit_energy.energy_error(flow, replace(passage, end=passage.end * (1 + 1e-4))) > 1e-6
+
+
+@pytest.mark.parametrize("kind", ["linear", "cubic"])
+def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, monkeypatch):
+    undamped = case(kind, nnm={"mode": 1, "continue_in": {"kind": "energy", "from": 0.01, "to": 0.05}})
+    result = beamsim.nnm(undamped)
+    assert result.backbone.energy_error.max() < 1e-10
+    assert result.outcome.kind is not OutcomeKind.UNTRUSTED
+    monkeypatch.setattr("beamsim.analyses.nnm.orbits.energy_error", lambda flow, passage: 3e-5)
+    lost = beamsim.nnm(undamped)
+    assert lost.outcome.code is OutcomeCode.ORBIT_ENERGY_NOT_BALANCED
+    assert lost.outcome.kind is OutcomeKind.UNTRUSTED
+    assert lost.backbone.energy.size == result.backbone.energy.size
+
+
+def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.response.analysis.energy_error", lambda flow, passage: np.nan)
+    result = frequency_response(forced("linear"))
+    assert result.outcome.code is OutcomeCode.ORBIT_ENERGY_NOT_BALANCED
+    assert "Hz" in result.status
+    assert result.branches[0].parameter.size > 3
