@@ -141,13 +141,18 @@ def newmark(
         arrays.dynamics,
         arrays.states,
     )
-    march_in_steps(system.stiffness, system.damping, inverse, *space, projection, problem.gap, problem.felt, laws,
-                   cubic.stiffness, step, alpha, loads[:2], d[:2], rate[:2], start[:n].copy(), start[n:].copy(),
-                   phases.copy(), rows, motion[:, :2], force[:2], record[:2])  # fmt: skip
+
+    def march(steps: int, motion: Floats) -> int:
+        unsettled: int = march_in_steps(
+            system.stiffness, system.damping, inverse, *space, projection, problem.gap, problem.felt, laws,
+            cubic.stiffness, step, alpha, loads[:steps], d[:steps], rate[:steps], start[:n].copy(), start[n:].copy(),
+            phases.copy(), rows, motion, force[:steps], record[:steps],
+        )  # fmt: skip
+        return unsettled
+
+    march(2, np.empty((3, 2, rows.shape[0])))  # compiles
     begin = clock.process_time()
-    unsettled = march_in_steps(system.stiffness, system.damping, inverse, *space, projection, problem.gap, problem.felt,
-                               laws, cubic.stiffness, step, alpha, loads, d, rate, start[:n].copy(), start[n:].copy(),
-                               phases, rows, motion, force, record)  # fmt: skip
+    unsettled = march(count + 1, motion)
     return SteppedMotion(
         time, motion[0], motion[1], motion[2], force, system.contacts.touching(record), count, unsettled,
         clock.process_time() - begin,

@@ -12,6 +12,7 @@ from beamsim.analyses.run.against import Stepper, against
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.flow.time_stepping import newmark
+from beamsim.flow.time_stepping_kernels import march_in_steps
 from beamsim.scenario import Scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -54,6 +55,7 @@ def test_newmark_converges_to_the_exact_motion(result):
     assert fine["agrees_until_s"] == pytest.approx(4.0)
     assert fine["largest_state_difference"] < 1e-3
     assert coarse["largest_state_difference"] > 25 * fine["largest_state_difference"]
+    assert len(march_in_steps.signatures) == 1  # the steps that compile and those that count are of one kind
 
 
 def test_dop853_agrees_to_its_tolerance(result):

@@ -205,7 +205,11 @@ LONG = {
 
 @pytest.mark.parametrize(
     ("command", "number", "code"),
-    [("run", signal.SIGINT, 130), ("run", signal.SIGTERM, 143), ("sweep", signal.SIGTERM, 143)],
+    [
+        ("run", signal.SIGINT, 130),
+        pytest.param("run", signal.SIGTERM, 143, marks=pytest.mark.slow),
+        ("sweep", signal.SIGTERM, 143),
+    ],
 )
 def test_a_signal_during_a_long_motion_keeps_what_was_computed(command, number, code, under_way, tmp_path):
     name, *overrides = LONG[command]

@@ -103,6 +103,7 @@ def test_four_parameters_from_three_noiseless_tests(vibrations):
     assert found.misfit < 1e-6 * found.misfit_before or found.misfit < found.degrees_of_freedom
 
 
+@pytest.mark.slow
 def test_several_starts_profiles_and_time(vibrations):
     signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
     found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals).nonlinear

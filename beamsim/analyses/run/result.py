@@ -169,8 +169,8 @@ class Work:
     """Work of the solver."""
 
     events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
-    evaluations: int = attribute("1", "evaluations of the functions watched for events")
-    segments: int = attribute("1", "stretches of time between events")
+    evaluations: int = attribute("1", "evaluations of the event functions")
+    segments: int = attribute("1", "time segments between events")
     states: int = attribute("1", "contact states that were diagonalised")
     processor_time_s: float = attribute("s", "processor time of the solver alone")
 

@@ -162,10 +162,13 @@ def _part(progress: Callable[[float], None], index: int, count: int) -> Callable
 
 def _sum(parts: list[SweepWork]) -> SweepWork:
     return SweepWork(
-        sum(p.cycles for p in parts), sum(p.events for p in parts), sum(p.segments for p in parts),
-        sum(p.evaluations for p in parts), max((p.states for p in parts), default=0),
-        sum(p.processor_time_s for p in parts),
-    )  # fmt: skip
+        cycles=sum(p.cycles for p in parts),
+        events=sum(p.events for p in parts),
+        evaluations=sum(p.evaluations for p in parts),
+        segments=sum(p.segments for p in parts),
+        states=max((p.states for p in parts), default=0),
+        processor_time_s=sum(p.processor_time_s for p in parts),
+    )
 
 
 def _peaks(curve: SweepCurve) -> Iterator[ResponsePeak]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.run.result import Work
 from beamsim.fields import (
     Counter,
     Entry,
@@ -200,15 +201,10 @@ class SweepHistory:
 
 
 @declared
-class SweepWork:
-    """Work of the solver."""
+class SweepWork(Work):
+    """Work of the solver of a sweep."""
 
     cycles: int = attribute("1", "cycles of the excitation computed")
-    events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
-    segments: int = attribute("1", "time segments between events")
-    evaluations: int = attribute("1", "evaluations of the event functions")
-    states: int = attribute("1", "contact states that were diagonalised")
-    processor_time_s: float = attribute("s", "processor time of the solver alone")
 
 
 @declared

@@ -98,9 +98,13 @@ def step_level(
         if not outcome.complete:
             break
     work = SweepWork(
-        stepper.cycles, stepper.events, stepper.segments, stepper.evaluations, len(flow.bare.states),
-        clock.process_time() - begin,
-    )  # fmt: skip
+        cycles=stepper.cycles,
+        events=stepper.events,
+        evaluations=stepper.evaluations,
+        segments=stepper.segments,
+        states=len(flow.bare.states),
+        processor_time_s=clock.process_time() - begin,
+    )
     return LevelRun(tuple(curves), LevelWork(float(level), outcome, 0.0, work))
 
 

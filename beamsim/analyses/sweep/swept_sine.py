@@ -97,9 +97,13 @@ def sweep_level(
         times = _history_times(settings.history_rate, record.end)
         history = outputs.history(times, record.sample(times, output_of))
     work = SweepWork(
-        record.reached, record.events, record.segments, record.evaluations, len(flow.bare.states),
-        record.processor_time_s,
-    )  # fmt: skip
+        cycles=record.reached,
+        events=record.events,
+        evaluations=record.evaluations,
+        segments=record.segments,
+        states=len(flow.bare.states),
+        processor_time_s=record.processor_time_s,
+    )
     correction = None if corrections is None else CorrectionSize.of(corrections)
     return LevelRun(curves, LevelWork(float(level), record.outcome, windows.truncation, work, correction), history)
 
