@@ -383,17 +383,17 @@ def members_of(cls: Any) -> tuple[Member, ...]:
 
 @cache
 def _members_of(cls: Any) -> tuple[Member, ...]:
-    found = []
+    members = []
     for field in dataclasses.fields(cls):
         if _DECLARED in field.metadata:
             annotation, optional = _without_none(_annotation(cls, field.name))
-            found.append(Member(field.name, field.metadata[_DECLARED], annotation, optional, False, _default(field)))
+            members.append(Member(field.name, field.metadata[_DECLARED], annotation, optional, False, _default(field)))
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
             declaration = getattr(getattr(value, "fget", None), "__declared__", None)
             if declaration is not None:
-                found.append(Member(name, declaration, Any, True, True, None))
-    return tuple(found)
+                members.append(Member(name, declaration, Any, True, True, None))
+    return tuple(members)
 
 
 def _default(field: Any) -> Callable[[], Any] | None:

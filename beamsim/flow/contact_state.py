@@ -63,19 +63,19 @@ class ContactState:
     def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output."""
         table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
-        own, below = self._terms_of_sources
-        table[own] += (output.direct + sources.exponent * output.direct_slope).T
+        driven, lowered = self._terms_of_sources
+        table[driven] += (output.direct + sources.exponent * output.direct_slope).T
         rising = sources.power > 0
-        table[below[rising]] += (sources.power * output.direct_slope)[:, rising].T
+        table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return np.ascontiguousarray(table)
 
     @cached_property
     def _terms_of_sources(self) -> tuple[Ints, Ints]:
         """(F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)."""
         terms = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
-        own = [terms[int(b), f] for f, b in enumerate(self.basis_of_source)]
-        below = [terms.get((int(b), f), -1) for f, b in enumerate(self.basis_below_source)]
-        return np.array(own, dtype=np.int64), np.array(below, dtype=np.int64)
+        driven = [terms[int(b), f] for f, b in enumerate(self.basis_of_source)]
+        lowered = [terms.get((int(b), f), -1) for f, b in enumerate(self.basis_below_source)]
+        return np.array(driven, dtype=np.int64), np.array(lowered, dtype=np.int64)
 
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
         """(T, k) bound on what each term's coefficient is made of before its parts cancel.

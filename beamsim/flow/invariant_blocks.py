@@ -49,8 +49,8 @@ def second_order_blocks(
     ----------
     shapes : (n, r) orthonormal modes, one a column.
     omega_squared, damping : (r,) of each mode.
-    window : longest time for which the blocks will be used; eigenvalues that differ by less than can be told within
-        it share a block.
+    window : longest time for which the blocks will be used; eigenvalues that cannot be distinguished
+        within it share a block.
 
     Returns
     -------

@@ -21,7 +21,7 @@ EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which signals are 
 
 
 def never() -> bool:
-    """A motion that nobody stops."""
+    """No request to stop."""
     return False
 
 
@@ -39,7 +39,7 @@ class Log(NamedTuple):
 
     @classmethod
     def room(cls, segments: int, size: int, most_events: int | None = None) -> Log:
-        """Room for some segments, and their events unless these are fewer; without any nothing is kept."""
+        """A log with room for a number of segments and events; without room nothing is kept."""
         whole = np.int64
         events = segments + 1 if most_events is None else min(segments + 1, most_events)
         return cls(
@@ -48,7 +48,7 @@ class Log(NamedTuple):
         )  # fmt: skip
 
     def first(self, segments: int, events: int) -> Log:
-        """What was written of it."""
+        """The part that is filled."""
         return Log(
             self.time[:segments], self.length[:segments], self.state[:segments], self.piece[:segments],
             self.y[:segments], self.event_time[:events], self.event_contact[:events], self.event_phase[:events],
@@ -56,7 +56,7 @@ class Log(NamedTuple):
 
     @classmethod
     def join(cls, parts: list[Log]) -> Log:
-        """One after the other."""
+        """Logs joined in order."""
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -85,7 +85,7 @@ class Motion:
     waits: bool = False  # the state after that event is not built
 
     def copy(self) -> Motion:
-        """Another one that starts from here."""
+        """A copy that continues from here."""
         return replace(self, y=self.y.copy())
 
     def advance(self, flow: Marched, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
@@ -102,7 +102,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Carried:
-    """What carrying a motion on took."""
+    """Work done to carry a motion on."""
 
     log: Log | None
     segments: int

@@ -179,7 +179,7 @@ class StructureDirection:
         force: Any = None,
         harmonics: int = 0,
     ) -> StructureDirection:
-        """Matrices (n, n) or their diagonals (n,), loads (n,) and (H, n); what isn't given doesn't change."""
+        """Matrices (n, n) or their diagonals (n,), loads (n,) and (H, n); what is not given does not change."""
 
         def matrix(value: Any) -> Floats:
             value = np.asarray(value, dtype=float)

@@ -1,8 +1,8 @@
 """Passages through the transient flow: near the resonance of an undamped mode, and with coupled internal states.
 
-The particular solution ``(i k w - lambda)^-1`` that :mod:`beamsim.flow.orbit_kernels` uses has no bound there, and
-takes as many digits from the motion as the frequencies agree in; and where internal states of the contacts move with
-the structure, it is not written down there at all. Here the motion comes from the transient flow, which
+The particular solution ``(i k w - lambda)^-1`` that :mod:`beamsim.flow.orbit_kernels` uses is unbounded there, and the
+motion loses as many digits as the frequencies have in common; where internal states of the contacts are coupled with
+the structure, those kernels have none at all. Here the motion comes from the transient flow, which
 writes the response as a power series in time; the transition matrix, which does not depend on the load, is the same
 product of segments and events, and derivatives by parameters are central differences.
 """
@@ -77,7 +77,7 @@ class _NumberedAlike:
 
 
 def is_resonant(states: Sequence[ContactState], multiple: Ints, omega: float) -> bool:
-    """Whether a harmonic of the load is that close to an eigenvalue of one of the contact states."""
+    """Whether a harmonic of the load is so close to an eigenvalue of one of the contact states."""
     target = 1j * multiple * omega
     return any(bool(np.any(np.abs(state.exponent[:, None] - target) < NEAR * np.abs(target))) for state in states)
 

@@ -1,4 +1,4 @@
-"""All time-dependent inputs on one set of breakpoints, as the exact flow's kernels want them.
+"""All time-dependent inputs on one set of breakpoints, in the form the kernels take.
 
 A *source* is one basis function :math:`\\tau^p e^{\\nu\\tau}` of one channel (a load's signal, the base
 displacement, an observed signal) with a complex amplitude that depends on where a segment starts.

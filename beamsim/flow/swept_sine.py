@@ -1,4 +1,4 @@
-"""The exact flow under a swept sine: states diagonalised as they are visited, cycle by cycle what is kept."""
+"""The exact flow under a swept sine: contact states diagonalised as they are visited, and a record of every cycle."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ class CycleMarch:
 
 @dataclass(frozen=True)
 class CycleRecord:
-    """What is kept of C cycles of a sweep; K outputs, R orders, m contacts."""
+    """Record of C cycles of a sweep; K outputs, R orders, m contacts."""
 
     flow: SweptFlow
     order: Floats  # (R,)
@@ -239,7 +239,7 @@ class CycleRecord:
     evaluations: int
     outcome: Outcome
     processor_time_s: float
-    log: Log | None = None  # segments and events, where the time history is wanted
+    log: Log | None = None  # segments and events, if the time history is requested
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
         """Outputs (nt, K) at increasing times; only with a log."""

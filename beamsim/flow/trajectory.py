@@ -14,7 +14,7 @@ from beamsim.flow.state_tables import pad
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-EVEN = 16  # samples, from which equal steps are made use of
+EVEN = 16  # samples, from which on equal steps are exploited
 PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
@@ -25,7 +25,7 @@ GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))
 
 
 def no_check() -> None:
-    """A computation that nobody stops."""
+    """No check between two parts of a computation."""
 
 
 @dataclass(frozen=True)

@@ -291,7 +291,7 @@ class VariationalFlow(SeriesFlow):
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
         """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`.
 
-        A change of contacts or structure costs two more passages where the motion isn't made of pure exponentials.
+        A change of contacts or structure costs two more passages where the motion is not made of pure exponentials.
         """
         from beamsim.flow.orbit_kernels import carry_sensitivity
 
@@ -373,7 +373,7 @@ class VariationalFlow(SeriesFlow):
         return out
 
     def by_difference(self, start: Floats, duration: float, direction: Direction, t: float) -> Floats:
-        """Central difference by a direction, for states whose motion isn't made of pure exponentials."""
+        """Central difference by a direction, for states whose motion is not made of pure exponentials."""
         if isinstance(direction, StructureDirection):
             return self._by_structure(start, duration, direction, t)
         contacts = self.system.contacts

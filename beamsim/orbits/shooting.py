@@ -406,7 +406,7 @@ def switch_at_branch_point(
     along = kernel @ (chord / scale)
     across = np.array([-along[1], along[0]]) @ kernel
     across /= np.linalg.norm(across)
-    found = []
+    starts = []
     w = point.u / scale
     for row in (across, -across):
         for size in (amplitude, 0.1 * amplitude, 5.0 * amplitude):
@@ -415,6 +415,6 @@ def switch_at_branch_point(
                 problem, guess * scale, row, float(row @ guess), scale, settings, reference=row, furthest=10.0 * size
             )
             if first is not None:
-                found.append(first)
+                starts.append(first)
                 break
-    return found
+    return starts

@@ -161,8 +161,8 @@ def settle(
 
 def _unweighted(section: list[Floats], weight: Floats) -> Floats:
     """(cycles, 2n) states from their weighted entries."""
-    seen = weight > 0
-    return np.array(section)[:, seen] / weight[seen]
+    weighted = weight > 0
+    return np.array(section)[:, weighted] / weight[weighted]
 
 
 def measure(

@@ -20,10 +20,10 @@ DASHES = (0, (3, 1.5))  # of what is unstable
 THINNER = 0.8
 
 
-def stretches(x: Floats, y: Floats, stable: Bools, wanted: bool) -> tuple[Floats, Floats]:
+def stretches(x: Floats, y: Floats, stable: Bools, chosen: bool) -> tuple[Floats, Floats]:
     """The stretches of one stability, joined to their neighbours so that the curve has no holes."""
-    keep = stable == wanted
-    if not wanted:
+    keep = stable == chosen
+    if not chosen:
         keep = keep | np.append(keep[1:], False) | np.append(False, keep[:-1])
     gap = np.where(keep, 0.0, np.nan)
     return x + gap, y + gap

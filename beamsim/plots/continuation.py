@@ -93,8 +93,8 @@ def plot_fold_curves(result: FrequencyResponse, ax: Axes) -> Axes:
     for k, curve in enumerate(curves):
         style = {**curve_style(k), "linewidth": 1.4}
         ax.plot(curve.frequency_hz, curve.parameter * y.factor, label=f"fold at {curve.start_hz:.5g} Hz", **style)
-        own = int(np.argmin(np.abs(curve.frequency_hz - curve.start_hz)))
-        ax.plot(curve.frequency_hz[own], curve.parameter[own] * y.factor, "s", markersize=5, color="0.2",
+        start = int(np.argmin(np.abs(curve.frequency_hz - curve.start_hz)))
+        ax.plot(curve.frequency_hz[start], curve.parameter[start] * y.factor, "s", markersize=5, color="0.2",
                 markerfacecolor="white")  # fmt: skip
     what = f"{_WORDS[result.second_parameter]} {f'of {result.second_snubber} ' if result.second_snubber else ''}"
     finish(ax, "Excitation frequency (Hz)", f"{what}({y.unit})" if y.unit else what.strip())

@@ -136,11 +136,11 @@ class Schema(BaseModel):
     @classmethod
     def descriptions(cls) -> dict[str, str]:
         """Map every attribute's name to the docstring below it."""
-        found: dict[str, str] = {}
+        docstrings: dict[str, str] = {}
         for base in reversed(cls.__mro__):
             if issubclass(base, Schema) and base is not Schema:
-                found |= _attribute_docstrings(base.__module__).get(base.__name__, {})
-        return found
+                docstrings |= _attribute_docstrings(base.__module__).get(base.__name__, {})
+        return docstrings
 
     @field_validator("*", mode="wrap")
     @classmethod
@@ -188,17 +188,17 @@ def _keys(schema: type[Schema]) -> dict[str, str]:
 def _attribute_docstrings(module: str) -> dict[str, dict[str, str]]:
     """Map class and attribute to docstring, for a module."""
     tree = ast.parse(inspect.getsource(sys.modules[module]))
-    found: dict[str, dict[str, str]] = {}
+    docstrings: dict[str, dict[str, str]] = {}
     for item in tree.body:
         if not isinstance(item, ast.ClassDef):
             continue
-        texts = found.setdefault(item.name, {})
+        texts = docstrings.setdefault(item.name, {})
         for field, doc in pairwise(item.body):
             if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
                 continue
             if isinstance(doc, ast.Expr) and isinstance(doc.value, ast.Constant) and isinstance(doc.value.value, str):
                 texts[field.target.id] = inspect.cleandoc(doc.value.value)
-    return found
+    return docstrings
 
 
 def key_of(schema: type[Schema], name: str) -> str:

@@ -27,13 +27,13 @@ def continuation_problems(scenario: ScenarioParts, sweep: Continuation) -> Itera
             yield from _snubber_problems(scenario, f"sweep.{key}", path)
     second = sweep.follow_folds_in
     if second is not None:
-        own = _own_value(scenario, sweep, second)
+        present = _own_value(scenario, sweep, second)
         low, high = sorted((float(second.from_), float(second.to)))
-        if own is not None and not low <= own <= high:
+        if present is not None and not low <= present <= high:
             yield Problem(
                 "sweep.follow_folds_in",
-                f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {own:g}, where "
-                "the folds are found",
+                f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {present:g}, "
+                "where the folds are found",
                 "widen the range to hold it",
             )
     if isinstance(sweep.method, HarmonicBalance) and not (scenario.all_snubbers or scenario.nonlinear_springs):

@@ -92,11 +92,11 @@ def _validated(root: Node) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ScenarioError as error:
-        found = [(path_parts(problem.path), problem) for problem in error.problems]
+        problems = [(path_parts(problem.path), problem) for problem in error.problems]
     except ValidationError as error:
-        found = [_problem(*describe(Scenario, detail)) for detail in error.errors(include_url=False)]
-        found += _between_fields(data)
-    unique = list(dict.fromkeys(located(root, path, problem) for path, problem in found))
+        problems = [_problem(*describe(Scenario, detail)) for detail in error.errors(include_url=False)]
+        problems += _between_fields(data)
+    unique = list(dict.fromkeys(located(root, path, problem) for path, problem in problems))
     raise ScenarioError(sorted(unique, key=lambda problem: (problem.file != root.file, problem.line or 0)))
 
 
@@ -106,15 +106,15 @@ def _between_fields(data: Any) -> list[tuple[Path, Problem]]:
         partial = Scenario.model_validate(data, context=LenientPass())
     except (UnknownValueError, ValidationError, ScenarioError):
         return []
-    found: list[tuple[Path, Problem]] = []
+    problems: list[tuple[Path, Problem]] = []
     for path, part in walk(partial):
         error = part.late_error
         if isinstance(error, ScenarioError):
-            found += [(path_parts(problem.path), problem) for problem in error.problems]
+            problems += [(path_parts(problem.path), problem) for problem in error.problems]
         elif isinstance(error, PydanticCustomError):
             context = error.context or {}
-            found.append(_problem((*path, *context["at"]), context["message"], context["remedy"]))
-    return found
+            problems.append(_problem((*path, *context["at"]), context["message"], context["remedy"]))
+    return problems
 
 
 def _problem(path: Path, message: str, remedy: str) -> tuple[Path, Problem]:

@@ -18,10 +18,10 @@ def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
         return members(get_args(annotation)[0], tag_of(annotation))
     if isinstance(annotation, type) and issubclass(annotation, Schema):
         return {tag or tag_of(annotation): annotation}
-    found: dict[str, type[Schema]] = {}
+    classes: dict[str, type[Schema]] = {}
     for argument in get_args(annotation):
-        found |= members(argument, tag)
-    return found
+        classes |= members(argument, tag)
+    return classes
 
 
 def _is_tag(part: str | int) -> bool:
@@ -130,15 +130,15 @@ def _kind(path: Path, value: Any, field: FieldInfo | None) -> tuple[Path, str, s
 
 
 def _choices(field: FieldInfo | None, location: Path) -> list[str]:
-    found: list[str] = []
+    choices: list[str] = []
 
     def collect(annotation: Any) -> None:
         if get_origin(annotation) is Literal:
-            found.extend(str(choice) for choice in get_args(annotation))
+            choices.extend(str(choice) for choice in get_args(annotation))
         for argument in get_args(annotation):
             if get_origin(annotation) is not Literal:
                 collect(argument)
 
     if field is not None:
         collect(field.annotation)
-    return found
+    return choices

@@ -28,10 +28,10 @@ def find_parameters(scenario: Schema, path: str, more: tuple[type, ...] = ()) ->
         As `fail` builds it, where the path does not exist; to be located by the caller.
     """
     parts = _parts(path)
-    found = _walk(scenario, parts, (), path, (int, float, str, *more))
-    if not found:
+    paths = _walk(scenario, parts, (), path, (int, float, str, *more))
+    if not paths:
         raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path")
-    return found
+    return paths
 
 
 def value_at(scenario: Schema, place: Path) -> Any:
@@ -99,10 +99,10 @@ def field_type_at(scenario: Schema, place: Path) -> FieldType | None:
 def _field_types(annotation: Any) -> list[FieldType]:
     from typing import get_args
 
-    found = [item for item in getattr(annotation, "__metadata__", ()) if isinstance(item, FieldType)]
+    types = [item for item in getattr(annotation, "__metadata__", ()) if isinstance(item, FieldType)]
     for argument in get_args(annotation):
-        found += _field_types(argument)
-    return found
+        types += _field_types(argument)
+    return types
 
 
 def _parts(path: str) -> list[str | int]:

@@ -159,12 +159,12 @@ class Scenario(Schema):
         """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies."""
         bodies = self.all_bodies
         shared = (Located(("snubbers", k), self.default_body, snubber) for k, snubber in enumerate(self.snubbers))
-        own = (
+        of_bodies = (
             Located((*self.body_path(name), "snubbers", k), name, snubber)
             for name, body in bodies.items()
             for k, snubber in enumerate(body.own_snubbers)
         )
-        return (*shared, *own)
+        return (*shared, *of_bodies)
 
     def located_snubber(self, name: str) -> Located:
         """The snubber with this name, its path and its body."""
@@ -204,8 +204,8 @@ class Scenario(Schema):
                 probes[snubber.name] = _on(body if several else None, snubber.places[0])
         for _, body, snubber in self.located_snubbers:
             for place in snubber.probed_places if len(snubber.places) > 1 else ():
-                own = _on(body if several else None, place)
-                probes.setdefault(_probe_name(own), own)
+                probed = _on(body if several else None, place)
+                probes.setdefault(_probe_name(probed), probed)
         if not probes:
             for name, body_section in self.all_bodies.items():
                 called, place = body_section.default_probe()

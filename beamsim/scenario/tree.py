@@ -220,7 +220,7 @@ class _Reader:
             self._problem(path, f"has the tag {node.tag}", "remove the tag", node.start_mark.line + 1)
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Node]:
-        own: dict[str, Node] = {}
+        items: dict[str, Node] = {}
         merged: dict[str, Node] = {}
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
@@ -236,11 +236,11 @@ class _Reader:
                 continue
             value_line = value_node.start_mark.line + 1
             item = self.node(value_node, (*path, key), value_line if isinstance(value_node.value, str) else line)
-            if key in own:
+            if key in items:
                 self._problem((*path, key), f"is given twice, first in line {lines[key]}", "keep one of the two", line)
                 continue
-            own[key], lines[key] = item, line
-        return own | {key: item for key, item in merged.items() if key not in own}
+            items[key], lines[key] = item, line
+        return items | {key: item for key, item in merged.items() if key not in items}
 
     def _merged(self, node: yaml.Node, path: Path, line: int) -> Iterator[tuple[str, Node]]:
         sources = node.value if isinstance(node, yaml.SequenceNode) else [node]

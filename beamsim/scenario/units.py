@@ -236,11 +236,11 @@ def _units(text: str, gravity: bool) -> Any:
         raise UnitError("is a sweep rate", "")
     if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
         raise UnitError("is not a number, or a number with a unit", "")
-    own = _OWN_NAMES.sub("revolution", text).replace("%", " percent ").replace("°", " degree ").strip()
+    expression = _OWN_NAMES.sub("revolution", text).replace("%", " percent ").replace("°", " degree ").strip()
     if gravity:
-        own = _GRAVITY.sub(r"\1g_0", own)
+        expression = _GRAVITY.sub(r"\1g_0", expression)
     try:
-        return _registry().parse_units(own, as_delta=False)
+        return _registry().parse_units(expression, as_delta=False)
     except Exception:  # pint raises a dozen types here, tokenizer errors among them
         raise UnitError(f"has the unit {text!r}, which is not known", "") from None
 

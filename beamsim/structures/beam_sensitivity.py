@@ -69,7 +69,7 @@ def _section(beam: Beam) -> list[tuple[Path, float, float]]:
     if beam.section is None:
         return [(("width",), 1.0, 1.0), (("thickness",), 1.0, 3.0)]
     section = beam.section
-    found: list[tuple[Path, float, float]] = []
+    rates: list[tuple[Path, float, float]] = []
     for key in type(section).model_fields:
         value = getattr(section, key)
         if not isinstance(value, float) or key == "extreme_fibre":
@@ -77,5 +77,5 @@ def _section(beam: Beam) -> list[tuple[Path, float, float]]:
         up, down = (section.model_copy(update={key: value * (1 + s * _SECTION_STEP)}) for s in (1, -1))
         area = (up.area - down.area) / (2 * _SECTION_STEP * section.area)
         second = (up.second_moment - down.second_moment) / (2 * _SECTION_STEP * section.second_moment)
-        found.append((("section", key), area, second))
-    return found
+        rates.append((("section", key), area, second))
+    return rates

@@ -110,23 +110,23 @@ class ChainStructure(Structure):
         self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
     ) -> dict[Path, float]:
         """d ln k / d ln p of every mass and spring."""
-        found: dict[Path, float] = {
+        rates: dict[Path, float] = {
             (*path, "masses", i): squared * mass / self.mass_scale * float(v[i]) ** 2 / k
             for i, mass in enumerate(self.chain.masses)
         }
         ends = np.concatenate([[0.0], v, [0.0]])
         for i, spring in enumerate(self.chain.springs):
             if spring > 0:
-                found[(*path, "springs", i)] = -spring / self.stiffness_scale * float(ends[i + 1] - ends[i]) ** 2 / k
+                rates[(*path, "springs", i)] = -spring / self.stiffness_scale * float(ends[i + 1] - ends[i]) ** 2 / k
         for name in ("springs_to_ground", "springs_between"):
             for i, beside in enumerate(getattr(self.chain, name)):
                 stretch = float(self.row(site_of(beside, self.name)) @ v)
                 rate = -linear_stiffness(beside) / self.stiffness_scale * stretch**2 / k
                 if beside.kind == "linear":
-                    found[(*path, name, i, "stiffness")] = rate
+                    rates[(*path, name, i, "stiffness")] = rate
                 elif beside.kind == "piecewise_linear":
-                    found[(*path, name, i, "stiffnesses", beside.number_at_rest)] = rate
-        return found
+                    rates[(*path, name, i, "stiffnesses", beside.number_at_rest)] = rate
+        return rates
 
 
 def assemble_chain(chain: Chain, name: str = "chain") -> ChainStructure:

@@ -119,10 +119,10 @@ def _of_parts(model: Structure, count: int | None, below: float | None) -> Modes
     for structure, dofs in ((part.structure, part.dofs) for part in model.parts):
         ratio = structure.frequency_scale / model.frequency_scale
         modes = natural_modes(structure, count, None if below is None else below / ratio)
-        own = np.zeros((model.size, modes.omega.size))
-        own[dofs] = modes.vectors * np.sqrt(model.mass_scale / structure.mass_scale)
+        widened = np.zeros((model.size, modes.omega.size))
+        widened[dofs] = modes.vectors * np.sqrt(model.mass_scale / structure.mass_scale)
         omega.append(modes.omega * ratio)
-        vectors.append(own)
+        vectors.append(widened)
     together = np.concatenate(omega)
     order = np.argsort(together, kind="stable")
     return Modes(together[order], np.hstack(vectors)[:, order])

@@ -49,6 +49,6 @@ def site_of(item: Any, body: str) -> Site:
 
 
 def _resolved(place: Any, body: str) -> Place:
-    own = place.body or body
+    named_body = place.body or body
     label = f"{place.position:g} m" if place.mass is None else f"mass {place.mass}"
-    return Place(own, float(place.point), label=f"{own} {label}" if place.body else label)
+    return Place(named_body, float(place.point), label=f"{named_body} {label}" if place.body else label)

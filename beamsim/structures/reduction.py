@@ -148,14 +148,14 @@ def reduce_model(
 
 def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern]) -> list[LoadPattern]:
     """What of the load patterns acts on one body, in its own scales."""
-    found = []
+    acting = []
     for pattern in patterns:
         vector = pattern.vector[part.dofs]
         if pattern.position is None:
-            found.append(LoadPattern(part.structure.inertia, None))
+            acting.append(LoadPattern(part.structure.inertia, None))
         elif np.any(vector):
-            found.append(LoadPattern(vector, pattern.position))
-    return found
+            acting.append(LoadPattern(vector, pattern.position))
+    return acting
 
 
 def _counts(model: Structure, count: int) -> list[int]:

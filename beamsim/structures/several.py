@@ -48,14 +48,14 @@ class Assembly(Structure):
 
     def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
         """Both ends of a link between two bodies; within a body what that body asks for."""
-        found: list[Site] = []
+        loaded: list[Site] = []
         for site in sites:
             if isinstance(site, Link) and site.first.body != site.second.body:
-                found += [site.first, site.second]
+                loaded += [site.first, site.second]
             else:
                 body = site.first.body if isinstance(site, Link) else site.body
-                found += self._part(body).structure.loaded_sites([site])
-        return list(dict.fromkeys(found))
+                loaded += self._part(body).structure.loaded_sites([site])
+        return list(dict.fromkeys(loaded))
 
     def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
         """(k,) deflections of k fields (N, k) at a place, and their derivatives by its coordinate."""
@@ -70,26 +70,26 @@ class Assembly(Structure):
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s, body by body."""
         damping = np.zeros((omega.size, omega.size))
-        for part, (own, columns) in zip(self.bodies, basis.blocks, strict=True):
-            damping[np.ix_(columns, columns)] = part.structure.reduced_damping(own, omega[columns])
+        for part, (reduced, columns) in zip(self.bodies, basis.blocks, strict=True):
+            damping[np.ix_(columns, columns)] = part.structure.reduced_damping(reduced, omega[columns])
         return damping
 
     def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
         """Those of every body, with the sites that are on it."""
-        found: list[Recovery] = []
-        for part, (own, columns) in zip(self.bodies, basis.blocks, strict=True):
+        recovered: list[Recovery] = []
+        for part, (reduced, columns) in zip(self.bodies, basis.blocks, strict=True):
             ends = [end for s in sites for end in ((s.first, s.second) if isinstance(s, Link) else (s,))]
             on_it = [end for end in ends if end.body == part.structure.name]
-            for recovery in part.structure.recoveries(own, on_it, base_moves):
+            for recovery in part.structure.recoveries(reduced, on_it, base_moves):
                 moment = recovery.bending_moment
-                found.append(
+                recovered.append(
                     replace(
                         recovery,
                         deflection=_widened(recovery.deflection, columns, basis.size),
                         bending_moment=None if moment is None else _widened(moment, columns, basis.size),
                     )
                 )
-        return tuple(found)
+        return tuple(recovered)
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,)."""
@@ -142,7 +142,7 @@ def assemble_bodies(bodies: Sequence[Structure]) -> Assembly:
         deflection_dofs=np.concatenate(
             [body.deflection_dofs + start for body, start in zip(bodies, starts[:-1], strict=True)]
         ),
-        bodies=tuple(Part(body, own) for body, own in zip(bodies, dofs, strict=True)),
+        bodies=tuple(Part(body, columns) for body, columns in zip(bodies, dofs, strict=True)),
     )
 
 

@@ -217,11 +217,11 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
 
 
 def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibrium) -> tuple[SnubberInfo, ...]:
-    found = []
+    described = []
     for i, (site, (_, _, s)) in enumerate(zip(parts.snubber_sites, parts.scenario.located_snubbers, strict=True)):
         unit = parts.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness
-        found.append(
+        described.append(
             SnubberInfo(
                 name=s.name,
                 position=site.coordinate,
@@ -235,4 +235,4 @@ def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibriu
                 shape=contacts.shape[i],
             )
         )
-    return tuple(found)
+    return tuple(described)

@@ -34,7 +34,7 @@ from beamsim.outcomes import Outcome, OutcomeCode, both_directions
 
 Report = Callable[[float], None]
 SpecialBetween = Callable[[BranchPoint, BranchPoint, Settings, list[FailedSearch]], list[SpecialPoint]]
-Half = tuple[list[BranchPoint], Outcome, list[SpecialPoint]]  # of a branch, followed one way
+Half = tuple[list[BranchPoint], Outcome, list[SpecialPoint]]  # of a branch, followed in one direction
 
 MOST_BEGINNINGS = 12  # of branches that cover the range
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
@@ -95,10 +95,10 @@ class Tracer(Protocol):
         """What is followed along the parameter."""
 
     def begin(self, value: float, forward: float) -> BranchPoint | None:
-        """A motion at a value, its tangent pointing forward; stable where one can be come to."""
+        """A motion at a value, its tangent pointing forward; stable if one can be reached."""
 
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
-        """What goes on from a motion."""
+        """The continuation of a motion."""
 
     def special(
         self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
@@ -137,7 +137,7 @@ class ShootingTracer:
     reach: tuple[float, float]
 
     def begin(self, value: float, forward: float) -> BranchPoint | None:
-        """A motion at a value: a stable one where a transient comes to one."""
+        """A motion at a value: a stable one if a transient reaches it."""
         try:
             orbit = first_orbit(self.at(value))
         except ArithmeticError:
@@ -147,7 +147,7 @@ class ShootingTracer:
         return solve_at(self.problem, np.append(orbit.u[:-1], value), Settings(iterations=25), value, forward)
 
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
-        """What goes on from a motion."""
+        """The continuation of a motion."""
         return follow_orbits(self.problem, start, *self.reach, settings)
 
     def special(
@@ -158,7 +158,7 @@ class ShootingTracer:
 
 
 def progress_that_grows(report: Report | None) -> Report:
-    """A report that never falls."""
+    """A progress report that never decreases."""
     best = 0.0
 
     def grown(fraction: float) -> None:
@@ -191,7 +191,7 @@ def missing(branches: Iterable[OrbitBranch], first: float, last: float) -> list[
 def trace_range(
     tracer: Tracer, first: float, last: float, budget: Budget, report: Report | None = None
 ) -> list[OrbitBranch]:
-    """Branches from the first value to the last, as many as it takes.
+    """Branches from the first value to the last, as many as are needed.
 
     Parameters
     ----------
@@ -202,11 +202,11 @@ def trace_range(
     """
     low, high = sorted((first, last))
     grown = progress_that_grows(report)
-    found: list[OrbitBranch] = []
+    branches: list[OrbitBranch] = []
     tried: list[float] = []
 
     def tell(parameter: float) -> None:
-        spans = [t.span for t in found]
+        spans = [t.span for t in branches]
         known = covered([*spans, (min(begin, parameter), max(begin, parameter))], low, high)
         grown(1.0 - sum(b - a for a, b in known) / (high - low))
 
@@ -216,16 +216,21 @@ def trace_range(
         start = tracer.begin(begin, last - first if count == 0 else first - last)
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
-            ways = [1.0] if begin in (first, last) else [1.0, -1.0]
-            found.append(joined(tracer.problem, [follow(tracer, start, way, budget, found, tell) for way in ways]))
-        gaps = missing(found, first, last)
+            directions = [1.0] if begin in (first, last) else [1.0, -1.0]
+            branches.append(
+                joined(
+                    tracer.problem,
+                    [follow(tracer, start, direction, budget, branches, tell) for direction in directions],
+                )
+            )
+        gaps = missing(branches, first, last)
         if not gaps or budget.spent():
             break
         begin = _next(gaps, tried, last)
-    if not missing(found, first, last):
+    if not missing(branches, first, last):
         budget.cut_off.clear()  # what one branch left out, another one reached
     grown(1.0)
-    return found
+    return branches
 
 
 def _next(gaps: list[tuple[float, float]], tried: list[float], last: float) -> float:
@@ -240,13 +245,13 @@ def _next(gaps: list[tuple[float, float]], tried: list[float], last: float) -> f
 
 
 def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
-    """A motion to begin with: from the linear response, or a stable one that a transient from rest comes to."""
+    """A motion to begin with: from the linear response, or a stable one that a transient from rest reaches."""
     try:
-        found = find_orbit(local)
+        orbit_of_linear = find_orbit(local)
     except ArithmeticError:
-        found = None
-    if found is not None and local.orbit(found).stable:
-        return found
+        orbit_of_linear = None
+    if orbit_of_linear is not None and local.orbit(orbit_of_linear).stable:
+        return orbit_of_linear
     flow, period = local.flow, 2 * np.pi / local.omega
     z = np.zeros(flow.size)
     try:
@@ -258,14 +263,19 @@ def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
                 return orbit
     except ArithmeticError:
         pass
-    return found
+    return orbit_of_linear
 
 
 def follow(
-    tracer: Tracer, start: BranchPoint, way: float, budget: Budget, known: list[OrbitBranch], tell: Report | None = None
+    tracer: Tracer,
+    start: BranchPoint,
+    direction: float,
+    budget: Budget,
+    known: list[OrbitBranch],
+    tell: Report | None = None,
 ) -> Half:
-    """Points, outcome and special points one way from a start, up to a known branch."""
-    if way < 0:
+    """Points, outcome and special points in one direction from a start, up to a known branch."""
+    if direction < 0:
         start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
     close = 0
 
@@ -344,7 +354,7 @@ def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
 
 
 def joined(problem: Any, halves: list[Half]) -> OrbitBranch:
-    """One branch of what was followed one way or both."""
+    """One branch from what was followed in one direction or both."""
     points, outcome, special = halves[0]
     if len(halves) == 2:
         back = halves[1]

@@ -51,7 +51,7 @@ def coexisting_branches(
             start = _solved(tracer.problem, state, value)
             if start is None or coincides(start, [*known, *found]):
                 continue
-            halves = [follow(tracer, start, way, budget, [*known, *found]) for way in (1.0, -1.0)]
+            halves = [follow(tracer, start, direction, budget, [*known, *found]) for direction in (1.0, -1.0)]
             found.append(joined(tracer.problem, halves))
     return found
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
 
 SETTINGS = Settings(tolerance=1e-9)
-MOST_POINTS = 600  # of one curve, each way
+MOST_POINTS = 600  # of one curve, in each direction
 CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
 SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
@@ -28,16 +28,16 @@ BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a 
 
 def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[BranchResult]:
     """One curve for every fold of the branches of the excitation's own period, each fold on one curve only."""
-    found: list[BranchResult] = []
+    curves: list[BranchResult] = []
     for index, branch in enumerate(traced):
         if branch.problem.multiple != 1:
             continue
         for fold in (s for s in branch.special if s.kind == "fold"):
-            if budget.spent() or any(_holds(curve, fold.parameter, _present(model, level)) for curve in found):
+            if budget.spent() or any(_holds(curve, fold.parameter, _present(model, level)) for curve in curves):
                 continue
             touching = _grazing_at(branch, fold)
-            found.append(_curve(model, branch.problem, fold, touching, level, index, budget))
-    return found
+            curves.append(_curve(model, branch.problem, fold, touching, level, index, budget))
+    return curves
 
 
 def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
@@ -94,16 +94,16 @@ def _curve(
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
     ways: list[list[BranchPoint]] = []
     outcomes: list[Outcome] = []
-    for way in (1.0, -1.0):
-        edge = high if way > 0 else low
+    for direction in (1.0, -1.0):
+        edge = high if direction > 0 else low
         if abs(second.inward(present) - edge) < 1e-9 * max(abs(edge), 1.0):
             continue
         begun: tuple[TwoParameterCurve, BranchPoint] | None
         try:
             if touching is None:
-                begun = start_of_fold_curve(orbits, fold, path, second.inward(present), way)
+                begun = start_of_fold_curve(orbits, fold, path, second.inward(present), direction)
             else:
-                begun = start_of_grazing_curve(orbits, touching, path, second.inward(present), way)
+                begun = start_of_grazing_curve(orbits, touching, path, second.inward(present), direction)
         except (ArithmeticError, np.linalg.LinAlgError):
             begun = None
         if begun is None:
@@ -122,8 +122,8 @@ def _curve(
         local = _at(model, orbits, path, point, level)
         motion = sampled_orbit(local, BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual,
                                                   point.orientation, point.iterations, point.data))  # fmt: skip
-        found = measure(model.system, model.loads, model.base, motion)
-        peak[k] = np.maximum(np.abs(found.high), np.abs(found.low))
+        cycles = measure(model.system, model.loads, model.base, motion)
+        peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
     orbits.flow.set(level=level)
     return BranchResult(
         touching="" if touching is None else model.system.contact_names[touching.contact],

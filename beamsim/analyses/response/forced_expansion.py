@@ -238,8 +238,8 @@ def _differences(
     rows: list[tuple[float, float, float, bool]] = []
     for factor in 0.5 ** np.arange(HALVINGS):
         omega = resonant.omega + factor * motion.sigma
-        found = _difference(system, resonant, motion, float(factor)) if omega > 0 else None
-        rows.append((float(factor), *(found or (np.nan, np.nan, False))))
+        differences = _difference(system, resonant, motion, float(factor)) if omega > 0 else None
+        rows.append((float(factor), *(differences or (np.nan, np.nan, False))))
         if sum(np.isfinite(row[1]) for row in rows) == WANTED:
             break
     table = np.array([row[:3] for row in rows])

@@ -48,7 +48,7 @@ class SampledMotion:
     omega: float  # rad/s, of the excitation
     level: float
     times: Floats  # (S + E,) s, the first S equidistant over a period
-    q: Rows  # (k, n) rows -> (S + E, k) what they make of the displacement
+    q: Rows  # (k, n) rows -> (S + E, k) their products with the displacement
     v: Rows  # ... and of the velocity
     penetration: Floats  # (S + E, m)
     force: Floats  # (S + E, m) N
@@ -58,7 +58,7 @@ class SampledMotion:
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """What is kept of one motion."""
+    """Measured quantities of one motion."""
 
     high: Floats  # (probes,) m
     low: Floats  # (probes,)

@@ -1,4 +1,4 @@
-"""What a response is followed in: from a scenario to a continuation problem, and from its unknown to SI numbers."""
+"""The parameter of a response: from a scenario to a continuation problem, and from its unknown to SI numbers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ HELD = {"acceleration": 0.0, "velocity": 1.0, "displacement": 2.0}
 
 @dataclass(frozen=True)
 class FollowedParameter:
-    """A parameter, from where to where, and how the continuation counts it.
+    """A parameter, its range, and the unknown of the continuation that stands for it.
 
     The continuation's unknown is the angular frequency, the level, or for a snubber's number a coordinate that runs
     from 1 to 2, so that steps relative to it fit whatever the number is (a gap of zero included).
@@ -66,7 +66,7 @@ class FollowedParameter:
 
     @property
     def label(self) -> str:
-        """What is followed, of which snubber."""
+        """Name of the parameter, and of its snubber."""
         what = "excitation frequency" if self.kind == "frequency" else self.kind
         return f"{what} {self.snubber}".strip()
 
@@ -118,7 +118,7 @@ class ResponseModel:
             ) from error
 
     def orbits_at(self, value: float, level: float) -> ForcedOrbits:
-        """Shooting at one value of what is followed, with the frequency as unknown: to find a first motion with."""
+        """Shooting at one value of the parameter, with the frequency as unknown: to find a first motion with."""
         f = self.followed
         if f.kind == "frequency":
             return ForcedOrbits(self.flow(value, level))
@@ -128,12 +128,12 @@ class ResponseModel:
         return ForcedOrbits(flow)
 
     def orbits_in_level(self, value: float, level: float) -> ForcedOrbits:
-        """Shooting at one value of what is followed, with the level as unknown."""
+        """Shooting at one value of the parameter, with the level as unknown."""
         flow = self.orbits_at(value, level).flow
         return ForcedOrbits(flow, "level")
 
     def orbits(self, level: float) -> ForcedOrbits:
-        """Shooting along what is followed."""
+        """Shooting along the parameter."""
         f = self.followed
         if f.kind == "frequency":
             return ForcedOrbits(self.flow(f.first, level))
@@ -144,7 +144,7 @@ class ResponseModel:
 
 
 def response_model(scenario: Scenario) -> ResponseModel:
-    """Build what a scenario's continuation needs.
+    """Build the model of a scenario's continuation.
 
     Raises
     ------

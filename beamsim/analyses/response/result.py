@@ -1,4 +1,4 @@
-"""What the continuation of forced periodic motions hands back."""
+"""The result of a continuation of forced periodic motions."""
 
 from __future__ import annotations
 

@@ -77,13 +77,13 @@ def _distance(leaving: _Leaving, followed_at: list[float]) -> float:
 
 def _leaving(branch: OrbitBranch, longest: int) -> list[_Leaving]:
     places = {id(point): k for k, point in enumerate(branch.points)}
-    found = []
+    bifurcations = []
     for event in branch.special:
         if event.kind in ("period_doubling", "branch_point"):
             k = places[id(event.point)]
             beside = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
-            found.append(_Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
-    return [leaving for leaving in found if leaving.multiple <= longest]
+            bifurcations.append(_Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
+    return [leaving for leaving in bifurcations if leaving.multiple <= longest]
 
 
 def _ends_at(branch: OrbitBranch, leaving: _Leaving) -> bool:
@@ -102,7 +102,7 @@ def _branches(
     if event.kind == "period_doubling":
         switched = switch_at_period_doubling(problem, event)
         return [] if switched is None else [_followed(*switched, [], reach, budget, share)]
-    found: list[OrbitBranch] = []
+    started: list[OrbitBranch] = []
     others = [branch for branch in known if branch is not leaving.branch]
     k = next(i for i, point in enumerate(leaving.branch.points) if point is event.point)
     before, after = (
@@ -110,16 +110,16 @@ def _branches(
         leaving.branch.points[min(k + 1, len(leaving.branch.points) - 1)],
     )
     for start in switch_at_branch_point(problem, event, after.u - before.u):
-        if not coincides(start, [*others, *found]) and not budget.spent():
-            found.append(_followed(problem, start, [*known, *found], reach, budget, share))
-    return found
+        if not coincides(start, [*others, *started]) and not budget.spent():
+            started.append(_followed(problem, start, [*known, *started], reach, budget, share))
+    return started
 
 
 def _followed(
     problem: ForcedOrbits, start: BranchPoint, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget,
     share: int,
 ) -> OrbitBranch:  # fmt: skip
-    """A branch until it is back: with its halves alike again, or on a known branch."""
+    """A branch until it returns: with its halves alike again, or on a known branch."""
     most = min(budget.side_points, share, budget.left)
     limit = "sweep.most_side_points" if most == budget.side_points else "sweep.most_points"
     branch = follow_orbits(problem, start, *reach, Settings(most_points=most))

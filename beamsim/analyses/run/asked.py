@@ -150,11 +150,11 @@ def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collectio
     group = np.concatenate([search.group + first for search, first in zip(searches.values(), offsets, strict=False)])
     times = np.linspace(0.0, trajectory.end, SEEDS)
     values = trajectory.sample(times, every_output)
-    seen = values.max(axis=0)
+    sampled = values.max(axis=0)
     largest = np.full(int(offsets[-1]), -np.inf)
-    np.maximum.at(largest, group, seen)
+    np.maximum.at(largest, group, sampled)
     highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)])
-    highest = np.where(highest > largest[group], highest, seen)
+    highest = np.where(highest > largest[group], highest, sampled)
     parts = np.split(highest, np.cumsum(sizes)[:-1])
     return _named(system, asked, dict(zip(searches, parts, strict=True)))
 
@@ -201,12 +201,12 @@ def _both(output_of: OutputOf) -> OutputOf:
     return both
 
 
-def _named(system: StructuralSystem, asked: Collection[str], found: Mapping[str, Floats]) -> dict[str, Any]:
+def _named(system: StructuralSystem, asked: Collection[str], extremes: Mapping[str, Floats]) -> dict[str, Any]:
     """The entries of the summary from what the searches found."""
     probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
-    signed = {key: x.reshape(2, -1).max(axis=0) for key, x in found.items() if key.startswith("largest")}
+    signed = {key: x.reshape(2, -1).max(axis=0) for key, x in extremes.items() if key.startswith("largest")}
     figures: dict[str, Any] = {}
-    low, high = found.get("lowest displacement"), found.get("highest displacement")
+    low, high = extremes.get("lowest displacement"), extremes.get("highest displacement")
     if low is not None:
         figures["min_displacement_m"] = by_name(probes, -low)
     if high is not None:
@@ -218,10 +218,10 @@ def _named(system: StructuralSystem, asked: Collection[str], found: Mapping[str,
             figures["peak_displacement_m"] = by_name(probes, signed["largest displacement"])
     if "largest acceleration" in signed:
         figures["peak_acceleration_g"] = by_name(probes, signed["largest acceleration"] / STANDARD_GRAVITY)
-    if "highest force" in found:
-        figures["peak_force_n"] = by_name(snubbers, found["highest force"])
-    if "lowest penetration" in found:
-        figures["largest_gap_m"] = by_name(snubbers, np.maximum(found["lowest penetration"], 0.0))
+    if "highest force" in extremes:
+        figures["peak_force_n"] = by_name(snubbers, extremes["highest force"])
+    if "lowest penetration" in extremes:
+        figures["largest_gap_m"] = by_name(snubbers, np.maximum(extremes["lowest penetration"], 0.0))
     if "largest stress" in signed and system.stress is not None:
         where = int(signed["largest stress"].argmax())
         figures["largest_bending_stress_pa"] = float(signed["largest stress"][where])
