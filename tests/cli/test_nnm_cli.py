@@ -33,7 +33,10 @@ def followed(name):
     return nnm(load_scenario(CONFIGS / f"{name}.yaml"))
 
 
-@pytest.mark.parametrize("path", NNM, ids=lambda p: p.stem)
+LONG = ("nnm_thesis_mode_1",)
+
+
+@pytest.mark.parametrize("path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in NNM])
 def test_every_mode_config(path):
     result = followed(path.stem)
     assert result.complete

@@ -297,7 +297,7 @@ def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path):
     with h5py.File(files(name)) as file:
         parts = [part for part in file if part not in ("summary",)]
     outcomes = set()
-    for part in ["summary", *parts[:4]]:
+    for part in ["summary", *parts[: 4 if command[0] == "info" else 2]]:  # a plot that succeeds takes longer
         path = tmp_path / f"{part}.h5"
         path.write_bytes(data)
         with h5py.File(path, "a") as file:

@@ -270,7 +270,7 @@ def test_a_study_of_sweeps():
 
 def test_a_study_of_stepped_sweeps_at_several_levels():
     text = BASE[: BASE.index("limits")] + (
-        "sweep: {kind: stepped, from: 40 Hz, to: 50 Hz, points: 3, levels: [1 g, 2 g]}\n"
+        "sweep: {kind: stepped, from: 40 Hz, to: 50 Hz, points: 2, levels: [1 g, 2 g]}\n"
         "vary: {kind: grid, parameters: [{path: snubbers.tip.gap, values: [0 mm, 5 mm]}]}\n"
     )
     result = design_study(load_scenario(text), workers=1)

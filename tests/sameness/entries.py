@@ -124,9 +124,13 @@ SLOW = (
     *("sweep_* run", "backlash_* run", "random_vibration run", "* reference", "* sweep stepped", "* sweep overlay"),
     *("design_* sweep", "spring_position sweep", "* sweep zip", "* sweep varied", "sweep_* sweep", "* sweep regular"),
     *("continuation_60_120hz sweep", "continuation_overlay sweep", "chain_two_dof sweep harmonic_balance"),
-    *("identify_nonlinear *", "nnm_forced_* nnm", "nnm_thesis_mode_1 nnm", "nnm_first nnm*", "ms_beam_tip_mode_1 nnm"),
+    *("continuation_position sweep", "continuation_folds sweep", "continuation_stiffness sweep", "two_panels *"),
+    *("continuation_level sweep", "chain_bumpers sweep", "nnm_energy nnm", "nnm_chain_mass_5 nnm compare", "ms_beam_*"),
+    *("identify_nonlinear *", "nnm_forced_* nnm", "nnm_thesis_mode_* nnm", "nnm_first nnm*"),
+    *("prestressed_160hz_5g run", "prestressed_220hz_8g run", "prestressed_90hz_3g run", "prestressed_465hz_15g run"),
+    "point_force_* run",
 )
-"""Patterns of entries that take about a second or more, or repeat the run of the config that they extend."""
+"""Patterns of entries that take about a second or more, or repeat a config that other fast tests run."""
 
 
 @dataclass(frozen=True)
