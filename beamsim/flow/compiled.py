@@ -120,7 +120,14 @@ def _tolerate_failures(dispatcher: Any) -> None:
     files: Any = getattr(dispatcher, "_cache", None)
     if not getattr(files, "cache_path", None):  # nothing is kept
         return
-    load, save = files.load_overload, files.save_overload
+    load, save, load_index = files.load_overload, files.save_overload, files._cache_file._load_index
+
+    def known_overloads() -> Any:
+        """What the index lists: nothing where it cannot be read, so that it is written anew."""
+        try:
+            return load_index()
+        except Exception:  # a damaged file, or one that names a class that an older version had
+            return {}
 
     def load_overload(*arguments: Any) -> Any:
         try:
@@ -135,3 +142,4 @@ def _tolerate_failures(dispatcher: Any) -> None:
             _warn_once(str(getattr(error, "strerror", "") or error or type(error).__name__))
 
     files.load_overload, files.save_overload = load_overload, save_overload
+    files._cache_file._load_index = known_overloads

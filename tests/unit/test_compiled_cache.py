@@ -103,6 +103,27 @@ def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installe
     assert values == [["21", "0"], ["21", "1"], ["31", "0"]]
 
 
+def test_an_index_that_names_a_class_of_an_older_version_is_written_anew(installed, tmp_path):
+    """Compiled code is listed by the types of its arguments, which an upgrade may rename."""
+    kernels, cache = installed / "beamsim/flow/pair_kernels.py", tmp_path / "cache"
+    code = (
+        "import beamsim.flow.pair_kernels as k; "
+        "print(k.add(next(t for t in (getattr(k, 'Old', 0), getattr(k, 'New', 0)) if t)(1, 2)), "
+        "sum(k.add.stats.cache_hits.values()))"
+    )
+    values = []
+    for name in ("Old", "New", "New"):
+        kernels.write_text(
+            "from typing import NamedTuple\nfrom beamsim.flow.compiled import njit\n"
+            f"class {name}(NamedTuple):\n    a: int\n    b: int\n"
+            "@njit(cache=True)\ndef add(pair):\n    return pair.a + pair.b\n"
+        )
+        done = python(installed, code, NUMBA_CACHE_DIR=str(cache))
+        assert (done.returncode, done.stderr) == (0, "")
+        values.append(done.stdout.split())
+    assert values == [["3", "0"], ["3", "0"], ["3", "1"]]
+
+
 def test_a_cache_that_cannot_be_written_later(tmp_path, monkeypatch):
     """A full disk while compiled code is saved, and a damaged file, cost a compilation and no more."""
     from beamsim.errors import CacheWarning
