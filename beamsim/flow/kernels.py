@@ -86,14 +86,14 @@ def _fill_sources(tables, s, inputs, piece, t, y, zeta):  # type: ignore[no-unty
     for i in range(Z):
         zeta[F + i] = 0.0
     for k in range(N):
-        rest = y[k]
+        free = y[k]
         for q in range(tables.n_terms[s]):
             source = tables.term_source[s, q]
             if source < F and tables.power[s, tables.term_basis[s, q]] == 0:
-                rest -= (tables.term_vector[s, q, k] * zeta[source]).real
-        if rest != 0.0:
+                free -= (tables.term_vector[s, q, k] * zeta[source]).real
+        if free != 0.0:
             for i in range(Z):
-                zeta[F + i] += tables.projector[s, i, k] * rest
+                zeta[F + i] += tables.projector[s, i, k] * free
 
 
 @inner

@@ -104,7 +104,7 @@ def march(  # type: ignore[no-untyped-def]
                 _fill_sources(tables, state, inputs, piece, t, y, zeta)
             else:
                 used = respond(swept, response, state, piece, t, H, y)
-                _fill_sources(tables, state, inputs, 0, 0.0, response.rest, zeta)
+                _fill_sources(tables, state, inputs, 0, 0.0, response.free, zeta)
             if guards > 0:
                 _combine(tables, state, tables.watch, zeta, gamma, size)
                 _fill_least(tables, state, zeta, H, least)
@@ -169,9 +169,9 @@ def march(  # type: ignore[no-untyped-def]
             if swept is not None and tables.reset[state, hit] >= 0:
                 contact = tables.guard_contact[state, hit]
                 column = tables.reset[state, hit]
-                own = response.watch[column : column + tables.states[contact]]
+                internal = response.watch[column : column + tables.states[contact]]
                 first = y.size - tables.states.sum() + tables.first[contact]
-                add_forced(own, used, omega, tau, first, y)
+                add_forced(internal, used, omega, tau, first, y)
         following = tables.follower[state, guard]
         if following < 0:
             return NEED_STATE, t, piece, state, guard, n_seg, n_ev, n_eval
@@ -232,7 +232,7 @@ def sample(  # type: ignore[no-untyped-def]
                 H = min(swept.windows.length[piece] - t, tables.horizon[s])
                 used = respond(swept, response, s, piece, t, H, seg_y[g])
                 output_response(swept, response, s, piece, used)
-                _fill_sources(tables, s, inputs, 0, 0.0, response.rest, zeta)
+                _fill_sources(tables, s, inputs, 0, 0.0, response.free, zeta)
             several = i + 2 < time.size
             if several and g < last:
                 several = _since(swept, seg_piece[g + 1], seg_time[g + 1], time[i + 2]) < 0.0

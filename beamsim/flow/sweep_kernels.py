@@ -44,7 +44,7 @@ class Forced(NamedTuple):
     gain_slope: Any  # (S, L, E) on the channel's time derivative
 
 
-class Kept(NamedTuple):
+class OutputTables(NamedTuple):
     """Rows of the watched functions (see `kernels.Tables`) and of the outputs, per state."""
 
     watch_row: Any  # (S, w, N)
@@ -90,20 +90,20 @@ class Swept(NamedTuple):
     """What the march takes for a swept sine, where it takes None for piecewise sources alone."""
 
     forced: Forced
-    kept: Kept
+    outputs: OutputTables
     windows: Windows
     cycles: Cycles
 
 
 class ForcedPart(NamedTuple):
-    """The forced response on one segment, in polynomials of the time since its start, and room for what is kept."""
+    """The forced response on one segment, in polynomials of the time since its start, and work arrays."""
 
     channel: Any  # (L, D + 1)
     beta: Any  # (D + 1, E)
     w: Any  # (MOST_POWERS, E)
     state: Any  # (MOST_POWERS, N)
     sum: Any  # (N,)
-    rest: Any  # (N,) state at the start without the forced response
+    free: Any  # (N,) state at the start without the forced response
     watch: Any  # (w, MOST_POWERS) of the watched functions
     watch_size: Any  # (w, MOST_POWERS)
     output: Any  # (K, MOST_POWERS) of the outputs
@@ -237,7 +237,7 @@ def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
     if swept is None:
         return None
     L, _, DM = swept.windows.channel.shape
-    E, K, rows = swept.forced.eigenvalue.shape[1], swept.kept.output.shape[2], tables.watch.shape[2]
+    E, K, rows = swept.forced.eigenvalue.shape[1], swept.outputs.output.shape[2], tables.watch.shape[2]
     return ForcedPart(
         np.zeros((L, DM), dtype=np.complex128),
         np.zeros((DM, E), dtype=np.complex128),
@@ -248,7 +248,7 @@ def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
         np.zeros((rows, MOST_POWERS), dtype=np.complex128),
         np.zeros((rows, MOST_POWERS)),
         np.zeros((K, MOST_POWERS), dtype=np.complex128),
-        _make_work(swept.kept, K, tables.exponent.shape[1], DM),
+        _make_work(swept.outputs, K, tables.exponent.shape[1], DM),
     )
 
 
@@ -262,17 +262,17 @@ def respond(swept, response, s, k, x, H, y):  # type: ignore[no-untyped-def]
         swept.forced, swept.windows, s, k, x, H, response.channel, response.beta, response.w, response.state
     )
     for i in range(y.size):
-        response.rest[i] = y[i] - response.state[0, i].real
+        response.free[i] = y[i] - response.state[0, i].real
     return used
 
 
 @inner
 def watch_response(tables, swept, response, s, k, used, H, least):  # type: ignore[no-untyped-def]
     """The forced part of the watched functions, and its round-off, added to ``least``."""
-    kept, U = swept.kept, response.state
+    outputs, U = swept.outputs, response.state
     _forced_rows(
-        kept.watch_row[s], kept.watch_channel[s], kept.watch_slope[s], tables.watch.shape[2], U, used, response.channel,
-        swept.windows.degree[k], swept.windows.omega[k], response.watch,
+        outputs.watch_row[s], outputs.watch_channel[s], outputs.watch_slope[s], tables.watch.shape[2], U, used,
+        response.channel, swept.windows.degree[k], swept.windows.omega[k], response.watch,
     )  # fmt: skip
     N = U.shape[1]
     n = (N - tables.states.sum()) // 2
@@ -289,9 +289,9 @@ def watch_response(tables, swept, response, s, k, used, H, least):  # type: igno
         for j in range(least.size):
             response.watch_size[j, q] = abs(response.watch[j, q])
             least[j] += a * max(
-                math.sqrt(position) * kept.watch_size[s, j, 0],
-                math.sqrt(speed) * kept.watch_size[s, j, 1],
-                math.sqrt(inside) * kept.watch_size[s, j, 2],
+                math.sqrt(position) * outputs.watch_size[s, j, 0],
+                math.sqrt(speed) * outputs.watch_size[s, j, 1],
+                math.sqrt(inside) * outputs.watch_size[s, j, 2],
             )
 
 
@@ -350,10 +350,10 @@ def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-
 @inner
 def output_response(swept, response, s, k, used):  # type: ignore[no-untyped-def]
     """The forced part of the outputs."""
-    kept = swept.kept
+    outputs = swept.outputs
     _forced_rows(
-        kept.output_row[s], kept.output_channel[s], kept.output_slope[s], response.output.shape[0], response.state,
-        used, response.channel, swept.windows.degree[k], swept.windows.omega[k], response.output,
+        outputs.output_row[s], outputs.output_channel[s], outputs.output_slope[s], response.output.shape[0],
+        response.state, used, response.channel, swept.windows.degree[k], swept.windows.omega[k], response.output,
     )  # fmt: skip
 
 
@@ -386,13 +386,13 @@ class _Work(NamedTuple):
     stack: Any  # (64, 8)
     gamma: Any  # (K, B)
     size: Any  # (K, B)
-    one: Any  # (6,)
+    single: Any  # (6,)
     length: Any  # (K, G, 4) sums over p of |poly|, times 1, p, p (p - 1), p (p - 1) (p - 2)
 
 
 @inner
-def _make_work(kept, K, B, DM):  # type: ignore[no-untyped-def]
-    G = kept.group_exponent.shape[1] + 1
+def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
+    G = outputs.group_exponent.shape[1] + 1
     P = MOST_POWERS
     return _Work(
         np.zeros((K, G, P), dtype=np.complex128),
@@ -417,7 +417,7 @@ def _make_work(kept, K, B, DM):  # type: ignore[no-untyped-def]
 @inner
 def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: ignore[no-untyped-def]
     """Add a segment of length T, ``x`` after the start of window k, to what is kept of its cycle."""
-    kept, windows, cycles, work = swept.kept, swept.windows, swept.cycles, response.work
+    outputs, windows, cycles, work = swept.outputs, swept.windows, swept.cycles, response.work
     cycle, omega = windows.cycle[k], windows.omega[k]
     for j in range(tables.touching.shape[1]):
         if tables.touching[s, j]:
@@ -425,14 +425,14 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
     K = work.value.shape[0]
     if K == 0:
         return
-    _combine(tables, s, kept.output, zeta, work.gamma, work.size)
+    _combine(tables, s, outputs.output, zeta, work.gamma, work.size)
     output_response(swept, response, s, k, used)
-    groups = kept.group_count[s]
+    groups = outputs.group_count[s]
     nb = tables.n_basis[s]
     for g in range(groups + 1):
         work.degree[g] = 0
     for b in range(nb):
-        g = kept.basis_group[s, b]
+        g = outputs.basis_group[s, b]
         work.degree[g] = max(work.degree[g], tables.power[s, b])
     # the forced polynomial, cut where it no longer matters
     top = used - 1
@@ -452,13 +452,13 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
                 work.poly[j, g, p] = 0.0
         for b in range(nb):
             p = tables.power[s, b]
-            work.poly[j, kept.basis_group[s, b], p] += work.gamma[j, b] * T**p
+            work.poly[j, outputs.basis_group[s, b], p] += work.gamma[j, b] * T**p
         factor = 1.0
         for p in range(top + 1):
             work.poly[j, groups, p] = response.output[j, p] * factor
             factor *= T
     for g in range(groups + 1):
-        lam = complex(0.0, omega) if g == groups else kept.group_exponent[s, g]
+        lam = complex(0.0, omega) if g == groups else outputs.group_exponent[s, g]
         work.exponent[g] = lam * T
         work.end[g] = _exp(lam.real, lam.imag, T)
         live = False
@@ -707,7 +707,7 @@ def _ceiling(fa, fb, bound, h):  # type: ignore[no-untyped-def]
 @inner
 def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: ignore[no-untyped-def]
     """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``."""
-    one = work.one.reshape(1, 6)
+    single = work.single.reshape(1, 6)
     stack = work.stack
     bound2, bound3 = before[j, 3], before[j, 4]
     stack[0, 0] = left
@@ -733,8 +733,8 @@ def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: 
                 t = u + (v - u) * su / (su - sv)
                 if not (u < t < v):
                     break
-                _values(work, G, j, j + 1, t, one)
-                f, d, curve = sign * one[0, 0], sign * one[0, 1], sign * one[0, 2]
+                _values(work, G, j, j + 1, t, single)
+                f, d, curve = sign * single[0, 0], sign * single[0, 1], sign * single[0, 2]
                 best = max(best, f)
                 if curve < 0.0:
                     # at a slope d the top is no further above than this
@@ -747,8 +747,8 @@ def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: 
                         else:
                             v, sv = t, d
                         t = newton
-                        _values(work, G, j, j + 1, t, one)
-                        f, d, curve = sign * one[0, 0], sign * one[0, 1], sign * one[0, 2]
+                        _values(work, G, j, j + 1, t, single)
+                        f, d, curve = sign * single[0, 0], sign * single[0, 1], sign * single[0, 2]
                         best = max(best, f)
                         if curve < 0.0 and d * d <= -curve * slack:
                             break
@@ -760,9 +760,9 @@ def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: 
         middle = 0.5 * (a + b)
         if depth + 2 > stack.shape[0] or not (a < middle < b):
             continue
-        _values(work, G, j, j + 1, middle, one)
-        best = max(best, sign * one[0, 0])
-        f, d, curve = sign * one[0, 0], sign * one[0, 1], sign * one[0, 2]
+        _values(work, G, j, j + 1, middle, single)
+        best = max(best, sign * single[0, 0])
+        f, d, curve = sign * single[0, 0], sign * single[0, 1], sign * single[0, 2]
         stack[depth, 0] = a
         stack[depth, 1] = middle
         stack[depth, 2], stack[depth, 3], stack[depth, 4] = fa, da, ca

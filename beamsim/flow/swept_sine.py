@@ -22,7 +22,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.sweep_kernels import Cycles, Forced, Kept, Swept, Windows
+    from beamsim.flow.sweep_kernels import Cycles, Forced, OutputTables, Swept, Windows
 
 OutputOf = Callable[[Ints], LinearOutput]
 
@@ -122,9 +122,9 @@ class SweptFlow:
             *(pad([getattr(t, name) for t in tables]) for name in _ForcedTables.__dataclass_fields__),
         )
 
-    def kept(self, output_of: OutputOf) -> Kept:
+    def output_tables(self, output_of: OutputOf) -> OutputTables:
         """Rows of the watched functions and of the outputs in every state so far, for the kernels."""
-        from beamsim.flow.sweep_kernels import Kept
+        from beamsim.flow.sweep_kernels import OutputTables
 
         states = self.bare.states
         contacts = self.system.contacts
@@ -138,7 +138,7 @@ class SweptFlow:
         groups = [_groups(s.exponent) for s in states]
         rows = [pad([part[i] for part in watched]) for i in (0, 1, 2)]
         outputs = [np.array([part[i] for part in output_parts]) for i in (0, 1, 2)]
-        return Kept(
+        return OutputTables(
             watch_row=rows[0],
             watch_channel=rows[1],
             watch_slope=rows[2],
@@ -195,7 +195,7 @@ class CycleMarch:
         from beamsim.flow.sweep_kernels import Swept
 
         flow = self.flow
-        swept = Swept(flow.forced(), flow.kept(self.output_of), flow.kernel_windows(self.order), self.cycles)
+        swept = Swept(flow.forced(), flow.output_tables(self.output_of), flow.kernel_windows(self.order), self.cycles)
         self._arguments = flow.bare.tables(), flow.bare.inputs(), swept
 
     def kernel_arguments(self) -> tuple[Tables, Inputs, Swept]:
@@ -248,7 +248,7 @@ class CycleRecord:
         if self.log is None:
             raise ValueError("the time history was not kept")
         log, arguments = self.log, CycleMarch(self.flow, output_of, np.zeros(0), 0).kernel_arguments()
-        table = arguments[2].kept.output
+        table = arguments[2].outputs.output
         out = np.empty((times.size, table.shape[2]))
         sample(*arguments, table, log.time, log.state, log.piece, log.y, np.ascontiguousarray(times), out)
         return out
