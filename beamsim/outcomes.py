@@ -109,10 +109,11 @@ class OutcomeCode(Enum):
         "{other_share:.0%}]",
         "[{remedy}]",
     )
-    MODE_TRANSFERRED = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}]: mode {mode} has transferred its energy to mode {other} and holds {share:.1%} of it",
-        "ask for mode {other}, or begin beyond the resonance of both",
+    ENDS_IN_RESONANCE = (
+        OutcomeKind.NOTED,
+        "the backbone is interrupted by an internal resonance from {place} to {beyond:.6g}[ {unit}], beyond the end of "
+        "the range",
+        "",
     )
     NO_FURTHER_MOTION = OutcomeKind.STOPPED, "stopped: no further motion in these two modes alone was found", ""
     ENERGY_UNBOUNDED = (
@@ -354,6 +355,9 @@ class Outcome:
         if not isinstance(parameter, (int, float)) or "unit" in self.numbers or "name" in self.numbers:
             return replace(self, parts=parts)
         place: dict[str, Number] = {"parameter": float(convert(parameter)), "unit": unit, "name": name}
+        beyond = self.numbers.get("beyond")
+        if isinstance(beyond, (int, float)):
+            place["beyond"] = float(convert(beyond))
         return replace(self, numbers={**self.numbers, **place}, parts=parts)
 
     def as_dict(self) -> dict[str, Any]:

@@ -15,10 +15,10 @@ from itertools import pairwise
 import numpy as np
 
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Settings, correct, follow_orbits
+from beamsim.orbits.continuation import Settings, at_parameter, correct, follow_orbits
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.orbits.tongues import TRANSFERRED, Tongues, resonance_between
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.orbits.tongues import Tongues, resonance_between
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
@@ -28,6 +28,9 @@ LEAST_SHARE = 0.5  # of the energy in the requested mode, for a motion that is n
 LEAST_PART = 0.7  # the same against the share outside tongues, where the mode holds less
 FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
 GRADUAL = 0.1  # of the energy, that the mode may lose over a unit of the parameter (of a logarithm, or a factor of one)
+BETTER = 0.05  # of the energy, that the mode has more of in a motion which is worth a jump
+LOOKED_BESIDE = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there
+SEARCHED_BELOW = 0.65  # likewise, over periods and shapes
 SMALLEST = 1e-11  # step by arclength: at a grazing of a stiff stop the branch turns within the stop's compliance
 MOST_SHORT = 60  # points followed by arclength over one step
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
@@ -37,7 +40,8 @@ SEARCHED_PERIODS = 10
 SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
 CLEAR_ENOUGH = 0.8  # share at which a search may end
 JUMP_ITERATIONS = 12  # of Newton's method there
-LONGEST_STEP = 0.2  # of the parameter (a logarithm, or a factor relative to its value), whatever the range
+STEP_IN_ENERGY = 0.05  # of its logarithm, whatever the range: where the path ends must not change how it gets there
+STEP_IN_FACTOR = 0.01  # likewise; of a factor above one relative to its value
 MOST_POINTS = 3000
 LONGEST_JUMP = 64  # steps
 STRAIGHT = 0.9  # cosine between a step and the tangents at its ends that tells a step from a jump
@@ -63,7 +67,7 @@ class Backbone:
     start : a converged motion, dominated by ``mode``.
     end : the last parameter (the logarithm of the energy where that is followed).
     mode : from 0.
-    points : about how many points to make of the path.
+    points : about how many points to make of a path of few steps.
     largest_ratio : internal resonances of a higher order are stepped over, unless the backbone is cut there: then the
         tongue is followed whatever its order.
     tongue_points : length of a traced tongue.
@@ -99,35 +103,50 @@ class Backbone:
         full = self._step(self.start)
         a, clean = self.start.towards(forward), self.start
         step, drifting, count = full, False, 1
+        interruption: list[Outcome] = []  # of the backbone at the end of the path: the tongue is followed up to there
         self._clear = [a]
         yield a
         while (self.end - a.parameter) * forward > 1e-12 * full:
             remaining, full = abs(self.end - a.parameter), self._step(a)
             self._least = min(LEAST_SHARE, LEAST_PART * self.share(clean))
             b = None
-            for part in STEPS:
+            for part in STEPS if not interruption else ():
                 reach = min(part * step, remaining)
                 b = self._at(a, clean, a.parameter + forward * reach, forward)
                 if b is not None or (part > 1.0 and reach == remaining):
                     break
-            ahead = [b] if b is not None else self._continued(a, full, forward, gradual=True)
+            if b is not None and (beside := self._beside(a, b, clean, forward)) is not None:
+                self._cut(a, beside)
+                b = beside
+            ahead = [b] if b is not None else []
+            if not ahead and not interruption:
+                ahead = self._continued(a, full, forward, gradual=True)
             if ahead:
                 for before, point in pairwise([a, *ahead]):
                     self._crossed(before, point, forward)
             else:
-                b = self._beyond(a, clean, full, forward)
+                b = None if interruption else self._beyond(a, clean, full, forward)
+                if b is not None and (b.parameter - self.end) * forward > 0:
+                    interruption = [
+                        Outcome.of(OutcomeCode.ENDS_IN_RESONANCE, parameter=a.parameter, beyond=b.parameter)
+                    ]
+                    self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
+                    b = None
                 ahead = [b] if b is not None else self._continued(a, full, forward, gradual=False)
+                if not ahead and interruption:
+                    self.outcome = COMPLETE.but(*interruption)
+                    return
                 if not ahead:
                     self.outcome = Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
                     return
-            yield from ahead
-            count += len(ahead)
+            cut = {jump.start for jump in self.jumps}
+            for before, point in pairwise([a, *ahead]):
+                between = [] if before.parameter in cut else self._between(before, point)
+                yield from (*between, point)
+                count += 1 + len(between)
             a = ahead[-1]
             if count > MOST_POINTS:
                 self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=a.parameter, points=count)
-                return
-            if self.share(a) < TRANSFERRED:
-                self.outcome = Outcome.of(OutcomeCode.MODE_TRANSFERRED, parameter=a.parameter, **self._shared(a))
                 return
             step = min(full, 1.6 * step)
             self._recent = [*self._recent[-3:], *ahead][-4:]
@@ -136,12 +155,20 @@ class Backbone:
                 clean = a
                 self._clear.append(a)
         shared = self._shared(a) if self.share(a) < LEAST_SHARE else {}
-        self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.end, **shared)
+        self.outcome = Outcome.of(OutcomeCode.REACHED_END, *interruption, parameter=self.end, **shared)
 
     def _step(self, point: BranchPoint) -> float:
         """The longest step in the parameter from a point."""
-        unit = max(1.0, abs(point.parameter)) if self.orbits.parameter == "stiffness_factor" else 1.0
-        return min(abs(self.end - self.start.parameter) / self.points, LONGEST_STEP * unit)
+        if self.orbits.parameter == "stiffness_factor":
+            return STEP_IN_FACTOR * max(1.0, abs(point.parameter))
+        return STEP_IN_ENERGY
+
+    def _between(self, a: BranchPoint, b: BranchPoint) -> list[BranchPoint]:
+        """Points between two neighbours, where the path has so few steps that its curve would be coarse."""
+        pieces = round(abs(b.parameter - a.parameter) * self.points / abs(self.end - self.start.parameter))
+        values = np.linspace(a.parameter, b.parameter, max(pieces, 1) + 1)[1:-1]
+        points = [at_parameter(self.orbits, a, b, float(value), self.settings) for value in values]
+        return [point for point in points if point is not None]
 
     def _shared(self, point: BranchPoint) -> dict[str, float]:
         """The mode with its share of the energy, and the mode with the largest of the other shares."""
@@ -180,6 +207,26 @@ class Backbone:
             if point is not None:
                 return point
         return None
+
+    def _beside(self, a: BranchPoint, b: BranchPoint, clean: BranchPoint, forward: float) -> BranchPoint | None:
+        """The motion at the parameter of b that the mode dominates more, where the branch from a to b is a tongue's.
+
+        It is looked for where the share of the mode falls to one of the levels `LOOKED_BESIDE`.
+        """
+        lost = self.share(a) - self.share(b)
+        crossed = [level for level in LOOKED_BESIDE if self.share(b) < level <= self.share(a)]
+        if not crossed or lost <= GRADUAL * abs(b.parameter - a.parameter):
+            return None
+
+        def better(point: BranchPoint | None) -> bool:
+            return point is not None and self.share(point) > self.share(b) + BETTER
+
+        for guess in self._guesses(clean, b.parameter):
+            point = self._solve(guess, b.parameter, FURTHEST_JUMP, forward)
+            if better(point):
+                return point
+        point = self._searched(clean, b.parameter, forward) if min(crossed) <= SEARCHED_BELOW else None
+        return point if better(point) else None
 
     def _predictions(self, a: BranchPoint, clean: BranchPoint, value: float) -> Iterator[Floats]:
         """Guesses close to a: along the tangent where it isn't that of a tongue, along the last chord, and a itself."""
@@ -228,25 +275,27 @@ class Backbone:
             yield self.orbits.unknowns(still + away, period, value)
 
     def _beyond(self, a: BranchPoint, clean: BranchPoint, full: float, forward: float) -> BranchPoint | None:
-        """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue."""
-        distance = 0.5 * full
-        while distance <= LONGEST_JUMP * full:
-            value = a.parameter + forward * distance
-            if (value - self.end) * forward > 0:
-                value = self.end
-            for guess in self._guesses(clean, value):
-                b = self._solve(guess, value, FURTHEST_JUMP, forward)
-                if b is not None:
-                    self._cut(a, b)
-                    return b
-            if distance > full:
+        """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue.
+
+        The motion may lie beyond the end of the path, so that where the path ends does not decide whether there is one.
+        """
+        distances = 0.5 * 1.5 ** np.arange(1 + int(np.log(2.0 * LONGEST_JUMP) / np.log(1.5)))
+        remaining = abs(self.end - a.parameter) / full
+        for distance in sorted({remaining, *distances.tolist()}):
+            value = self.end if distance == remaining else a.parameter + forward * distance * full
+            b = next(
+                (
+                    b
+                    for guess in self._guesses(clean, value)
+                    if (b := self._solve(guess, value, FURTHEST_JUMP, forward)) is not None
+                ),
+                None,
+            )
+            if b is None and distance > 1.0:
                 b = self._searched(clean, value, forward)
-                if b is not None:
-                    self._cut(a, b)
-                    return b
-            if value == self.end:
-                return None
-            distance *= 1.5
+            if b is not None:
+                self._cut(a, b)
+                return b
         return None
 
     def _searched(self, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
@@ -300,7 +349,7 @@ class Backbone:
         return size < FURTHEST and along > STRAIGHT * size and a.orientation * b.orientation > 0
 
     def _known(self, mode: int, ratio: int, parameter: float) -> bool:
-        near = SAME_TONGUE * abs(self.end - self.start.parameter) / self.points
+        near = SAME_TONGUE * self._step(self.start)
         return any((t.mode, t.ratio) == (mode, ratio) and abs(t.origin - parameter) < near for t in self.tongues)
 
     def _crossed(self, a: BranchPoint, b: BranchPoint, forward: float) -> None:

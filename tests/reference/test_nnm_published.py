@@ -45,18 +45,19 @@ def cantilever(elements=10, k=107e3, masses=()):
     return np.sqrt(w2), V[-2], k
 
 
-def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy=1.0, **contact):
+def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy=1.0, tolerance=1e-11, **contact):
     system = make_system(omega, np.zeros(omega.size), shape=[shape], stiffness=k, **contact)
     orbits = BrakeOrbits(ContactStiffness(system), energy=energy)
     start = solve_at(orbits, linear_mode(orbits, mode, 0.0, shape), Settings(), 0.0)
-    backbone = Backbone(orbits, start, end, mode, points=points)
+    settings = Settings(iterations=6, tolerance=tolerance)
+    backbone = Backbone(orbits, start, end, mode, points=points, settings=settings)
     return orbits, backbone, list(backbone)
 
 
 @pytest.mark.parametrize("k", [1e-3, 1.0, 50.0])
 def test_bilinear_oscillator(make_system, k):
     """2 w1 w2 / (w1 + w2), to 1e-12, all along the way."""
-    orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20)
+    orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20, tolerance=1e-13)
     assert backbone.outcome.text == "complete: reached parameter 1"
     for p in points:
         w2 = np.sqrt(1.0 + k * p.parameter)

@@ -290,4 +290,4 @@ def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Ou
         ends.append(resonance.outcome)
     outcome = combined(ends)
     backbone = work.followed.backbone.outcome
-    return backbone if outcome is COMPLETE and "share" in backbone.numbers else outcome
+    return backbone if outcome is COMPLETE and ("share" in backbone.numbers or backbone.parts) else outcome

@@ -31,6 +31,10 @@ POINTS = 100  # of a backbone
 MOST_POINTS = 3000  # in frequency
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
+_BESIDE = {  # ways to a motion beyond a tongue that do not lead through it
+    "stiffness_factor": "use another energy (nnm.energy), or ask for another mode",
+    "energy": "use continue_in: {kind: stiffness_factor} with nnm.energy beyond it, or ask for another mode",
+}
 START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
 ROUND_OFF = 1e-12  # of a stiffness factor
 FIRST_ENERGY = 1e-6  # J, of a motion to begin with where the frequency changes
@@ -100,14 +104,14 @@ class ModePath:
                 Problem("nnm.mode", f"= {self.mode + 1} gives no motion to begin with", "ask for another")
             )
         if self.first != 0.0:
-            lead_in = Backbone(orbits, start, self.first, self.mode, points=40)
+            lead_in = Backbone(orbits, start, self.first, self.mode, points=1)
             start = list(lead_in)[-1]
-            if not lead_in.outcome.complete:
+            if lead_in.outcome.code is not OutcomeCode.REACHED_END:
                 raise ScenarioError(
                     Problem(
                         "nnm.continue_in.from",
                         f"= {self.first:g} was not reached: {self.ended(lead_in.outcome, start)}",
-                        "begin at 0",
+                        f"begin at {start.parameter:.4g} or below",
                     )
                 )
         return self._backbone(orbits, start, self.last, progress, stop)
@@ -162,14 +166,14 @@ class ModePath:
     ) -> ModeBranches:
         orbits, start = self._small()
         if abs(start.parameter - first) > 1e-12:
-            lead_in = Backbone(orbits, start, first, self.mode, points=60)
+            lead_in = Backbone(orbits, start, first, self.mode, points=1)
             start = list(lead_in)[-1]
-            if not lead_in.outcome.complete:
+            if lead_in.outcome.code is not OutcomeCode.REACHED_END:
                 raise ScenarioError(
                     Problem(
                         "nnm.continue_in.from",
                         f"was not reached: {self.ended(lead_in.outcome, start)}",
-                        "give a lower energy to begin with",
+                        f"begin at {self.shown(start.parameter):.4g} J or below",
                     )
                 )
         return self._backbone(orbits, start, last, progress, stop)
@@ -178,7 +182,7 @@ class ModePath:
         orbits, start = self._small()
         first, last = 2 * np.pi * self.first, 2 * np.pi * self.last
         low, high = sorted((first, last))
-        in_energy = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=200)
+        in_energy = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=1)
         before: BranchPoint | None = None
         begin: BranchPoint | None = None
         by_frequency = BrakeOrbits(self.family, "frequency", basis=self.basis)
@@ -221,7 +225,7 @@ class ModePath:
         jumps = tuple(BranchJump(self.shown(j.start), self.shown(j.end), j.mode + 1, j.ratio) for j in backbone.jumps)
         outcome = self.ended(backbone.outcome, points[-1])
         if outcome.code is OutcomeCode.MODE_LOST:
-            outcome = outcome.but(remedy="begin beyond it (nnm.continue_in.from), or ask for another mode")
+            outcome = outcome.but(remedy=_BESIDE[self.parameter])
         branch = OrbitBranch(orbits, points, outcome, kind="backbone")
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
         return ModeBranches(branch, tuple(tongues), jumps)
