@@ -98,6 +98,18 @@ class OutcomeCode(Enum):
         "bifurcations no branch was followed]",
         "raise {limits}",
     )
+    SIDE_BRANCHES_CUT = (
+        OutcomeKind.NOTED,
+        "coexisting and side branches end at limits on points, branches or time[ at level {level:.4g}][; from "
+        "{bifurcations} bifurcations no branch was followed]",
+        "raise {limits}, or leave these branches out (sweep.side_branches: none)",
+    )
+    NOT_BRANCHED = (
+        OutcomeKind.NOTED,
+        "from {bifurcations} bifurcations no branch was followed[ at level {level:.4g}]: {reason}",
+        "",
+    )
+    NOT_SOUGHT = OutcomeKind.NOTED, "coexisting motions were not sought[ at level {level:.4g}]: {reason}", ""
     NO_STABLE_MOTION = OutcomeKind.NOTED, "no stable motion found[ at level {level:.4g}]: {ranges}[ {unit}]", ""
     CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not started: the fold is too close to a corner of the curve", ""
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.passage import Passage, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
@@ -133,18 +133,28 @@ class BalancedOrbits(ForcedBalance):
         settings = Settings(iterations=20)
         if self.cubic is not None and self.cubic.count:
             return solve_at(self, self.linear_guess(value), settings, value, forward)
-        omega, level = self.at(value)
-        orbits, basis = self._reduce(self.harmonics * omega / self.multiple)
-        orbits.flow.set(omega, level)
-        local = ForcedOrbits(orbits.flow, multiple=self.multiple)
+        local, basis = self.by_shooting(value)
         orbit = find(local)
         if orbit is not None:
-            times = np.arange(8 * self.harmonics) * (orbit.data.duration / (8 * self.harmonics))
-            q = local.flow.states_at(orbit.data, times)[:, : orbits.flow.system.size]
-            point = solve_at(self, self.guess(q @ basis.T, value), settings, value, forward)
+            point = self.from_passage(local, basis, orbit.data, value, forward)
             if point is not None:
                 return point
         return solve_at(self, self.linear_guess(value), settings, value, forward)
+
+    def by_shooting(self, value: float) -> tuple[ForcedOrbits, Floats]:
+        """The shooting problem of the reduced structure at a value, and its coordinates in the given ones."""
+        omega, level = self.at(value)
+        orbits, basis = self._reduce(self.harmonics * omega / self.multiple)
+        orbits.flow.set(omega, level)
+        return ForcedOrbits(orbits.flow, multiple=self.multiple), basis
+
+    def from_passage(
+        self, local: ForcedOrbits, basis: Floats, passage: Passage, value: float, forward: float = 1.0
+    ) -> BranchPoint | None:
+        """The balanced motion beside one of the reduced structure over a period."""
+        times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
+        q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
+        return solve_at(self, self.guess(q @ basis.T, value), Settings(iterations=20), value, forward)
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""

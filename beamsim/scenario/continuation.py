@@ -155,6 +155,10 @@ class Continuation(Schema):
     """Highest harmonic of the motion that is stored at every point."""
     seek_at: NotNegativeWhole = 3
     """Number of values of the parameter at which coexisting motions are sought (shooting); 0 for none."""
+    side_branches: Literal["limited", "complete", "none"] = "limited"
+    """Branches that leave others at bifurcations (shooting), and coexisting ones: limited (the outcome names what a
+    limit cut off), complete (a limit that cuts one off makes the result incomplete) or none (not followed or sought).
+    """
     longest_period: Count = 2
     """Longest period followed after period doublings, in periods of the excitation."""
     most_points: Count = 4000

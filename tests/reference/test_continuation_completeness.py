@@ -142,9 +142,45 @@ def test_bands_without_a_stable_motion_are_listed():
 
 @pytest.mark.parametrize("limit", ["most_side_points: 5", "most_points: 150", "most_branches: 2"])
 def test_a_limit_that_is_reached_is_an_outcome(limit):
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(96, 120, f"seek_at: 0, {limit}"))
-    assert result.outcome.kind is OutcomeKind.STOPPED
-    assert f"sweep.{limit.partition(':')[0]}" in result.status
+    case = CONFIGS / "continuation_60_120hz.yaml"
+    named = f"raise sweep.{limit.partition(':')[0]}"
+    result = curve(case, continuation(96, 120, f"seek_at: 0, {limit}"))
+    assert result.complete
+    (cut,) = result.outcome.all_of(OutcomeCode.SIDE_BRANCHES_CUT)
+    assert named in cut.text
+    demanded = curve(case, continuation(96, 120, f"seek_at: 0, side_branches: complete, {limit}"))
+    assert demanded.outcome.kind is OutcomeKind.STOPPED
+    assert named in demanded.status
+    assert len(demanded.branches) == len(result.branches)
+
+
+def test_side_branches_can_be_left_out():
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(96, 120, "side_branches: none"))
+    assert result.complete
+    assert {b.period_multiple for b in result.branches} == {1}
+    (left,) = result.outcome.all_of(OutcomeCode.NOT_BRANCHED)
+    assert left.numbers["bifurcations"] == sum(e.kind == "period_doubling" for b in result.branches for e in b.special)
+
+
+def test_harmonic_balance_seeks_coexisting_motions(levels):
+    """It begins from what shooting finds; with cubic springs it does not, and says so."""
+    balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 31}")
+    contact = [b for b in balance.branches if b.peak_force["stop"].min() > 0]
+    exact = [b for b in levels.branches if b.peak_force["stop"].min() > 0 and b.period_multiple == 1]
+    assert contact
+    for branch in contact:
+        k = branch.parameter.size // 2
+        beside = [
+            np.interp(branch.parameter[k], b.parameter[order], b.peak_displacement["first"][order])
+            for b in exact for order in [np.argsort(b.parameter)]
+        ]  # fmt: skip
+        assert min(abs(np.array(beside) / branch.peak_displacement["first"][k] - 1)) < 0.05
+    force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
+    cubic = curve(
+        CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "damping={kind: modal, ratio: 0.02}",
+        continuation(0.05, 0.06, "method: harmonic_balance"),
+    )  # fmt: skip
+    assert cubic.outcome.all_of(OutcomeCode.NOT_SOUGHT)
 
 
 def test_one_branch_does_not_spend_the_points_of_all():

@@ -16,7 +16,6 @@ from beamsim.analyses.limits import margins_of
 from beamsim.analyses.response.branches import (
     COVERED,
     Budget,
-    ShootingTracer,
     coincides,
     covered,
     missing,
@@ -25,11 +24,12 @@ from beamsim.analyses.response.branches import (
     side_reach,
     trace_range,
 )
+from beamsim.analyses.response.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
 from beamsim.analyses.response.motion import MeasuredMotion, measure, sampled_motion, sampled_orbit
 from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
-from beamsim.analyses.response.side_branches import side_branches
+from beamsim.analyses.response.side_branches import leavings, side_branches
 from beamsim.analyses.run.orbit_energy import balanced, energy_error, largest_error
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
@@ -142,13 +142,19 @@ def _trace(
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
     reach = reach_of(first, last, beyond=f.moved is None)
+    tracer: SeekingTracer
     if isinstance(settings.method, HarmonicBalance):
         from beamsim.analyses.response.balance import balance_tracer
 
-        found = trace_range(balance_tracer(model, settings.method.harmonics, level, reach), first, last, budget, report)
+        tracer = balance_tracer(model, settings.method.harmonics, level, reach)
     else:
-        tracer = ShootingTracer(model.orbits(level), lambda x: model.orbits_at(float(f.outward(x)), level), reach)
-        found = trace_range(tracer, first, last, budget, report)
+        tracer = SeekingShootingTracer(
+            model.orbits(level),
+            lambda x: model.orbits_at(float(f.outward(x)), level),
+            reach,
+            lambda x: model.orbits_in_level(float(f.outward(x)), level),
+        )
+    found = trace_range(tracer, first, last, budget, report)
     if not found and budget.spent() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
         raise model.scenario.located(
@@ -161,20 +167,13 @@ def _trace(
                 )
             )
         )
-    if not isinstance(settings.method, HarmonicBalance):
+    if settings.side_branches != "none":
         beside = side_reach(first, last, reach)
         if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
-            from beamsim.analyses.response.coexisting import coexisting_branches
-
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
-            found += coexisting_branches(
-                replace(tracer, reach=beside),
-                lambda x: model.orbits_in_level(float(f.outward(x)), level),
-                list(values),
-                found,
-                budget,
-            )
-        found += side_branches(found, beside, settings.longest_period, budget)
+            found += coexisting_branches(replace(tracer, reach=beside), list(values), found, budget)
+        if not isinstance(settings.method, HarmonicBalance):
+            found += side_branches(found, beside, settings.longest_period, budget)
     values_at = [f.inward(float(value)) for value in settings.parameter.points_at]
     pieces: list[OrbitBranch] = []
     for branch in found:
@@ -202,8 +201,13 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         parts.append(Outcome.of(OutcomeCode.NOT_COVERED, f.shown(why), ranges=ranges(gaps), unit=f.unit, **of))
     failed = [f.shown(part) for t in traced for part in t.outcome.all_of(OutcomeCode.SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.parts for known in parts)]
-    if budget.exceeded is not None:
-        parts.append(budget.exceeded.but(**of))
+    settings = model.scenario.sweep
+    assert isinstance(settings, Continuation)
+    incomplete = bool(gaps) or settings.side_branches == "complete"
+    exceeded = budget.exceeded(OutcomeCode.LIMITS_REACHED if incomplete else OutcomeCode.SIDE_BRANCHES_CUT)
+    if exceeded is not None:
+        parts.append(exceeded.but(**of))
+    parts += [part.but(**of) for part in _left_out(model, settings, traced)]
     bands: list[tuple[float, float]] = []
     for a, b in covered(_stable_stretches(traced), min(first, last), max(first, last)):
         if bands and a - bands[-1][1] < COVERED * abs(last - first):
@@ -212,6 +216,17 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     if bands:
         parts.append(Outcome.of(OutcomeCode.NO_STABLE_MOTION, ranges=ranges(bands), unit=f.unit, **of))
     return _combined(parts)
+
+
+def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBranch]) -> Iterator[Outcome]:
+    """What was not followed or sought because of the method or a setting."""
+    by_balance = isinstance(settings.method, HarmonicBalance)
+    reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
+    bifurcations = sum(len(leavings(branch, settings.longest_period)) for branch in traced)
+    if bifurcations and (by_balance or settings.side_branches == "none"):
+        yield Outcome.of(OutcomeCode.NOT_BRANCHED, bifurcations=bifurcations, reason=reason)
+    if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic.count:
+        yield Outcome.of(OutcomeCode.NOT_SOUGHT, reason="harmonic balance seeks none with cubic springs")
 
 
 def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]]:

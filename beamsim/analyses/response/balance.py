@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.response.branches import first_orbit
+from beamsim.analyses.response.coexisting import periodic_states
 from beamsim.errors import locating
 from beamsim.orbits.balance_stability import BalancedOrbits
 from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.harmonic_balance import truncation
-from beamsim.orbits.shooting import special_points
+from beamsim.orbits.shooting import ForcedOrbits, special_points
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -33,6 +35,21 @@ class BalanceTracer:
             return self.problem.first_motion(value, forward, first_orbit)
         except (ArithmeticError, np.linalg.LinAlgError):
             return None
+
+    def sought(self, value: float) -> Iterator[BranchPoint | None]:
+        """Motions at a value, by shooting from several starts; none with cubic springs."""
+        if self.problem.cubic is not None:
+            return
+        local, basis = self.problem.by_shooting(value)
+        period = 2 * np.pi * self.problem.multiple / local.omega
+        in_level = ForcedOrbits(local.flow, "level", self.problem.multiple)
+        for state in periodic_states(lambda: local, lambda: in_level):
+            omega, level = self.problem.at(value)
+            local.flow.set(omega, level)
+            try:
+                yield self.problem.from_passage(local, basis, local.flow.carry(state, period), value)
+            except (ArithmeticError, np.linalg.LinAlgError):
+                yield None
 
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
         """What goes on from a motion."""

@@ -57,7 +57,7 @@ class Budget:
     branches: int = 40
     used: int = 0  # points so far
     begun: float = field(default_factory=clock.monotonic)
-    cut_off: set[str] = field(default_factory=set)  # settings that ended a branch
+    cut_off: set[str] = field(default_factory=set)  # settings that ended a branch, or kept one from being followed
     not_followed: int = 0  # bifurcations from which no branch was followed
 
     def spent(self) -> Outcome | None:
@@ -75,16 +75,25 @@ class Budget:
         """Points that a branch may still have: two at least."""
         return max(self.points - self.used, 2)
 
-    @property
-    def exceeded(self) -> Outcome | None:
+    def allows_another(self, branches: int) -> bool:
+        """Whether one more branch may be followed beside so many; the limit that forbids it is kept."""
+        spent = self.spent()
+        if spent is None and branches < self.branches:
+            return True
+        self.cut(spent or Outcome.of(OutcomeCode.POINT_LIMIT, points=self.used, limit="sweep.most_branches"))
+        return False
+
+    def cut(self, spent: Outcome) -> None:
+        """Keep the setting behind the end of a branch."""
+        if "limit" in spent.numbers:
+            self.cut_off.add(str(spent.numbers["limit"]))
+
+    def exceeded(self, code: OutcomeCode) -> Outcome | None:
         """Which limits ended branches, or kept them from being followed; None where none did."""
-        limits = set(self.cut_off)
-        if self.not_followed:
-            limits.add("sweep.most_points" if self.points <= self.used else "sweep.most_branches")
-        if not limits:
+        if not self.cut_off:
             return None
         left = {"bifurcations": self.not_followed} if self.not_followed else {}
-        return Outcome.of(OutcomeCode.LIMITS_REACHED, limits=sorted(limits), **left)
+        return Outcome.of(code, limits=sorted(self.cut_off), **left)
 
 
 class Tracer(Protocol):
@@ -322,11 +331,12 @@ def walk(
             break
         if spent := budget.spent():
             outcome = spent.but(parameter=point.parameter)
+            budget.cut(spent)
             break
     outcome = outcome or branch.outcome
     if outcome.code is OutcomeCode.POINT_LIMIT and "limit" not in outcome.numbers:
         outcome = outcome.but(limit=limit)
-        budget.cut_off.add(limit)
+        budget.cut(outcome)
     return points, with_failed_searches(outcome, failed), special
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
-from beamsim.analyses.response.branches import Budget, ShootingTracer, coincides, follow, joined
+from beamsim.analyses.response.branches import Budget, ShootingTracer, Tracer, coincides, follow, joined
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
@@ -27,28 +29,31 @@ LOWEST = 0.2  # of the level, down to which it is followed
 SETTINGS = Settings(iterations=25)
 IN_LEVEL = Settings(largest_step=0.2, most_points=MOST_IN_LEVEL)
 
-LevelProblem = Callable[[float], ForcedOrbits]
+
+class SeekingTracer(Tracer, Protocol):
+    """A tracer that seeks motions beside those it follows."""
+
+    def sought(self, value: float) -> Iterator[BranchPoint | None]:
+        """Motions at a value, with repetitions; None where one was sought in vain."""
 
 
 def coexisting_branches(
-    tracer: ShootingTracer, in_level: LevelProblem, values: list[float], known: list[OrbitBranch], budget: Budget
+    tracer: SeekingTracer, values: list[float], known: list[OrbitBranch], budget: Budget
 ) -> list[OrbitBranch]:
     """Branches that pass none of the known ones.
 
     Parameters
     ----------
     tracer : along the parameter.
-    in_level : of a value of the parameter, the system there with the level as the parameter.
     values : of the parameter, at which motions are sought.
     known : branches so far.
     budget : points and time that may be spent.
     """
     found: list[OrbitBranch] = []
     for value in values:
-        for state in _states(tracer, in_level, value):
-            if budget.spent() or len(known) + len(found) >= budget.branches:
+        for start in tracer.sought(value):
+            if not budget.allows_another(len(known) + len(found)):
                 return found
-            start = _solved(tracer.problem, state, value)
             if start is None or coincides(start, [*known, *found]):
                 continue
             halves = [follow(tracer, start, direction, budget, [*known, *found]) for direction in (1.0, -1.0)]
@@ -56,19 +61,27 @@ def coexisting_branches(
     return found
 
 
-def _solved(problem: ForcedOrbits, state: Floats, value: float) -> BranchPoint | None:
-    try:
-        return solve_at(problem, np.append(state, value), SETTINGS, value)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return None
+@dataclass(frozen=True)
+class SeekingShootingTracer(ShootingTracer):
+    """Shooting that seeks coexisting motions; ``in_level`` is the system at a value with the level as the parameter."""
+
+    in_level: Callable[[float], ForcedOrbits]
+
+    def sought(self, value: float) -> Iterator[BranchPoint | None]:
+        """Motions at a value, with repetitions; None where Newton's method fails."""
+        for state in periodic_states(lambda: self.at(value), lambda: self.in_level(value)):
+            try:
+                yield solve_at(self.problem, np.append(state, value), SETTINGS, value)
+            except (ArithmeticError, np.linalg.LinAlgError):
+                yield None
 
 
-def _states(tracer: ShootingTracer, in_level: LevelProblem, value: float) -> Iterator[Floats]:
-    """States of periodic motions at a value, with repetitions."""
+def periodic_states(at: Callable[[], ForcedOrbits], in_level: Callable[[], ForcedOrbits]) -> Iterator[Floats]:
+    """States of periodic motions of a system, with repetitions: in frequency, and with the level as the parameter."""
     with suppress(ArithmeticError, np.linalg.LinAlgError):
-        yield from _settled(tracer.at(value))
+        yield from _settled(at())
     with suppress(ArithmeticError, np.linalg.LinAlgError):
-        yield from _followed_down(in_level(value))
+        yield from _followed_down(in_level())
 
 
 def _settled(local: ForcedOrbits) -> Iterator[Floats]:

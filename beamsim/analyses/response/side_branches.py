@@ -29,7 +29,7 @@ FEWEST_POINTS = 30  # that a branch gets where many share what is left
 
 
 @dataclass(frozen=True, eq=False)
-class _Leaving:
+class Leaving:
     """A bifurcation from which branches leave."""
 
     branch: OrbitBranch
@@ -51,13 +51,13 @@ def side_branches(
     """
     known: list[OrbitBranch] = []
     followed_at: list[float] = []
-    waiting = [leaving for branch in main for leaving in _leaving(branch, longest)]
+    waiting = [leaving for branch in main for leaving in leavings(branch, longest)]
     while waiting:
         leaving = min(waiting, key=lambda each: (not each.at_stable, -_distance(each, followed_at)))
         waiting.remove(leaving)
         if any(_ends_at(branch, leaving) for branch in known):
             continue
-        if budget.spent() or len(main) + len(known) >= budget.branches:
+        if not budget.allows_another(len(main) + len(known)):
             budget.not_followed += 1
             continue
         followed_at.append(leaving.event.parameter)
@@ -66,27 +66,28 @@ def side_branches(
             if len(branch.points) < 2:
                 continue
             known.append(branch)
-            waiting += _leaving(branch, longest)
+            waiting += leavings(branch, longest)
     return known
 
 
-def _distance(leaving: _Leaving, followed_at: list[float]) -> float:
+def _distance(leaving: Leaving, followed_at: list[float]) -> float:
     """From the nearest bifurcation that was followed, so that all of the range is served."""
     return min((abs(leaving.event.parameter - value) for value in followed_at), default=0.0)
 
 
-def _leaving(branch: OrbitBranch, longest: int) -> list[_Leaving]:
+def leavings(branch: OrbitBranch, longest: int) -> list[Leaving]:
+    """The bifurcations of a branch from which others leave."""
     places = {id(point): k for k, point in enumerate(branch.points)}
     bifurcations = []
     for event in branch.special:
         if event.kind in ("period_doubling", "branch_point"):
             k = places[id(event.point)]
             beside = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
-            bifurcations.append(_Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
+            bifurcations.append(Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
     return [leaving for leaving in bifurcations if leaving.multiple <= longest]
 
 
-def _ends_at(branch: OrbitBranch, leaving: _Leaving) -> bool:
+def _ends_at(branch: OrbitBranch, leaving: Leaving) -> bool:
     if branch.problem.multiple != leaving.multiple:
         return False
     value = leaving.event.parameter
@@ -95,7 +96,7 @@ def _ends_at(branch: OrbitBranch, leaving: _Leaving) -> bool:
 
 
 def _branches(
-    leaving: _Leaving, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
+    leaving: Leaving, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
 ) -> list[OrbitBranch]:
     """One branch of doubled period; at a branch point those to both sides."""
     problem, event = leaving.branch.problem, leaving.event
