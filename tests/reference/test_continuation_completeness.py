@@ -177,7 +177,7 @@ def test_harmonic_balance_seeks_coexisting_motions(levels):
         assert min(abs(np.array(beside) / branch.peak_displacement["first"][k] - 1)) < 0.05
     force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
     cubic = curve(
-        CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "damping={kind: modal, ratio: 0.02}",
+        CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",
         continuation(0.05, 0.06, "method: harmonic_balance"),
     )  # fmt: skip
     assert cubic.outcome.all_of(OutcomeCode.NOT_SOUGHT)
