@@ -127,6 +127,11 @@ class OutcomeCode(Enum):
         "the range",
         "",
     )
+    VALUES_NOT_PASSED = (
+        OutcomeKind.STOPPED,
+        "no branch passes the {quantity} {missed} {unit}, at which a point was asked for",
+        "extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
+    )
     NO_FURTHER_MOTION = OutcomeKind.STOPPED, "stopped: no further motion in these two modes alone was found", ""
     ENERGY_UNBOUNDED = (
         OutcomeKind.STOPPED,

@@ -60,6 +60,17 @@ def _special_points(result: NormalModeResult, points: Sequence[Mapping[str, Any]
         yield "", f"{special_name(kind)} at {at}{places}"
 
 
+def _requested(_: NormalModeResult, points: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+    """Points at the energies and frequencies asked for."""
+    for p in points:
+        stable = "stable" if p["stable"] else "unstable"
+        yield (
+            "",
+            f"{p['frequency_hz']:.8g} Hz, {p['energy_j']:.6g} J ({stable}, {percent(p['share'])} in the mode): branch "
+            f"{p['branch']}, point {p['point']}",
+        )
+
+
 def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
     _, unit = _PARAMETERS[result.parameter]
     yield "", f"differs by {s['largest_difference']:.2g} from half-period shooting"
@@ -214,6 +225,7 @@ TEXTS: Texts = {
     "internal_resonances": _resonances,
     "jumps": _jumps,
     "special_points": _special_points,
+    "requested_points": _requested,
     "full_period": _full_period,
     "multiple_scales": _expansion,
     "thesis": _relaxed,

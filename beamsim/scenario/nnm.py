@@ -56,6 +56,10 @@ class NonlinearMode(Schema):
     method: Method = "shooting"
     """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the
     expansion for weak springs) or relaxed_minimisation (Hazim 2010, for comparison)."""
+    energies: tuple[Energy, ...] = ()
+    """Energies at which the backbone and its tongues get a point; if the stiffness factor is the parameter, none."""
+    frequencies: tuple[Frequency, ...] = ()
+    """Frequencies at which they get a point, whatever the parameter is."""
     phase_resonance: PhaseResonance | None = None
     """Excite the damped structure at phase resonance with the mode."""
 
@@ -76,6 +80,22 @@ class NonlinearMode(Schema):
                 "use continue_in: {kind: energy, ...}, or method: shooting",
                 ("method",),
             )
+        if self.energies and isinstance(going, StiffnessFactorContinuation):
+            raise fail(
+                "differ from the energy that the path in the stiffness factor holds constant",
+                "use continue_in: {kind: energy, ...}, or leave them out",
+                ("energies",),
+            )
+        if (self.energies or self.frequencies) and kind in _IN_FACTOR:
+            raise fail(f"= {kind} computes no points on request", "use method: shooting", ("method",))
+        for name, values in (("energies", self.energies), ("frequencies", self.frequencies)):
+            if going.kind == {"energies": "energy", "frequencies": "frequency"}[name]:
+                low, high = sorted((float(going.from_), float(going.to)))
+                for k, value in enumerate(values):
+                    if not low <= value <= high:
+                        raise fail(
+                            f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (name, k)
+                        )
         if self.energy is not None and not isinstance(going, StiffnessFactorContinuation):
             raise fail(f"cannot be held constant if the parameter is the {going.kind}", "leave energy out", ("energy",))
 

@@ -66,6 +66,8 @@ class OrbitStart(Schema):
     """Result file of `sweep` (continuation); its path is relative to the folder of the scenario."""
     branch: NotNegativeWhole = 0
     """Number of the branch, from 0 as in the file."""
+    fold_curve: NotNegativeWhole | None = None
+    """Number of a curve of folds, from 0 as in the file, instead of a branch."""
     point: Count
     """Number of the point along the branch, from 1 as in the file."""
     keep_excitation: bool = False

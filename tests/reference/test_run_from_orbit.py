@@ -86,6 +86,32 @@ def test_what_was_followed_is_taken_over(folder, sweep, changes):
     assert kept.scenario.excitation.level == load_scenario(BEAM).excitation.level
 
 
+@pytest.mark.parametrize(
+    ("second", "changed"),
+    [
+        ("{kind: gap, from: 0 mm, to: 0.05 mm}", lambda scenario: scenario.snubbers[0].gap),
+        ("{kind: level, from: 1.5 g, to: 2.2 g}", lambda scenario: scenario.excitation.level),
+    ],
+    ids=["gap", "level"],
+)
+def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
+    """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
+    path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")
+    (curve, *_) = beamsim.open_response(path).fold_curves
+    k = curve.parameter.size // 2
+    frequency = float(curve.frequency_hz[k])
+    rate = f"run.sample_rate={1000 * frequency!r}"
+    result = run_from(path, k, 10, frequency, rate, fold_curve=0)
+    assert result.scenario.excitation.frequency == pytest.approx(frequency, rel=1e-14)
+    assert changed(result.scenario) == pytest.approx(curve.parameter[k], rel=1e-12)
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(curve.peak_displacement["tip"][k], rel=1e-6)
+    x = result.probes["tip"].displacement[:-1].reshape(10, 1000)
+    np.testing.assert_allclose(x, np.tile(x[0], (10, 1)), atol=1e-6 * np.abs(x).max())
+    kept = run_from(path, k, 10, frequency, rate, fold_curve=0, keep_excitation=True)  # the twin: at 65 Hz it is none
+    y = kept.probes["tip"].displacement
+    assert np.abs(y[1000:2000] - y[:1000]).max() > 1e-2 * np.abs(x).max()
+
+
 def test_harmonic_balance_states_are_close(folder):
     path, branch = continued(folder, "balance", "method: harmonic_balance, from: 80 Hz, to: 82 Hz")
     result = run_from(path, 2, 10, float(branch.frequency_hz[2]))
@@ -110,6 +136,7 @@ def test_refusals(in_frequency, folder):
     refused("does not exist", **{"run.start": {**start, "orbit": "nothing.h5"}})
     refused(f"points 1 to {branch.parameter.size}", **{"run.start": {**start, "point": 9999}})
     refused("its branches are 0 to", **{"run.start": {**start, "branch": 99}})
+    refused("it has none", **{"run.start": {**start, "fold_curve": 0}})
     refused("another structure", **{"run.start": start, "beam.thickness": 0.004})
     refused("harmonic excitation", **{"run.start": start, "excitation": {"kind": "none"}})
     ran = beamsim.write_run(

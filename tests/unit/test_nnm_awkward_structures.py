@@ -8,11 +8,13 @@ import pytest
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
+from beamsim.errors import ScenarioError
 from beamsim.orbits import grazing
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
+from beamsim.store.results import open_nnm, write_result
 
 
 def test_two_stops_that_touch_one_point_take_turns():
@@ -168,6 +170,52 @@ def test_stiff_stops_on_both_sides_whatever_the_range(last):
     half = 2 * np.arcsin(1 / reach) + 2 * np.arctan2(np.sqrt(reach**2 - 1) / w, 1 / w**2) / w
     np.testing.assert_allclose(result.backbone.frequency_hz[hit], 0.5 / half, rtol=1e-9)
     np.testing.assert_allclose(result.backbone.frequency_hz[~hit], 0.5 / np.pi, rtol=1e-9)
+
+
+def test_points_at_energies_and_frequencies(tmp_path):
+    """Exact motions there, of which the closed form knows the other number; what no branch passes is an outcome."""
+    w = np.sqrt(1 + 1e6)
+
+    def frequency(energy):
+        reach = np.sqrt(2 * energy)
+        return 0.25 / (np.arcsin(1 / reach) + np.arctan2(np.sqrt(reach**2 - 1) / w, 1 / w**2) / w)
+
+    asked = {"energies": [0.6, 5.0], "frequencies": [frequency(2.0)]}
+    path = {"kind": "energy", "from": 1e-3, "to": 10.0}
+
+    def followed(**more):
+        return nnm(load_scenario({"chain": STOPPED, "nnm": {"mode": 1, "continue_in": path, **asked, **more}}))
+
+    result = followed()
+    assert result.complete
+    by_value = {p["value"]: p for p in result.summary["requested_points"]}
+    assert list(by_value) == [0.6, frequency(2.0), 5.0]  # in the order of the branch
+    for value, energy in ((0.6, 0.6), (5.0, 5.0), (frequency(2.0), 2.0)):
+        p = by_value[value]
+        assert p["energy_j"] == pytest.approx(energy, rel=1e-9)
+        assert p["frequency_hz"] == pytest.approx(frequency(energy), rel=1e-10)
+        k = p["point"] - 1
+        assert result.backbone.energy[k] == p["energy_j"]
+        assert result.backbone.residual[k] < 1e-9
+    stored = open_nnm(write_result(result, tmp_path / "mode.h5"))
+    assert stored.summary["requested_points"] == result.summary["requested_points"]
+    missed = followed(frequencies=[0.1])
+    assert missed.outcome.code is OutcomeCode.VALUES_NOT_PASSED
+    assert not missed.complete
+    assert "no branch passes the frequencies 0.1 Hz" in missed.status
+
+
+@pytest.mark.parametrize(
+    ("section", "text"),
+    [
+        ({"continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}, "energies": [2.0]}, "outside the range"),
+        ({"energy": 1.0, "energies": [2.0]}, "holds constant"),
+        ({"energy": 1.0, "method": "relaxed_minimisation", "frequencies": [1.0]}, "no points on request"),
+    ],
+)
+def test_points_that_cannot_be(section, text):
+    with pytest.raises(ScenarioError, match=text):
+        load_scenario({"chain": STOPPED, "nnm": {"mode": 1, **section}})
 
 
 COUPLED = {

@@ -26,6 +26,7 @@ from beamsim.analyses.nnm.orbits import (
 )
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode
+from beamsim.analyses.nnm.points_at import RequestedPoint, with_requested_points
 from beamsim.analyses.nnm.relaxed import compare_relaxed
 from beamsim.analyses.nnm.result import (
     ExpansionComparison,
@@ -137,7 +138,7 @@ def nnm(
         wall_time_s=clock.perf_counter() - begin,
     )
     linear = float(followed.problem.omega[job.mode] / (2 * np.pi))
-    return result.with_summary(**nnm_summary(result, linear, work.processor_time_s))
+    return result.with_summary(**nnm_summary(result, linear, work.processor_time_s, _requested(result, work)))
 
 
 @dataclass
@@ -151,6 +152,7 @@ class _MethodResults:
     relaxed: RelaxedComparison | None = None
     relaxing: bool = False  # whether relaxed minimisation is the method and not a comparison
     left_out: list[str] = field(default_factory=list)  # steps that an interruption has left out
+    requested: list[tuple[int, RequestedPoint]] = field(default_factory=list)  # with their branch
 
     def goes_on(self, to: str, stop: Stop) -> bool:
         """Whether to go on; the step is recorded as left out where not."""
@@ -206,7 +208,8 @@ def _followed(
         relaxing = solver
     elif "relaxed_minimisation" in compare:
         relaxing = RelaxedMinimisationMethod()
-    work = _MethodResults(job.follow(progress, stop), 0.0)
+    followed, requested = _with_points(scenario, job, job.follow(progress, stop))
+    work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
         work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
@@ -221,6 +224,53 @@ def _followed(
             system, path, modes_of(system, path, *exact_points(system, path, work.followed))
         )
     return work
+
+
+def _with_points(
+    scenario: Scenario, job: ModePath, followed: ModeBranches
+) -> tuple[ModeBranches, list[tuple[int, RequestedPoint]]]:
+    """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
+    settings = scenario.nnm
+    assert settings is not None
+    if not (settings.energies or settings.frequencies):
+        return followed, []
+    inside = {jump.start for jump in followed.jumps}
+    gaps = {p.parameter for p in followed.backbone.points if job.shown(p.parameter) in inside}
+    branches: list[OrbitBranch] = []
+    requested: list[tuple[int, RequestedPoint]] = []
+    for index, branch in enumerate((followed.backbone, *followed.tongues)):
+        more, found = with_requested_points(branch, settings.energies, settings.frequencies, gaps if index == 0 else ())
+        branches.append(more)
+        requested += [(index, point) for point in found]
+    outcome = branches[0].outcome
+    for quantity, values, unit in (("energies", settings.energies, "J"), ("frequencies", settings.frequencies, "Hz")):
+        known = {point.value for _, point in requested if (point.quantity == "energy") == (quantity == "energies")}
+        missed = [float(value) for value in values if float(value) not in known]
+        if missed:
+            part = Outcome.of(OutcomeCode.VALUES_NOT_PASSED, quantity=quantity, missed=missed, unit=unit)
+            shared = "share" in outcome.numbers or outcome.parts
+            outcome = outcome.but(part) if not outcome.complete else part.but(*((outcome,) if shared else ()))
+    backbone = replace(branches[0], outcome=outcome)
+    return replace(followed, backbone=backbone, tongues=tuple(branches[1:])), requested
+
+
+def _requested(result: NormalModeResult, work: _MethodResults) -> list[dict[str, Any]]:
+    """The points that were asked for, as plain values."""
+    rows = []
+    followed = (work.followed.backbone, *work.followed.tongues)
+    for index, asked in work.requested:
+        branch = result.branches[index]
+        k = next(i for i, point in enumerate(followed[index].points) if point is asked.point)
+        if k < branch.parameter.size:  # a full-period path that ended early lacks it
+            rows.append(
+                {
+                    "quantity": asked.quantity, "value": asked.value, "branch": index, "point": k + 1,
+                    "parameter": float(branch.parameter[k]), "frequency_hz": float(branch.frequency_hz[k]),
+                    "energy_j": float(branch.energy[k]), "share": float(branch.share[k]),
+                    "stable": bool(branch.stable[k]),
+                }
+            )  # fmt: skip
+    return rows
 
 
 def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath) -> _MethodResults:

@@ -263,6 +263,8 @@ _SUMMARY = (
     Entry("grazings", "1", "grazing contacts along the backbone", "grazings"),
     Entry("special_points", "", "folds and branch points of the backbone: kind, parameter, frequency",
              "special points"),
+    Entry("requested_points", "", "points at the energies and frequencies asked for: quantity, value, branch and point "
+             "(from 1), parameter, frequency, energy, share, stable or not", "points asked for"),
     Entry("full_period", "", "of full-period shooting: difference from half-period shooting, symmetry breakings and "
              "branches of non-brake orbits", "full period"),
     Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders",

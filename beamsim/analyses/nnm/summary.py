@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,12 @@ from beamsim.analyses.run.orbit_energy import largest_error
 from beamsim.typing import Bools, Floats
 
 
-def nnm_summary(result: NormalModeResult, linear_frequency_hz: float, processor_time_s: float) -> dict[str, Any]:
+def nnm_summary(
+    result: NormalModeResult,
+    linear_frequency_hz: float,
+    processor_time_s: float,
+    requested: Sequence[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
     """The backbone, what leaves it and what it is compared with; not what repeats a field of the result."""
     backbone = result.backbone
     return {
@@ -38,6 +43,7 @@ def nnm_summary(result: NormalModeResult, linear_frequency_hz: float, processor_
             for e in backbone.special
             if e.kind in ("fold", "branch_point")
         ],
+        "requested_points": [dict(point) for point in requested] or None,
         "linear_frequency_hz": linear_frequency_hz,
         "motion_frequency_hz": 1.0 / float(result.motion.time[-1]),
         "processor_time_s": processor_time_s,

@@ -125,6 +125,8 @@ def _curve(
         cycles = measure(model.system, model.loads, model.base, motion)
         peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
     orbits.flow.set(level=level)
+    n = model.system.dynamics.size
+    states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
     return BranchResult(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,
@@ -138,6 +140,9 @@ def _curve(
         parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
         peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
         residual=np.array([p.residual for p in points]),
+        coordinates=states[:, :n],
+        coordinate_velocities=states[:, n : 2 * n],
+        internal_states=states[:, 2 * n :] if states.shape[1] > 2 * n else None,
     )
 
 

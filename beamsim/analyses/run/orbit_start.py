@@ -23,9 +23,9 @@ AT = "run.start.orbit"
 
 @dataclass(frozen=True)
 class StoredOrbit:
-    """One point of a branch in a result file."""
+    """One point of a branch or of a curve of folds in a result file."""
 
-    parameter: str  # frequency, level, gap or stiffness
+    parameter: str  # frequency, level, gap or stiffness; of a curve of folds the second parameter
     snubber: str
     value: float  # of the parameter, SI
     frequency_hz: float
@@ -53,10 +53,19 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         with h5py.File(path, "r") as file:
             if file.attrs.get("command") != "sweep" or file.attrs.get("kind") != "continuation":
                 _reject(f"= {start.orbit} holds no continuation", "give the file of a sweep with kind: continuation")
-            branch = file["branches"].get(str(start.branch))
-            if branch is None:
-                last = len(file["branches"]) - 1
-                _reject(f"= {start.branch} is not in the file", f"its branches are 0 to {last}", "run.start.branch")
+            prefix, branch = "", None
+            if start.fold_curve is None:
+                branch = file["branches"].get(str(start.branch))
+                if branch is None:
+                    last = len(file["branches"]) - 1
+                    _reject(f"= {start.branch} is not in the file", f"its branches are 0 to {last}", "run.start.branch")
+            else:
+                prefix = "second_"
+                curves = file.get("fold_curves", {})
+                branch = curves.get(str(start.fold_curve))
+                if branch is None:
+                    has = f"its curves of folds are 0 to {len(curves) - 1}" if len(curves) else "it has none"
+                    _reject(f"= {start.fold_curve} is not in the file", has, "run.start.fold_curve")
             size = branch["parameter"].size
             if start.point > size:
                 _reject(f"= {start.point} is beyond the branch", f"it has the points 1 to {size}", "run.start.point")
@@ -65,10 +74,10 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
             k = start.point - 1
             states = [branch[name][k] for name in ("coordinates", "coordinate_velocities", "internal_states")
                       if name in branch]  # fmt: skip
-            parameter, value = str(file.attrs["parameter"]), float(branch["parameter"][k])
+            parameter, value = str(file.attrs[f"{prefix}parameter"]), float(branch["parameter"][k])
             return StoredOrbit(
                 parameter,
-                str(file.attrs.get("snubber", "")),
+                str(file.attrs.get(f"{prefix}snubber", "")),
                 value,
                 float(branch["frequency_hz"][k]),
                 value if parameter == "level" else float(branch.attrs["level"]),
