@@ -155,9 +155,9 @@ class Continuation(Schema):
     """Highest harmonic of the motion that is stored at every point."""
     seek_at: NotNegativeWhole = 3
     """Number of values of the parameter at which coexisting motions are sought (shooting); 0 for none."""
-    side_branches: Literal["limited", "complete", "none"] = "limited"
+    side_branches: Literal["limited", "required", "none"] = "limited"
     """Branches that leave others at bifurcations (shooting), and coexisting ones: limited (the outcome names what a
-    limit cut off), complete (a limit that cuts one off makes the result incomplete) or none (not followed or sought).
+    limit cut off), required (a limit that cuts one off makes the result incomplete) or none (not followed or sought).
     """
     longest_period: Count = 2
     """Longest period followed after period doublings, in periods of the excitation."""
@@ -239,6 +239,16 @@ class Continuation(Schema):
         if self.continue_in is not None:
             return self.continue_in
         return FrequencyPath.model_construct(from_=self.from_, to=self.to, points_at=self.points_at)
+
+    @property
+    def follows_side_branches(self) -> bool:
+        """Whether coexisting motions are sought, and branches followed from bifurcations."""
+        return self.side_branches != "none"
+
+    @property
+    def demands_side_branches(self) -> bool:
+        """Whether the result is incomplete where a limit cuts such a branch."""
+        return self.side_branches == "required"
 
     def plain_levels(self) -> Continuation:
         """The same without what the units of the levels said."""

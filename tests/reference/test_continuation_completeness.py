@@ -148,7 +148,7 @@ def test_a_limit_that_is_reached_is_an_outcome(limit):
     assert result.complete
     (cut,) = result.outcome.all_of(OutcomeCode.SIDE_BRANCHES_CUT)
     assert named in cut.text
-    demanded = curve(case, continuation(96, 120, f"seek_at: 0, side_branches: complete, {limit}"))
+    demanded = curve(case, continuation(96, 120, f"seek_at: 0, side_branches: required, {limit}"))
     assert demanded.outcome.kind is OutcomeKind.STOPPED
     assert named in demanded.status
     assert len(demanded.branches) == len(result.branches)

@@ -167,7 +167,7 @@ def _trace(
                 )
             )
         )
-    if settings.side_branches != "none":
+    if settings.follows_side_branches:
         beside = side_reach(first, last, reach)
         if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
@@ -203,7 +203,7 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     parts += [part for part in failed if not any(part in known.parts for known in parts)]
     settings = model.scenario.sweep
     assert isinstance(settings, Continuation)
-    incomplete = bool(gaps) or settings.side_branches == "complete"
+    incomplete = bool(gaps) or settings.demands_side_branches
     exceeded = budget.exceeded(OutcomeCode.LIMITS_REACHED if incomplete else OutcomeCode.SIDE_BRANCHES_CUT)
     if exceeded is not None:
         parts.append(exceeded.but(**of))
@@ -221,11 +221,11 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
 def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBranch]) -> Iterator[Outcome]:
     """What was not followed or sought because of the method or a setting."""
     by_balance = isinstance(settings.method, HarmonicBalance)
-    reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
+    reason = "sweep.side_branches is none" if not settings.follows_side_branches else "harmonic balance follows none"
     bifurcations = sum(len(leavings(branch, settings.longest_period)) for branch in traced)
-    if bifurcations and (by_balance or settings.side_branches == "none"):
+    if bifurcations and (by_balance or not settings.follows_side_branches):
         yield Outcome.of(OutcomeCode.NOT_BRANCHED, bifurcations=bifurcations, reason=reason)
-    if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic.count:
+    if by_balance and settings.seek_at and settings.follows_side_branches and model.system.cubic.count:
         yield Outcome.of(OutcomeCode.NOT_SOUGHT, reason="harmonic balance seeks none with cubic springs")
 
 
