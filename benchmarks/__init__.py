@@ -1,0 +1,1 @@
+"""Speed, as a table of one row a task: `python -m benchmarks`."""
