@@ -45,9 +45,10 @@ def command(arguments: Sequence[str], environment: Mapping[str, str] | None = No
     """
     if not hasattr(os, "wait4"):
         raise RuntimeError("this system does not tell the processor time of a command")
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     process = subprocess.Popen(
         [sys.executable, *arguments],
-        env={**os.environ, **(environment or {})},
+        env={**inherited, **(environment or {})},  # with bytecode, as after an installation
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

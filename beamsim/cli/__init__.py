@@ -13,14 +13,19 @@ __all__ = ["main"]
 
 def main() -> None:
     """Entry point of ``beamsim``; ends the process with one of `beamsim.errors.ExitCode`."""
+    import atexit
+    import gc
     import os
     import signal
     import sys
     import warnings
 
+    gc.set_threshold(100_000, 20, 50)  # modules being imported are no garbage
+    atexit.register(gc.freeze)  # nor is anything at the end worth looking for
     # the matrices are small: more threads would make the linear algebra slower
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(library, "1")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them reads every installed package
 
     def stop(number: int, _frame: object) -> None:
         sys.exit(128 + number)  # an exception, so that temporary files are removed

@@ -108,7 +108,7 @@ def run(
 @guarded
 def validate(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
     """Check a case without running it. Reports every problem with file, line and remedy."""
-    from beamsim.cli.report import print_json
+    from beamsim.cli.printing import print_json
     from beamsim.cli.validation import validated
     from beamsim.errors import ScenarioError
 
@@ -152,7 +152,7 @@ def new(
     debug: Debug = False,
 ) -> None:
     """Write a commented scenario to start from."""
-    from beamsim.cli.report import print_json
+    from beamsim.cli.printing import print_json
     from beamsim.cli.template import write_template
 
     write_template(file, kind.value, force=force)
@@ -182,7 +182,7 @@ def plot(
 ) -> None:
     """Plot a result file again without recomputing it."""
     from beamsim.cli.output import output_folder
-    from beamsim.cli.report import print_files
+    from beamsim.cli.printing import print_files
     from beamsim.cli.stored import plot_stored
 
     print_files(plot_stored(result, output_folder(output, result.stem), form.value), as_json=json)
@@ -198,7 +198,7 @@ def export(
     debug: Debug = False,
 ) -> None:
     """Write a result file in another format."""
-    from beamsim.cli.report import print_files
+    from beamsim.cli.printing import print_files
     from beamsim.cli.stored import export_stored
 
     print_files(export_stored(result, output, form.value), as_json=json)

@@ -139,7 +139,8 @@ def exit_code(outcome: Outcome, signal: int = 0) -> int:
 
 def print_outcome(kind: str, result: Result, files: Sequence[Path], *, as_json: bool) -> None:
     """Print the result of a command as JSON or as a table, with the list of files written."""
-    from beamsim.cli.report import print_json, print_table, table_rows
+    from beamsim.cli.printing import print_json, print_table
+    from beamsim.cli.report import table_rows
 
     if as_json:
         about = {"status": result.status, "warnings": list(result.warnings)}

@@ -6,10 +6,8 @@ number and its unit have texts of their own, in a module for each kind of result
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,6 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
 from beamsim.plots.style import scale_for
-from beamsim.store.schema import plain
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is printed can be known so small
 VALUES_SHOWN = 6  # of a list
@@ -28,27 +25,6 @@ Row = tuple[str, str]
 Rows = Iterable[Row]  # the label of the first is that of the entry if it is empty
 Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
 """Of entries of a summary: the text of a value, texts by name, or whole rows, from the result and the value."""
-
-
-def print_json(values: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; non-finite numbers are null."""
-    print(json.dumps(plain(values), ensure_ascii=False, allow_nan=False))
-
-
-def print_files(files: Sequence[Path], *, as_json: bool) -> None:
-    """Print the files written by a command, one per line."""
-    if as_json:
-        print_json({"files": [str(path) for path in files]})
-    else:
-        print(*files, sep="\n")
-
-
-def print_table(title: str, rows: Sequence[Row]) -> None:
-    """A title and aligned rows on standard output."""
-    width = max((len(label) for label, _ in rows), default=0)
-    print(title)
-    for label, text in rows:
-        print(f"  {label:<{width}}  {text}".rstrip())
 
 
 def table_rows(kind: str, result: Result) -> Iterator[Row]:

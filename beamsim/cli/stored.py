@@ -26,7 +26,8 @@ def print_stored(path: Path, *, as_json: bool) -> None:
 
 
 def _print(path: Path, kind: str, result: Any, *, as_json: bool) -> None:
-    from beamsim.cli.report import print_json, print_table, table_rows
+    from beamsim.cli.printing import print_json, print_table
+    from beamsim.cli.report import table_rows
 
     if as_json:
         about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}

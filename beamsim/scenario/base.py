@@ -112,6 +112,7 @@ class Schema(BaseModel):
         allow_inf_nan=False,
         validate_by_name=True,
         validate_by_alias=True,
+        defer_build=True,
     )
 
     _late: Exception | None = None  # what `settle` found in the lenient pass

@@ -1,7 +1,7 @@
 """Conversion of values as written (``151.1 kN/m``, ``2 g``, ``60 rpm``) to SI numbers.
 
-A bare number is SI. A string with a unit is read by pint, which is imported only when needed. Four things
-differ from plain pint:
+A bare number is SI. A string with a unit is read by pint, which is imported only for units that are not among the
+common ones (`beamsim.scenario.common_units`). Four things differ from plain pint:
 
 - a frequency is in Hz, so ``0.8 rad/s`` is 0.1273 Hz and ``60 rpm`` is 1 Hz (pint: 0.8 and 6.28);
 - ``g`` is standard gravity in an acceleration or its power spectral density, gram in a mass;
@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 from typing import Any
+
+from beamsim.scenario.common_units import common_factor
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,8 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
     number, unit = _split(value, remedy)
     if not unit:
         return _physical(_finite(number, remedy), dimensions[0], remedy), None
-    for dimension in dimensions:
+    common = [dimension for dimension in dimensions if _common(unit, dimension) is not None]
+    for dimension in common or dimensions:
         try:
             factor = _factor(unit, dimension)
         except UnitError:
@@ -149,6 +152,8 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
     if match := _RATE.fullmatch(unit):
         octaves = math.log2(10) if match[1].startswith("dec") else 1.0
         return _physical(_scaled(number, octaves / _SECONDS[match[2]], remedy), FREQUENCY, remedy), "oct/s"
+    if (common := common_factor(unit, "Hz/s", gravity=False)) is not None:
+        return _physical(_scaled(number, common, remedy), FREQUENCY, remedy), "Hz/s"
     try:
         units = _units(unit, False)
         hertz_per_second = _registry().parse_units("Hz/s")
@@ -245,9 +250,18 @@ def _units(text: str, gravity: bool) -> Any:
         raise UnitError(f"has the unit {text!r}, which is not known", "") from None
 
 
+def _common(text: str, dimension: Dimension) -> float | None:
+    """`_factor` of a common unit; None for every other."""
+    if dimension in (ANGLE, NUMBER):
+        return None
+    return common_factor(text, dimension.unit, gravity=dimension.gravity)
+
+
 @lru_cache(maxsize=1024)
 def _factor(text: str, dimension: Dimension) -> float:
     """Return how many SI units of ``dimension`` one of the unit is."""
+    if (common := _common(text, dimension)) is not None:
+        return common
     remedy = f"write for example {dimension.example}"
     try:
         units = _units(text, dimension.gravity)

@@ -5,6 +5,7 @@ import math
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import h5py
 import pytest
@@ -338,9 +339,41 @@ assert all(getattr(beamsim, name) is not None for name in dir(beamsim))
 """
 
 
+VALIDATE = """
+import sys
+import beamsim.cli
+sys.argv = ["beamsim", "validate", {case!r}]
+try:
+    beamsim.cli.main()
+except SystemExit as end:
+    assert not end.code, end.code
+from beamsim.scenario import base
+heavy = ("numba", "pint", "h5py", "matplotlib", "rich", "scipy.signal", "scipy.stats", "beamsim.analyses")
+print("loaded", [name for name in heavy if name in sys.modules])
+pending, parts = [], [base.Schema]
+while parts:
+    part = parts.pop()
+    parts += part.__subclasses__()
+    pending.append(not part.__dict__.get("__pydantic_complete__"))
+print("parts", len(pending), "validators of their own", len(pending) - sum(pending))
+"""
+
+
 def test_help_imports_nothing_heavy():
     done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True)
     assert [line for line in done.stdout.splitlines() if line.startswith("loaded")] == ["loaded []"] * 5
+
+
+def test_validate_imports_only_what_it_needs():
+    case = str(Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml")
+    done = subprocess.run(
+        [sys.executable, "-c", VALIDATE.format(case=case)], capture_output=True, text=True, check=True
+    )
+    loaded, parts = done.stdout.splitlines()[-2:]
+    assert loaded == "loaded []"
+    every, validators = (int(word) for word in parts.split() if word.isdigit())
+    assert every > 100
+    assert validators <= 12  # of the whole scenario and of what its defaults are made of
 
 
 def test_importing_the_package_is_lazy_and_its_names_resolve():

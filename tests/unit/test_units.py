@@ -5,6 +5,7 @@ import math
 import pytest
 
 from beamsim.scenario import units
+from beamsim.scenario.common_units import common_factor
 from beamsim.scenario.units import UnitError, read_level, read_number, read_quantity, read_sweep_rate
 
 G = 9.80665
@@ -204,3 +205,49 @@ def test_levels_say_what_they_are():
         read_level("3 s", choices)
     with pytest.raises(UnitError, match="is not known"):
         read_level("3 foo", choices)
+
+
+COMMON = (
+    ("mm", units.LENGTH), ("in", units.LENGTH), ("mm^2", units.AREA), ("cm**4", units.SECOND_MOMENT),
+    ("g", units.MASS),
+    ("g/cm^3", units.DENSITY), ("kg/m^3", units.DENSITY), ("GPa", units.PRESSURE), ("N/mm^2", units.PRESSURE),
+    ("N m^2", units.BENDING_STIFFNESS), ("kN/m", units.STIFFNESS), ("J/m^2", units.STIFFNESS),
+    ("N/mm", units.STIFFNESS),
+    ("N/mm^3", units.CUBIC_STIFFNESS), ("N*s/m", units.DASHPOT), ("kg/s", units.DASHPOT), ("1/s", units.PER_TIME),
+    ("ms", units.TIME), ("min", units.TIME), ("kHz", units.FREQUENCY), ("1 / min", units.FREQUENCY),
+    ("uJ", units.ENERGY),
+    ("mm/s", units.VELOCITY), ("g", units.ACCELERATION), ("mg", units.ACCELERATION), ("m/s/s", units.ACCELERATION),
+    ("g^2/Hz", units.ACCELERATION_PSD), ("N^2/Hz", units.FORCE_PSD),
+    ("%", units.RATIO), ("mm/m", units.RATIO),
+)  # fmt: skip
+LEFT_TO_PINT = (
+    "rad/s",
+    "rpm",
+    "deg",
+    "mm²",
+    "N·s·m⁻¹",
+    "lbf",
+    "kN/m mm/",
+    "/s",
+    "N//m",
+    "1 mm",
+    "mm 1",
+    "kHzz",
+    "m^5",
+    "1/%",
+    "",
+)
+
+
+@pytest.mark.parametrize(("text", "dimension"), COMMON)
+def test_common_units_have_the_factors_of_pint(monkeypatch, text, dimension):
+    factor = common_factor(text, dimension.unit, gravity=dimension.gravity)
+    monkeypatch.setattr(units, "_common", lambda *_: None)
+    assert factor == pytest.approx(units._factor.__wrapped__(text, dimension), rel=4e-16, abs=0)
+
+
+@pytest.mark.parametrize("text", LEFT_TO_PINT)
+def test_what_is_no_common_unit_is_left_to_pint(text):
+    assert all(
+        common_factor(text, d.unit, gravity=d.gravity) is None for d in (units.FREQUENCY, units.AREA, units.DASHPOT)
+    )
