@@ -9,6 +9,7 @@ function              writes                      reads
 `sweep`               `write_sweep`               `open_sweep`
 `frequency_response`  `write_frequency_response`  `open_response`
 `design_study`        `write_designs`             `open_designs`
+`ensemble`            `write_designs`             `open_designs`
 `identify_stiffness`  `write_identification`      `open_identification`
 `nnm`                 `write_nnm`                 `open_nnm`
 `compare`             `write_comparison`          `open_comparison`
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.scenario import Scenario, load_scenario
+    from beamsim.store.ensemble import ensemble
     from beamsim.store.export import export_result
     from beamsim.store.measurement import read_tests
     from beamsim.store.pairing import pair_channels
@@ -75,6 +77,7 @@ _NAMES = {
     "beamsim.analyses.designs.analysis": ("plan_designs",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
+    "beamsim.store.ensemble": ("ensemble",),
     "beamsim.store.export": ("export_result",),
     "beamsim.store.measurement": ("read_tests",),
     "beamsim.store.pairing": ("pair_channels",),
@@ -120,6 +123,7 @@ __all__ = [
     "__version__",
     "compare",
     "design_study",
+    "ensemble",
     "export_result",
     "frequency_response",
     "identify_stiffness",

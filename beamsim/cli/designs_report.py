@@ -10,7 +10,7 @@ from beamsim.cli.report import Row, Texts, aligned, margins, si
 
 MOST_ROWS = 24
 
-_DESIGNS = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of "}
+_DESIGNS = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of ", "draws": "ensemble of "}
 
 
 def _cases(result: DesignsResult, cases: int) -> Iterator[Row]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,6 +131,7 @@ class ExactFlow:
         internal = (contacts.sign[:, None] * contacts.shape).T @ contacts.force_rows(phases)[1]
         return *state_matrices(self.system, phases), internal, load[:, :n], slope[:, :n]
 
+    @cached_property
     def penetrations(self) -> tuple[LinearOutput, LinearOutput]:
         """Penetration and penetration rate of every contact."""
         n, contacts = self.system.size, self.system.contacts
@@ -152,7 +154,7 @@ class ExactFlow:
         """(r,) time derivatives of the contacts' internal states in given phases."""
         n, contacts = self.system.size, self.system.contacts
         free, drive = contacts.internal_rates(phases)
-        delta, rate = self.penetrations()
+        delta, rate = self.penetrations
         a, b = drive[:, :, 0], drive[:, :, 1]
         output = LinearOutput(
             a @ delta.row + b @ rate.row, a @ delta.direct + b @ rate.direct,
@@ -168,7 +170,7 @@ class ExactFlow:
 
     def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
         """Combinations of penetrations, their rates, 1 (k, 3) and internal states (k, r), for each of ``contact``."""
-        delta, rate = self.penetrations()
+        delta, rate = self.penetrations
         a, b = row[:, :1], row[:, 1:2]
         output = LinearOutput(
             a * delta.row[contact] + b * rate.row[contact],

@@ -261,3 +261,40 @@ def product_integrals(  # type: ignore[no-untyped-def]
             out[i, q] = total[q]
         i += 1
     return True
+
+
+@kernel
+def form_integrals(  # type: ignore[no-untyped-def]
+    tables, inputs, plus, minus, seg_time, seg_length, seg_state, seg_piece, seg_y, out
+):
+    """Integrals (G, Q) over each segment of quadratic forms of the motion, where no term has a power of time.
+
+    In state s the integrand is ``Re sum plus[s, q, i, j] u_i u_j + minus[s, q, i, j] u_i conj(u_j)`` over pairs
+    i <= j of terms, ``u_i`` being a term's amplitude times its exponential.
+    """
+    Q = plus.shape[1]
+    T = plus.shape[2]
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    lam, e = np.zeros(T, dtype=np.complex128), np.zeros(T, dtype=np.complex128)
+    for g in range(seg_time.size):
+        s = seg_state[g]
+        tau = seg_length[g]
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
+        count = tables.n_terms[s]
+        for i in range(count):
+            lam[i] = tables.exponent[s, tables.term_basis[s, i]]
+            e[i] = _exp(lam[i].real, lam[i].imag, tau)
+        for q in range(Q):
+            out[g, q] = 0.0
+        for i in range(count):
+            a = zeta[tables.term_source[s, i]]
+            if a == 0.0:
+                continue
+            for j in range(i, count):
+                b = zeta[tables.term_source[s, j]]
+                if b == 0.0:
+                    continue
+                with_itself = a * b * _integral(lam[i] + lam[j], tau, e[i] * e[j])
+                crossed = a * b.conjugate() * _integral(lam[i] + lam[j].conjugate(), tau, e[i] * e[j].conjugate())
+                for q in range(Q):
+                    out[g, q] += (plus[s, q, i, j] * with_itself + minus[s, q, i, j] * crossed).real

@@ -104,7 +104,11 @@ class Trajectory:
     def phases_at(self, times: Floats) -> Ints:
         """(nt, m) phases of the contacts."""
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
-        return self._phases[self.state[segment]]
+        return self.phases_of(self.state[segment])
+
+    def phases_of(self, states: Ints) -> Ints:
+        """(..., m) phases of the contacts in contact states."""
+        return self._phases[states]
 
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""

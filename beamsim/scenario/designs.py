@@ -128,7 +128,14 @@ SampledParameter = Annotated[
 ]
 
 
-class Grid(Schema):
+class _Study(Schema):
+    """What all kinds of studies share."""
+
+    responses: tuple[Text, ...] = ()
+    """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
+
+
+class Grid(_Study):
     """Every combination of the parameters' values."""
 
     kind: Literal["grid"] = "grid"
@@ -137,7 +144,7 @@ class Grid(Schema):
     """The varied parameters."""
 
 
-class Zipped(Schema):
+class Zipped(_Study):
     """All first values together, all second values together, and so on."""
 
     kind: Literal["zip"] = "zip"
@@ -146,7 +153,7 @@ class Zipped(Schema):
     """The varied parameters; all need the same number of values."""
 
 
-class LatinHypercube(Schema):
+class LatinHypercube(_Study):
     """A Latin-hypercube sample: one value of every parameter in each of `samples` equally likely intervals."""
 
     kind: Literal["latin_hypercube"] = "latin_hypercube"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 from beamsim.scenario.base import Schema, fail
@@ -46,6 +47,11 @@ class AtPlace(PointOfBody):
         return (self,)
 
 
+@lru_cache(maxsize=1024)
+def _at(position: float | None, mass: int | None) -> AtPlace:
+    return AtPlace(position=position, mass=mass)
+
+
 def names_a_place(value: Any) -> bool:
     """Whether a raw value is meant as a place."""
     return isinstance(value, AtPlace) or (isinstance(value, dict) and any(key in value for key in AtPlace.keys()))  # noqa: SIM118
@@ -69,7 +75,7 @@ class Sited(PointOfBody):
     @property
     def place(self) -> AtPlace:
         """Where it is."""
-        return self.at if self.at is not None else AtPlace(position=self.position, mass=self.mass)
+        return self.at if self.at is not None else _at(self.position, self.mass)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:

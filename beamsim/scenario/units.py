@@ -207,9 +207,11 @@ def _scaled(given: str | float, factor: float, remedy: str) -> float:
     So 7 mm and 0.7 cm are the same number, and 4.2 g is the float nearest to 0.0042 kg.
     """
     number = _finite(given, remedy)
-    ratio = _simple_fraction(factor)
     if number == 0.0:
         return 0.0
+    if factor == 1.0:
+        return number
+    ratio = _simple_fraction(factor)
     try:
         result = float(Fraction(given) * ratio) if ratio is not None else number * factor
     except OverflowError:

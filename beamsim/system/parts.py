@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,12 +70,12 @@ class Parts:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
         return self.reduced.shapes(sites)
 
-    @property
+    @cached_property
     def snubber_sites(self) -> list[Site]:
         """Where the snubbers sit."""
         return [snubber_site(located) for located in self.scenario.located_snubbers]
 
-    @property
+    @cached_property
     def probe_sites(self) -> list[Site]:
         """Where the probes sit."""
         return [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]

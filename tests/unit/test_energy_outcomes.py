@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis
-from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
+from beamsim.analyses.run import analysis, asked
+from beamsim.analyses.run.energy import (
+    LARGEST_ERROR,
+    LEAST_SEGMENTS,
+    EnergyBalance,
+    energy_history,
+    energy_of_segments,
+)
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.swept_sine import sweep_level
@@ -88,17 +95,17 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
     times = np.linspace(0.0, 1.0, 11)
     stored = np.where(times < 0.45, 1.0, size)
     with np.errstate(invalid="ignore"):
-        balance = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, stored), 0 * times)
+        balance = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, stored), 0.0)
     assert balance.checked(COMPLETE).code is OutcomeCode.NOT_FINITE
     limit = Outcome.of(OutcomeCode.EVENT_LIMIT, time=1.0, events=7)
-    kept = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, times), 0 * times).checked(limit)
+    kept = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, times), 0.0).checked(limit)
     assert (kept.code, kept.parts) == (OutcomeCode.ENERGY_NOT_BALANCED, (limit,))
 
 
 def test_the_search_for_extremes_ends_whatever_the_size():
     system = build_system(load_scenario(CASE, SHORT))
     motion = tampered(1e200, 0.05)(analysis.exact_flow(system, 0.1), system.initial_state)
-    delta, _ = motion.flow.penetrations()
+    delta, _ = motion.flow.penetrations
     highest, _, evaluations = motion.maxima(lambda _: delta, np.zeros(1), np.zeros(1))
     assert np.isfinite(highest[0])
     assert evaluations < 100_000
@@ -115,3 +122,39 @@ def test_a_sweep_that_is_not_finite_has_an_outcome():
     record = sweep_level(lost, scenario.sweep, scenario.excitation, 1.0, 0)
     assert record.work.outcome.code is OutcomeCode.NOT_FINITE
     assert record.curves == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("one_sided_65hz", {}),
+        ("one_sided_65hz", {"snubbers[0].mounted_on": "ground", "snubbers[0].law": "no_tension", "gravity": "1 g"}),
+        ("chain_bumpers", {}),
+        ("two_panels", {}),
+    ],
+)
+def test_energies_of_segments_are_those_at_their_ends(name, changes):
+    """The quadratic forms of the contact states against integrals of the products themselves."""
+    scenario = load_scenario(CASE.with_name(f"{name}.yaml"), changes)
+    system = build_system(scenario)
+    motion = simulate(exact_flow(system, scenario.run.duration), system.initial_state)
+    assert motion.time.size >= LEAST_SEGMENTS
+    one = energy_of_segments(motion)
+    times, first = np.unique(np.append(motion.time, motion.end), return_index=True)
+    other = energy_history(motion, times)
+    assert max(one.error, other.error) < 1e-11
+    size = other.history.stored.max()
+    for name in ("work_in", "dissipated", "stored"):
+        np.testing.assert_allclose(
+            getattr(one.history, name)[first], getattr(other.history, name), rtol=0, atol=1e-12 * size, err_msg=name
+        )
+
+
+@pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
+def test_a_case_of_a_study_whose_energy_is_lost_has_failed(monkeypatch, share, trusted):
+    monkeypatch.setattr(asked, "simulate", tampered(share, 0.05))
+    result = beamsim.ensemble(load_scenario(CASE, SHORT), {"snubbers.tip.gap": [0.0]}, ["contacts"], workers=1)
+    assert result.complete is trusted
+    if not trusted:
+        assert result.failures[0].outcome.code is OutcomeCode.ENERGY_NOT_BALANCED
+        assert result.failures[0].outcome.numbers["time"] == pytest.approx(0.05, abs=0.01)

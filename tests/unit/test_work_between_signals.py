@@ -82,7 +82,7 @@ def test_a_search_that_takes_long_goes_on_in_pieces(calls):
     assert 0.0 < part.end < 2.0
     at = np.linspace(0.0, 0.9 * part.end, 7)
     np.testing.assert_array_equal(part.states_at(at), whole.states_at(at))
-    delta, _ = part.flow.penetrations()
+    delta, _ = part.flow.penetrations
     before = len(calls.get("extremes", ()))
     whole.maxima(lambda _: delta, np.full(1, -np.inf), np.zeros(1))
     assert max(call[0] for call in calls["extremes"][before:]) <= EVALUATIONS_A_CALL + 10

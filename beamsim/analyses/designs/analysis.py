@@ -135,7 +135,7 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         columns = _latin_hypercube(varied, vary.samples, vary.seed)
     else:
         columns = [_values(parameter) for parameter in varied]
-    return _plan(scenario, vary.kind, varied, columns)
+    return _plan(scenario, vary.kind, varied, columns, _asked(scenario, vary.responses, "vary.responses"))
 
 
 def plan_draws(
@@ -157,11 +157,20 @@ def plan_draws(
     if not draws:
         raise ScenarioError(Problem("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}"))
     varied = drawn_parameters(scenario, {path: list(np.asarray(values).tolist()) for path, values in draws.items()})
-    unknown = [name for name in responses if name.rpartition("/")[2] not in QUANTITIES]
-    if unknown:
-        remedy = suggestion(unknown[0].rpartition("/")[2], QUANTITIES, "the quantities are")
-        raise ScenarioError(Problem("responses", f"= {unknown[0]} is not known", remedy))
-    return _plan(scenario, "draws", varied, [list(parameter.values) for parameter in varied], tuple(responses))
+    columns = [list(parameter.values) for parameter in varied]
+    return _plan(scenario, "draws", varied, columns, _asked(scenario, responses, "responses"))
+
+
+def _asked(scenario: Scenario, responses: Sequence[str], where: str) -> tuple[str, ...]:
+    """The responses asked for, and those that limits are compared with; empty for all."""
+    for k, name in enumerate(responses):
+        if name.rpartition("/")[2] not in QUANTITIES:
+            remedy = suggestion(name.rpartition("/")[2], QUANTITIES, "the quantities are")
+            raise scenario.located(ScenarioError(Problem(f"{where}[{k}]", f"= {name} is no response", remedy)))
+    if not responses:
+        return ()
+    limits = () if scenario.limits is None else scenario.limits.given
+    return tuple(dict.fromkeys((*responses, *(LIMITED_QUANTITIES[name] for name in limits))))
 
 
 def _plan(
@@ -169,7 +178,7 @@ def _plan(
     kind: str,
     varied: tuple[VariedParameter, ...],
     columns: list[list[Value]],
-    asked: tuple[str, ...] = (),
+    asked: tuple[str, ...],
 ) -> DesignPlan:
     base = _base(scenario)
     places = tuple(parameter.places for parameter in varied)

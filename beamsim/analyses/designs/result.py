@@ -94,7 +94,7 @@ _SUMMARY = (
 
 @declared
 class DesignsResult(Result):
-    """Everything `beamsim sweep` computes of a scenario with ``vary``, along the axes of the design.
+    """Everything `beamsim sweep` computes of a scenario with ``vary``, or `ensemble`, along the axes of the design.
 
     These are the varied parameters in a grid; otherwise the only axis is ``case``, and the parameters are along it (CF
     ``coordinates``).
@@ -103,7 +103,7 @@ class DesignsResult(Result):
     SUMMARY = _SUMMARY
 
     analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
-    kind: str = attribute("", "grid, zip or latin_hypercube", at=_GROUP)
+    kind: str = attribute("", "grid, zip, latin_hypercube, or draws of an ensemble", at=_GROUP)
     coordinates: tuple[Coordinate, ...] = arrays(_GROUP, called="parameter", listed="paths")
     solved: Bools = dataset(  # the design's shape
         "1", "whether the case has responses", name=f"{_GROUP}/solved", along=_CASES, flags=("missing", "solved")
@@ -141,6 +141,24 @@ class DesignsResult(Result):
     def cases(self) -> int:
         """Number of cases."""
         return int(np.prod(self.shape))
+
+    @property
+    def table(self) -> dict[str, NDArray[Any]]:
+        """The study as columns of equal length, a row a case: the varied numbers by path, then the responses by name.
+
+        A response with several values a case, such as natural frequencies, has a column for each: ``name_1``, ...
+        """
+        values = [c.values for c in self.coordinates]
+        if self.kind == "grid":
+            values = [grid.ravel() for grid in np.meshgrid(*values, indexing="ij")]
+        columns: dict[str, NDArray[Any]] = {c.path: x for c, x in zip(self.coordinates, values, strict=True)}
+        for name, response in self.responses.items():
+            if is_scalar(response, self.shape):
+                columns[name] = response.values.ravel()
+            else:
+                by_mode = response.values.reshape(self.cases, -1).T
+                columns |= {f"{name}_{k}": column for k, column in enumerate(by_mode, 1)}
+        return columns
 
     def case_values(self, case: int) -> tuple[Value, ...]:
         """Values of the coordinates in a case, numbered from 0."""

@@ -333,7 +333,8 @@ def _reference(
     if system.cubic.count:
         stored = stored + 0.25 * outputs.cubic_stretch(at, trajectory.y) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
-    balance = EnergyBalance.of(at, energy, trajectory.power_in)
+    exchanged = float(np.trapezoid(np.abs(trajectory.power_in), at))
+    balance = EnergyBalance.of(at, energy, exchanged)
     extremes = outputs.extremes(trajectory)
     low_passed = None
     if settings.low_pass is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.energy import energy_history
+from beamsim.analyses.run.energy import energy_of_segments
 from beamsim.analyses.run.figures import by_name, static_figures
 from beamsim.analyses.run.outputs import (
     OutputOf,
@@ -33,9 +33,7 @@ if TYPE_CHECKING:
     from beamsim.system.structural import StructuralSystem
 
 SEEDS = 256  # evenly spaced times from which the search for extremes starts
-BALANCES = 33  # times at which the energy balance is checked; it is that since the start, so that nothing escapes
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
-UNEVEN = 1.1  # power of the shares of the duration at which they lie, so that they do not fall on the same phase
 
 _SEARCHED = {
     "peak_displacement_m": ("displacement", "largest"),
@@ -83,7 +81,7 @@ def asked_figures(
     """
     flow = exact_flow(system, settings.duration)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
-    balance = energy_history(trajectory, trajectory.end * np.linspace(0.0, 1.0, BALANCES) ** UNEVEN)
+    balance = energy_of_segments(trajectory)
     outcome = balance.checked(trajectory.outcome)
     if outcome.code is OutcomeCode.EVENT_LIMIT:
         outcome = outcome.but(limit="run.max_events")

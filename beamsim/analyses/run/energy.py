@@ -6,7 +6,7 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +15,14 @@ from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.passage import penetration_of_states
+from beamsim.flow.state_tables import pad
 from beamsim.flow.trajectory import Trajectory, no_check
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
+LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
+FEW_TIMES = np.linspace(0.0, 1.0, 33) ** 1.1  # shares of a motion, uneven so that they do not fall on equal phases
 LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
 
 
@@ -50,10 +54,10 @@ class EnergyBalance:
         return cls(EnergyHistory(missing, missing, missing), np.nan, None)
 
     @classmethod
-    def of(cls, times: Floats, history: EnergyHistory, power: Floats) -> EnergyBalance:
-        """Compare the energies; ``power`` (nt,) is that of the loads, W."""
+    def of(cls, times: Floats, history: EnergyHistory, exchanged: float) -> EnergyBalance:
+        """Compare the energies; ``exchanged`` is the integral of the loads' power without its sign, J."""
         imbalance = np.abs(history.work_in - history.dissipated - (history.stored - history.stored[0]))
-        scale = max(float(history.stored.max()), float(np.trapezoid(np.abs(power), times)))
+        scale = max(float(history.stored.max()), exchanged)
         if scale == 0.0:
             return cls(history, 0.0, None)
         lost = np.flatnonzero(~np.isfinite(imbalance) | (np.isfinite(scale) & (imbalance > LARGEST_ERROR * scale)))
@@ -94,21 +98,71 @@ def _energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], N
         stored[part] = stored_energy(flow, values["state"], values["penetration"], phases)
         power[part] = (trajectory.sample(times[part], left) * trajectory.sample(times[part], right)) @ weight[:, 1]
     history = EnergyHistory(work_in=integral[:, 1], dissipated=integral[:, 0], stored=stored)
-    return EnergyBalance.of(times, history, power)
+    return EnergyBalance.of(times, history, float(np.trapezoid(np.abs(power), times)))
+
+
+def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
+    """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
+
+    The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
+    segment by segment. Motions of few segments, or with powers of time, are evaluated at `FEW_TIMES`.
+    """
+    flow, count = trajectory.flow, trajectory.time.size
+    if count < LEAST_SEGMENTS or any(np.any(state.power > 0) for state in flow.states):
+        return energy_history(trajectory, trajectory.end * FEW_TIMES)
+    from beamsim.flow.integral_kernels import form_integrals
+
+    plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
+    integrals = np.empty((count, 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        form_integrals(
+            flow.tables(), flow.inputs(), plus, minus, trajectory.time, trajectory.length, trajectory.state,
+            trajectory.piece, trajectory.y, integrals,
+        )  # fmt: skip
+        sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
+        times = np.append(trajectory.time, trajectory.end)
+        y = np.vstack([trajectory.y, trajectory.final_y])
+        phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
+        base = None if flow.base_channel < 0 else flow.forcing.base_displacement
+        moved = None if base is None else (base(times), np.zeros(times.size))
+        penetration, _ = penetration_of_states(flow.system.contacts, y, moved)
+        history = EnergyHistory(sums[:, 1], sums[:, 0], stored_energy(flow, y, penetration, phases))
+        return EnergyBalance.of(times, history, float(np.abs(integrals[:, 1]).sum()))
+
+
+def _forms(flow: ExactFlow) -> Iterator[tuple[Complexes, Complexes]]:
+    """Of every contact state the forms (2, T, T) of dissipated power and power in, see `form_integrals`."""
+    left, right, weight = power_factors(flow, structure=False)
+    n = flow.system.size
+    for state in flow.states:
+        a = state.coefficients(left(state.phases), flow.sources)
+        b = state.coefficients(right(state.phases), flow.sources)
+        v = state.term_vector[:, n : 2 * n]
+        plus = np.array([(a * weight[:, q]) @ b.T for q in range(2)])
+        minus = np.array([(a * weight[:, q]) @ b.conj().T for q in range(2)])
+        plus[0] += v @ flow.system.damping @ v.T
+        minus[0] += v @ flow.system.damping @ v.conj().T
+        once = np.where(np.eye(v.shape[0]), 0.25, 0.5)  # each pair of terms counts once
+        yield once * (plus + plus.transpose(0, 2, 1)), once * (minus + minus.conj().transpose(0, 2, 1))
 
 
 def _states(flow: ExactFlow) -> OutputSet:
     whole = flow.empty_output(flow.size)
     whole.row[:] = np.eye(flow.size)
-    delta, _ = flow.penetrations()
+    delta, _ = flow.penetrations
     return OutputSet({"state": lambda phases: whole, "penetration": lambda phases: delta})
 
 
-def power_factors(flow: ExactFlow):  # type: ignore[no-untyped-def]
-    """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
+def power_factors(flow: ExactFlow, *, structure: bool = True):  # type: ignore[no-untyped-def]
+    """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1).
+
+    Without ``structure`` what the open structure dissipates is left out.
+    """
     system, contacts, sources = flow.system, flow.system.contacts, flow.sources
     m, loads = contacts.count, flow.forcing.load
-    rate_of_damping, direction = np.linalg.eigh(system.damping)
+    rate_of_damping, direction = np.zeros(0), np.zeros((system.size, 0))
+    if structure:
+        rate_of_damping, direction = np.linalg.eigh(system.damping)
     used = np.flatnonzero(np.abs(rate_of_damping) > 0)
     moving = velocities(flow, direction[:, used].T)
     signals = flow.empty_output(loads.shape[0] + 1)
@@ -120,7 +174,7 @@ def power_factors(flow: ExactFlow):  # type: ignore[no-untyped-def]
     if flow.base_channel >= 0:
         base_rate.direct_slope[np.ix_(contacts.on_ground, sources.channel == flow.base_channel)] = 1.0
 
-    _, rate = flow.penetrations()
+    _, rate = flow.penetrations
 
     def lost(phases: Ints) -> tuple[LinearOutput, LinearOutput]:
         """Dissipative forces in the contacts, and the rates on which they act."""

@@ -105,7 +105,7 @@ def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
     """Everything that is sampled; the stress is only searched for extremes."""
     probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
     snubber_shapes = flow.system.contacts.shape
-    penetration, _ = flow.penetrations()
+    penetration, _ = flow.penetrations
     fixed: dict[str, LinearOutput] = {
         "displacement": displacements(flow, probe_shapes),
         "velocity": velocities(flow, probe_shapes),

@@ -62,7 +62,7 @@ class SweepOutputs:
         displacement = displacements(template, shapes)
         of_limits = []
         if "gap" in self.limited:
-            of_limits.append(first_rows(template.penetrations()[0], count))
+            of_limits.append(first_rows(template.penetrations[0], count))
         if "bending_stress" in self.limited and system.stress is not None:
             of_limits.append(bending_stress(template, system.stress))
 
