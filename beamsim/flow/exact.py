@@ -20,6 +20,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.march import Motion
+    from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
@@ -34,12 +35,14 @@ class ExactFlow:
     system, forcing : the structure and its loads.
     duration : longest time the flow will be asked for, s.
     observers : further signals (the base's motion) that outputs may contain; they load nothing.
+    shared : keeps contact states that flows with other contacts or levels have in common.
     """
 
     system: PiecewiseLinearSystem
     forcing: Forcing
     duration: float
     observers: tuple[Signal, ...] = ()
+    shared: SharedBuilds | None = None
     sources: Sources = field(init=False)
     base_channel: int = field(init=False)
     states: list[ContactState] = field(init=False, default_factory=list)
@@ -64,13 +67,31 @@ class ExactFlow:
         known = self._tables.index(phases)
         if known is not None:
             return known
-        state = build_state(self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window)
+        state = self._built(phases)
         watched = self.system.contacts.watched(phases)
         output = self.watched(watched)
         watch = state.coefficients(output, self.sources)
         roughness = state.roughness(output, watch)[:, : watched.guards]
         self.states.append(state)
         return self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
+
+    def _built(self, phases: Ints) -> ContactState:
+        """The contact state; one in which no contact acts is that of all flows of the same structure and sources."""
+
+        def build() -> ContactState:
+            return build_state(
+                self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window
+            )  # fmt: skip
+
+        contacts = self.system.contacts
+        if self.shared is None or contacts.internal_states or contacts.force_rows(phases)[0].any():
+            return build()
+        parts = (
+            self.system.stiffness, self.system.damping, self.system.constant_load, self.forcing.load,
+            self.sources.exponent, self.sources.power, self.sources.channel, phases,
+        )  # fmt: skip
+        numbers = (contacts.count, self.sources.longest_piece, self.longest_window, self.base_channel)
+        return self.shared.once("contact state", (*(part.tobytes() for part in parts), *numbers), build)
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases of the contacts after the event of a guard."""

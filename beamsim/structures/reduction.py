@@ -11,7 +11,7 @@ frequencies, and only the added vectors are diagonalised among themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,16 +34,9 @@ def static_deflections(model: Structure, loads: Floats) -> Floats:
     The deflection is M-orthogonal to the rigid-body modes. Iterative refinement, with the residual computed as
     B^T (B u), restores the digits lost to the conditioning of K.
     """
-    from scipy.sparse import block_array, csc_array
-    from scipy.sparse.linalg import splu
-
-    stiffness: Any = csc_array(model.factor.T @ model.factor)
     rigid = model.rigid.shape[1]
     loads = loads - model.mass @ (model.rigid @ (model.rigid.T @ loads))
-    if rigid:
-        border = csc_array(model.mass @ model.rigid)
-        stiffness = block_array([[stiffness, border], [border.T, None]], format="csc")
-    lu = splu(csc_array(stiffness))
+    lu = model.factorised_stiffness
 
     def solve(f: Floats) -> Floats:
         padded = np.vstack([f, np.zeros((rigid, f.shape[1]))])

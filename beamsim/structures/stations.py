@@ -54,7 +54,9 @@ class Stations:
 
     @classmethod
     def of(cls, bodies: Sequence[tuple[str, StationAxis, Floats]]) -> Stations:
-        """From name, axis and positions of each body."""
+        """From name, axis and positions of each body; of none there are no stations."""
+        if not bodies:
+            return cls(np.zeros(0), ALONG.unit, ALONG.long_name)
         names, axes = tuple(name for name, _, _ in bodies), tuple(axis for _, axis, _ in bodies)
         position = np.concatenate([positions for _, _, positions in bodies])
         if len(bodies) == 1:

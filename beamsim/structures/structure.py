@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,6 +59,18 @@ class Structure(ABC):
     def frequency_scale(self) -> float:
         """Physical over scaled angular frequency, rad/s."""
         return float(np.sqrt(self.stiffness_scale / self.mass_scale))
+
+    @cached_property
+    def factorised_stiffness(self) -> Any:
+        """LU factors (SuperLU) of K; with rigid-body modes bordered by them."""
+        from scipy.sparse import block_array, csc_array
+        from scipy.sparse.linalg import splu
+
+        stiffness: Any = csc_array(self.factor.T @ self.factor)
+        if self.rigid.shape[1]:
+            border = csc_array(self.mass @ self.rigid)
+            stiffness = block_array([[stiffness, border], [border.T, None]], format="csc")
+        return splu(csc_array(stiffness))
 
     @property
     def parts(self) -> tuple[Part, ...]:

@@ -40,7 +40,9 @@ DOUBTFUL_REDUCTION = 0.01
 """Estimated relative error of a reduced model above which results carry a warning."""
 
 
-def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, assessed: bool = True) -> StructuralSystem:
+def build_system(
+    scenario: Scenario, shared: SharedBuilds | None = None, *, assessed: bool = True, recovered: bool = True
+) -> StructuralSystem:
     """Assemble, reduce and resolve a scenario.
 
     Parameters
@@ -49,6 +51,7 @@ def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, asse
     shared : keeps what was built for other scenarios, where this one has the same structure, reduction or excitation.
     assessed : whether to estimate the error of the reduction, which takes longer than the rest where that is shared;
         else it is nan.
+    recovered : whether deflections and stresses along the bodies are wanted; else there are no stations.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, asse
         the start asks for a mode that the reduction does not keep.
     """
     try:
-        return _build(reduced_parts(scenario, shared=shared), assessed)
+        return _build(reduced_parts(scenario, shared=shared), assessed, recovered)
     except ScenarioError as error:
         raise scenario.located(error) from None
     except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -112,7 +115,7 @@ def build_with_moving_point(
     return system, shape_at
 
 
-def _build(parts: Parts, assessed: bool = True) -> StructuralSystem:
+def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> StructuralSystem:
     scenario, basis = parts.scenario, parts.basis
     damping = parts.reduced.damping
 
@@ -135,7 +138,7 @@ def _build(parts: Parts, assessed: bool = True) -> StructuralSystem:
     correction = None if corrections is None else CorrectionSize.of(corrections)
     on_base = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
     sites = parts.snubber_sites + force_sites(scenario)
-    recoveries = parts.reduced.recoveries(sites, on_base)
+    recoveries = parts.reduced.recoveries(sites, on_base) if recovered else ()
     modes = _mode_table(parts, stops, damping, recoveries, assessed)
     if assessed and not modes.reduction_error <= DOUBTFUL_REDUCTION:
         warnings.append(
@@ -172,7 +175,7 @@ def _mode_table(
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
         closed_frequencies_hz=closed / (2 * np.pi),
-        shapes=np.vstack([body.deflection for body in recoveries]).T,
+        shapes=np.vstack([np.zeros((0, basis.size)), *(body.deflection for body in recoveries)]).T,
         stations=Stations.of([(body.body, body.axis, body.position) for body in recoveries]),
         damping_ratios=damping_ratios(damping, parts.omega),
         kept_modes=basis.modes,

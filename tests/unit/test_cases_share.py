@@ -55,6 +55,9 @@ def counted(monkeypatch):
         ("importlib.metadata", "version"),
         ("beamsim.flow.exact", "build_state"),
         ("beamsim.analyses.run.analysis", "spectra_of_motion"),
+        ("beamsim.structures.beam", "beam_recovery"),
+        ("beamsim.flow.kernels", "extremes"),
+        ("scipy.sparse.linalg", "splu"),
     ):
         count(module, name)
     return counts
@@ -68,7 +71,19 @@ def test_cases_that_differ_in_contact_and_level_share_the_structure_and_one_vali
     assert counted.get("version", 0) < result.cases  # of the table alone
     assert "spectra_of_motion" not in counted
     assert "reduction_error" not in counted
-    assert counted["build_state"] <= 2 * 18 + 1  # open and closed, and one that loads the kernels
+    assert counted["build_state"] <= 18 + 2  # closed; the open one of all, and one that loads the kernels
+
+
+def test_what_is_not_asked_for_is_not_built(counted):
+    scenario = load_scenario(BASE)
+    beamsim.ensemble(scenario, {"snubbers.tip.gap": [0.0, 1e-4]}, ["peak_force"], workers=1)
+    assert "beam_recovery" not in counted
+    assert counted["extremes"] == 2  # one search for all extremes of a case
+    beamsim.ensemble(scenario, {"snubbers.tip.gap": [0.0, 1e-4]}, ["bending_stress"], workers=1)
+    assert counted["beam_recovery"] == 1
+    counted.clear()
+    beamsim.ensemble(scenario, {"beam.thickness": [4e-3, 5e-3]}, ["bending_stress"], workers=1)
+    assert counted["splu"] == 2  # the stiffness of each beam, for all static deflections
 
 
 def test_cases_that_differ_in_the_beam_build_it_once_each(counted):

@@ -137,15 +137,15 @@ def warm_up(task: CaseTask | None) -> None:
 
 def _solve_run(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
     from beamsim.analyses.run.analysis import run
-    from beamsim.analyses.run.asked import asked_figures, gives_figures
+    from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_stress
     from beamsim.system.build import build_system
 
     settings = scenario.run
     assert settings is not None
     if gives_figures(scenario):
-        system = build_system(scenario, solver.shared, assessed=False)
         asked = entries_of(solver.study.asked, scenario.excitation.kind)
-        figures, outcome = asked_figures(system, settings, asked, solver.stop)
+        system = build_system(scenario, solver.shared, assessed=False, recovered=needs_stress(asked))
+        figures, outcome = asked_figures(system, settings, asked, solver.shared, solver.stop)
         return run_responses(figures), outcome
     result = run(scenario, stop=solver.stop)
     return run_responses(entries_of_result(result)), result.outcome

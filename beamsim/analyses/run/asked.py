@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from beamsim.flow.contact_state import LinearOutput
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
+    from beamsim.system.shared import SharedBuilds
     from beamsim.system.structural import StructuralSystem
 
 SEEDS = 256  # evenly spaced times from which the search for extremes starts
@@ -66,8 +67,17 @@ def gives_figures(scenario: Scenario) -> bool:
     return in_closed_form and plain and not isinstance(settings.start, OrbitStart)
 
 
+def needs_stress(asked: Collection[str]) -> bool:
+    """Whether one of the entries needs the stress along the bodies."""
+    return any(_SEARCHED[entry][0] == "stress" for entry in asked if entry in _SEARCHED)
+
+
 def asked_figures(
-    system: StructuralSystem, settings: Run, asked: Collection[str], stop: Callable[[], bool] = never
+    system: StructuralSystem,
+    settings: Run,
+    asked: Collection[str],
+    shared: SharedBuilds | None = None,
+    stop: Callable[[], bool] = never,
 ) -> tuple[dict[str, Any], Outcome]:
     """Some entries of the summary of a run, and its outcome.
 
@@ -77,9 +87,10 @@ def asked_figures(
     ----------
     system : of a scenario for which `gives_figures`.
     asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
+    shared : keeps what the motions of several systems have in common.
     stop : see `beamsim.analyses.run.analysis.run`.
     """
-    flow = exact_flow(system, settings.duration)
+    flow = exact_flow(system, settings.duration, shared)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
     balance = energy_of_segments(trajectory)
     outcome = balance.checked(trajectory.outcome)

@@ -11,6 +11,7 @@ from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.structures.stations import StressRows
+from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
@@ -95,10 +96,10 @@ class OutputSet:
         return dict(zip(self.groups, parts, strict=True))
 
 
-def exact_flow(system: StructuralSystem, duration: float) -> ExactFlow:
-    """The exact flow of a built system; its first observer is the base's acceleration."""
+def exact_flow(system: StructuralSystem, duration: float, shared: SharedBuilds | None = None) -> ExactFlow:
+    """The exact flow of a built system; its first observer is the base's acceleration. ``shared``: see `ExactFlow`."""
     observers = () if system.base_acceleration is None else (system.base_acceleration,)
-    return ExactFlow(system.dynamics, system.forcing, duration, observers)
+    return ExactFlow(system.dynamics, system.forcing, duration, observers, shared)
 
 
 def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
