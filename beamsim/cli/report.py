@@ -47,15 +47,16 @@ def _with_changes(
     """The texts of a figure with its relative change with a finer model, where that is known."""
     changes = summary.get("convergence", {}).get(figure)
     if isinstance(text, str) and isinstance(changes, float):
-        return f"{text}; {_change(changes, figure in summary['doubtful'])}"
+        return f"{text}; {change_text(changes, figure in summary['doubtful'])}"
     if isinstance(text, Mapping) and isinstance(changes, Mapping) and text.keys() == changes.keys():
         doubtful = {name for name in text if f"{figure}.{name}" in summary["doubtful"]}
-        return {name: f"{item}; {_change(changes[name], name in doubtful)}" for name, item in text.items()}
+        return {name: f"{item}; {change_text(changes[name], name in doubtful)}" for name, item in text.items()}
     return text
 
 
-def _change(change: float, doubtful: bool) -> str:
-    size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2)}"
+def change_text(change: float, doubtful: bool) -> str:
+    """A relative change with a finer model, for the table."""
+    size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2 if change < 0.995 else 3)}"
     if doubtful:
         return f"NOT CONVERGED, {size}"
     return f"{size}, within its scatter" if change > ALLOWED_CHANGE else size

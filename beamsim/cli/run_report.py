@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from beamsim.analyses.run.result import RunResult
-from beamsim.cli.report import SHARED, Row, Texts, base_correction, counted, percent, si
+from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
+from beamsim.cli.report import SHARED, Row, Texts, base_correction, change_text, counted, percent, si
 
 LINES_SHOWN = 6
 
@@ -62,13 +62,19 @@ def _stress(result: RunResult, stress: float) -> str:
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """The strongest lines of the first probe: order (or Hz) and level, in order of frequency."""
+    s = result.summary
     first = next((line["probe"] for line in lines), "")
+    changes = s.get("convergence", {}).get("spectral_lines", {})
     moves = first and result.summary["max_displacement_m"][first] > result.summary["min_displacement_m"][first]
     without = "no distinct line: a continuous spectrum" if moves else "no motion"
-    return {
-        f"{first} {quantity.replace('_', ' ')}": ", ".join(_strongest(lines, first, quantity)) or without
-        for quantity in dict.fromkeys(line["quantity"] for line in lines)
-    }
+    texts = {}
+    for quantity in dict.fromkeys(line["quantity"] for line in lines):
+        name = f"{first} {quantity}"
+        text = ", ".join(_strongest(lines, first, quantity))
+        if text and name in changes:
+            text += f"; {change_text(changes[name], f'spectral_lines.{name}' in s['doubtful'])}"
+        texts[name.replace("_", " ")] = text or without
+    return texts
 
 
 def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) -> Iterator[str]:
@@ -76,7 +82,9 @@ def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) ->
     matching = [line for line in of_motion if (line["probe"], line["quantity"]) == (probe, quantity)]
     strongest = sorted(matching, key=lambda line: -line["amplitude"])[:LINES_SHOWN]
     for line in sorted(strongest, key=lambda line: float(line["frequency_hz"])):
-        yield f"{_order(line)} ({line['amplitude_db']:.0f} dB)"
+        change = line["relative_change"] or 0.0
+        doubt = f", {change_text(change, doubtful=False)}" if change > ALLOWED_CHANGE else ""
+        yield f"{_order(line)} ({line['amplitude_db']:.0f} dB{doubt})"
 
 
 def _order(line: Mapping[str, Any]) -> str:
@@ -84,6 +92,29 @@ def _order(line: Mapping[str, Any]) -> str:
     if order is None or not math.isfinite(order):
         return f"{line['frequency_hz']:.4g} Hz"
     return f"{order:.3f}" if line["kind"] == "other" else str(Fraction(order).limit_denominator(12))
+
+
+def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """By signal the RMS with its interval, crest factor and kurtosis, each with its change if it is doubtful."""
+    s = result.summary
+    changes, units = s.get("convergence", {}).get("random", {}), {"force": "N", "displacement": "m"}
+    texts = {}
+    for name, figures in signals.items():
+        unit = units.get(name.rpartition(" ")[2], "m/s^2")
+        low, high = figures["rms_low"], figures["rms_high"]
+        interval = f" ({si(low, unit)} to {si(high, unit)}, 95 %)" if low is not None and math.isfinite(low) else ""
+        parts = {
+            "rms": f"rms {si(figures['rms'], unit)}{interval}",
+            "crest_factor": f"crest factor {figures['crest_factor']:.3g}",
+            "kurtosis": f"kurtosis {figures['kurtosis']:.3g}",
+        }
+        doubtful = [key for key in parts if f"random.{name} {key}" in s.get("doubtful", ())]
+        marked = [f"{part} ({change_text(changes[f'{name} {key}'], True)})" if key in doubtful else part
+                  for key, part in parts.items()]  # fmt: skip
+        known = [changes[f"{name} {key}"] for key in parts if f"{name} {key}" in changes and key not in doubtful]
+        rest = f"; {change_text(max(known), False)}" if known else ""
+        texts[name.replace("_", " ")] = f"{', '.join(marked)}{rest}"
+    return texts
 
 
 def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]:
@@ -159,6 +190,7 @@ TEXTS: Texts = {
     "gap_m": _preload,
     "largest_bending_stress_pa": _stress,
     "spectral_lines": _spectral_lines,
+    "random": _random,
     "convergence": _convergence,
     "energy_error": lambda _, error: f"{error:.2g}",
     "processor_time_s": _solver,

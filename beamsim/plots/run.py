@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.run.result import ProbeHistory, RunResult, SnubberHistory, Spectrum
+from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
@@ -27,6 +27,7 @@ MOST_DOUBTS = 4  # named in a plot
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
+DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x"}
 _FREE, _CLOSED = "0.45", "#d1495b"
 
@@ -49,15 +50,19 @@ def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool =
     return ax if last_part else _doubts(result, ax, "peak_acceleration_g")
 
 
-def _doubts(result: RunResult, ax: Axes, figure: str) -> Axes:
-    """Say which peaks have not converged."""
+def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of: str = "") -> Axes:
+    """Say which figures have not converged: all, or those whose name ends with ``of``."""
     changes = result.summary.get("convergence", {}).get(figure, {})
-    doubtful = [name for name in changes if f"{figure}.{name}" in result.summary.get("doubtful", ())]
+    listed = result.summary.get("doubtful", ())
+    doubtful = [name for name in changes if f"{figure}.{name}" in listed and name.endswith(of)]
     if doubtful:
-        texts = [f"{name} {100 * changes[name]:.2g} %" for name in doubtful[:MOST_DOUBTS]]
+        texts = [
+            f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g} %"
+            for name in doubtful[:MOST_DOUBTS]
+        ]
         more = ", …" if len(doubtful) > MOST_DOUBTS else ""
         ax.text(
-            0.99, 0.97, f"peaks not converged; change with a finer model: {', '.join(texts)}{more}",
+            0.99, 0.97, f"{called} not converged; change with a finer model: {', '.join(texts)}{more}",
             transform=ax.transAxes, ha="right", va="top", fontsize="small", color=_CLOSED,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )  # fmt: skip
@@ -96,6 +101,13 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
                 color=style["color"],
                 label="_nolegend_",
             )
+        doubtful = [line for line in s.lines if line.relative_change > ALLOWED_CHANGE] if k == 0 else []
+        ax.plot(
+            [line.frequency_hz / unit for line in doubtful],
+            [line.amplitude_db for line in doubtful],
+            linestyle="none", marker="s", markersize=8, markerfacecolor="none", color=_CLOSED,
+            label=DOUBTFUL_LINES if doubtful else "_nolegend_",
+        )  # fmt: skip
     if spectra:
         ax.set_xlim(0.0, _highest_shown(spectra, forced))
         top = max(float(np.max(s.amplitude_db)) for s in spectra)
@@ -104,8 +116,9 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
     named = quantity.replace("_", " ").capitalize()
     axis = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
     finish(ax, axis, f"{named} (dB re max)")
-    legend(ax, min(len(spectra), MOST_CURVES), len(spectra), "probes")
-    return ax
+    boxes = sum(line.get_label() == DOUBTFUL_LINES for line in ax.lines)
+    legend(ax, min(len(spectra), MOST_CURVES) + boxes, len(spectra) + boxes, "probes")
+    return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
 
 
 def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:
@@ -233,7 +246,7 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     figures["phase_portrait"] = figure
     if result.random is not None:
         figure, (above, below) = panels(2)
-        plot_density(result.random, above)
+        _doubts(result, plot_density(result.random, above), "random", "figures")
         plot_transmissibility(result.random, below)
         figures["random"] = figure
     if result.bodies:

@@ -115,11 +115,13 @@ def test_an_undamped_step_force():
         "run": {"duration": 0.05},
     }
     s = beamsim.run(load_scenario(case)).summary
-    assert s["doubtful"] == ["peak_acceleration_g.tip"]
+    assert s["doubtful"] == [
+        "peak_acceleration_g.tip", "rms_acceleration_g.tip", "spectral_lines.tip absolute_acceleration"
+    ]  # fmt: skip
     assert s["convergence"]["peak_acceleration_g"]["tip"] > 0.2
     assert s["convergence"]["peak_displacement_m"]["tip"] < 1e-3
     case["run"]["low_pass"] = "1 kHz"
-    assert beamsim.run(load_scenario(case)).summary["doubtful"] == []
+    assert "peak_acceleration_g.tip" not in beamsim.run(load_scenario(case)).summary["doubtful"]
 
 
 def test_all_modes_kept_leaves_nothing_to_compare():

@@ -105,6 +105,10 @@ MENDED: dict[str, str] = {
         ("* */convergence/*", "* */convergence_model/*", "* */doubtful*", "* file/*@relative_change"),
         "runs compare their figures with those of a finer model; their other numbers are the same",
     ),
+    **dict.fromkeys(
+        ("* */random/*rms_low", "* */random/*rms_high", "* */random/*degrees_of_freedom"),
+        "a random run states the interval of its root mean squares",
+    ),
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 

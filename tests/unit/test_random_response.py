@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.run.random_response import rms_interval
 from beamsim.analyses.sweep.linear_response import transfer
+from beamsim.cli.report import table_rows
+from beamsim.inputs.random_input import noise
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_run
@@ -86,3 +89,51 @@ def test_the_statistics_are_stored_and_drawn(result, tmp_path):
 def test_a_motionless_signal_and_a_short_run():
     still = {**OSCILLATOR, "run": {"duration": "0.2 s", "sample_rate": "100 Hz"}}
     assert beamsim.run(load_scenario(still)).random is None
+
+
+def coverage(amplitudes: str, seeds: int) -> tuple[float, float, float]:
+    """Share of seeds whose interval holds the RMS of all, relative scatter of the RMS, and that of theory."""
+    excitation = OSCILLATOR["excitation"] | {"amplitudes": amplitudes}
+    run = OSCILLATOR["run"] | {"duration": "12 s", "convergence": "off", "sample_rate": "200 Hz"}
+    found = []
+    for seed in range(seeds):
+        case = load_scenario(OSCILLATOR | {"excitation": excitation | {"seed": seed}, "run": run})
+        found.append(beamsim.run(case).summary["random"]["mass displacement"])
+    rms, low, high, freedom = (
+        np.array([s[key] for s in found]) for key in ("rms", "rms_low", "rms_high", "degrees_of_freedom")
+    )
+    mean = np.sqrt(np.mean(rms**2))
+    return float(np.mean((low < mean) & (mean < high))), float(rms.std() / mean), float(np.mean(0.5 / freedom)) ** 0.5
+
+
+@pytest.mark.slow
+def test_the_interval_of_a_single_run_is_that_of_the_scatter_over_seeds():
+    """Records of a Gaussian input: 95 % of the intervals hold the RMS of the process (the share is known to 3 %)."""
+    share, scatter, stated = coverage("random", 60)
+    assert 0.87 < share <= 1.0
+    assert stated == pytest.approx(scatter, rel=0.3)  # of 60 runs it is known to 9 %
+    share, fixed, _ = coverage("fixed", 12)
+    assert share == 1.0
+    assert fixed < 0.7 * scatter
+
+
+def test_degrees_of_freedom_of_gaussian_noise():
+    """Flat noise in a band of B Hz for T seconds has 2 B T; the interval holds its RMS in 95 % of 2,000 records."""
+    at, value, T = np.array([10.0, 40.0]), np.array([1.0, 1.0]), 2.0
+    held, freedom = [], []
+    for seed in range(2000):
+        interval = rms_interval(noise(at, value, T, 200.0, np.random.default_rng(seed), True))
+        held.append(interval["rms_low"] ** 2 < 30.0 < interval["rms_high"] ** 2)
+        freedom.append(interval["degrees_of_freedom"])
+    assert np.mean(freedom) == pytest.approx(2 * 30.0 * T, rel=0.08)
+    assert np.mean(held) == pytest.approx(0.95, abs=0.02)
+    assert rms_interval(np.zeros(100)) == {}
+
+
+def test_a_measured_input_is_no_process(tmp_path):
+    time = np.arange(2000) / 200.0
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, np.sin(60 * time)]), delimiter=",", header="time (s),a (g)")
+    excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "a.csv"), "unit": "g"}
+    result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "5 s"}}))
+    assert np.isnan(result.random.input.rms_low)
+    assert not any("95 %" in text for _, text in table_rows("run", result))

@@ -18,6 +18,7 @@ from beamsim.analyses.run.convergence import (
     solve_exactly,
     with_convergence,
 )
+from beamsim.analyses.run.derived import DerivedFigures, SampledMotion
 from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
 from beamsim.analyses.run.figures import (
     Extremes,
@@ -137,14 +138,18 @@ def run(
         low_pass_hz=settings.low_pass,
         warnings=(*scenario.warnings, *system.warnings, *motion.warnings, *_pulls(system, motion)),
     )
+    if scenario.excitation.kind in ("random", "sampled"):
+        result = _with_statistics(result, system)
     summary = _summary(scenario, system, motion, spectra)
-    checked = _checked(scenario, system, motion, summary, stop)
+    if result.random is not None:
+        summary["random"] = result.random.summary()
+    derived = DerivedFigures(scenario, spectra, result.random, motion.time)
+    checked = _checked(scenario, system, motion, summary, derived, stop)
     if checked is not None:
         result = with_convergence(result, checked)
         summary |= checked.summary()
-    result = result.with_summary(**summary)
-    result = replace(result, wall_time_s=clock.perf_counter() - begin)
-    return _with_statistics(result, system) if scenario.excitation.kind in ("random", "sampled") else result
+    result = result.with_summary(spectral_lines=_spectral_lines(result.spectra), **summary)
+    return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
 def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
@@ -152,10 +157,8 @@ def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
     from beamsim.analyses.run.random_response import random_response
 
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
-    response = random_response(result, force)
-    if response is None:
-        return result
-    return replace(result, random=response, summary={**result.summary, "random": response.summary()})
+    stationary = result.scenario.excitation.kind == "random"
+    return replace(result, random=random_response(result, force, stationary=stationary))
 
 
 @dataclass(frozen=True)
@@ -185,6 +188,7 @@ def _checked(
     system: StructuralSystem,
     motion: _RunMotion,
     figures: Mapping[str, Any],
+    derived: DerivedFigures,
     stop: Callable[[], bool],
 ) -> Convergence | None:
     """What a finer model changes; None where that is not asked for, or the run is not complete."""
@@ -203,7 +207,8 @@ def _checked(
         if finer.cubic.count:
             again = _reference(finer, settings, motion.time, None, stop)
             check()
-            return Solution(finer, _figures(finer, again), float(again.time[-1]))
+            sampled = SampledMotion(again.time, again.values)
+            return Solution(finer, _figures(finer, again), float(again.time[-1]), sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
         return solve_exactly(finer, settings, seeds, motion.work, stop, check)
 
@@ -211,7 +216,7 @@ def _checked(
     end = float(motion.time[-1]) if motion.trajectory is None else motion.trajectory.end
     first = Solution(system, kept, end, motion.trajectory)
     try:
-        return check_convergence(scenario, first, solve, check)
+        return check_convergence(scenario, first, derived, solve, check)
     except _Cut:
         return Convergence({}, reason="interrupted")
 
@@ -489,6 +494,16 @@ def _figures(system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
     }
 
 
+def _spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
+    """The lines of all spectra, for the summary."""
+    columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "relative_change")
+    return [
+        {"probe": s.probe, "quantity": s.quantity, **{name: getattr(line, name) for name in columns}}
+        for s in spectra.values()
+        for line in s.lines
+    ]
+
+
 def _summary(
     scenario: Scenario, system: StructuralSystem, motion: _RunMotion, spectra: dict[tuple[str, str], Spectrum]
 ) -> dict[str, Any]:
@@ -505,19 +520,6 @@ def _summary(
         "energy_error": motion.balance.error,
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
-        "spectral_lines": [
-            {
-                "probe": s.probe,
-                "quantity": s.quantity,
-                "order": line.order,
-                "frequency_hz": line.frequency_hz,
-                "amplitude": line.amplitude,
-                "amplitude_db": line.amplitude_db,
-                "kind": line.kind,
-            }
-            for s in spectra.values()
-            for line in s.lines
-        ],
     }
     if system.base_correction is not None:
         summary |= system.base_correction.summary()

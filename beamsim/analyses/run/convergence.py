@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.run.derived import DerivedFigures, Figures, SampledMotion, SpectrumKey, line_changes
 from beamsim.analyses.run.figures import Extremes, motion_figures, refine_extremes, sampled_extremes, static_figures
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
-from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult, Work
+from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -44,7 +45,7 @@ ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is co
 TRANSIENT = ("none", "step", "half_sine")  # excitations that end, so that no statistics exist
 SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for their extremes
 
-Changes = dict[str, dict[str, float] | float]  # by entry of the summary, and by name where there are several
+Changes = Figures  # relative, by entry of the summary
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class Solution:
     figures: Mapping[str, Any]
     end: float  # s, reached
     trajectory: Trajectory | None = None
+    sampled: SampledMotion | None = None  # from time stepping
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class Convergence:
     parted_s: float = math.inf  # time at which the sequences of contacts part
     processor_time_s: float = 0.0
     reason: str = field(default="")  # why there is no comparison
+    lines: Mapping[SpectrumKey, tuple[float, ...]] = field(default_factory=dict)  # of each line of each spectrum
 
     @property
     def largest_displacement_change(self) -> float:
@@ -84,20 +87,26 @@ class Convergence:
 
 
 def check_convergence(
-    scenario: Scenario, first: Solution, solve: Callable[[StructuralSystem], Solution], check: Callable[[], None]
+    scenario: Scenario,
+    first: Solution,
+    derived: DerivedFigures,
+    solve: Callable[[StructuralSystem], Solution],
+    check: Callable[[], None],
 ) -> Convergence:
     """Solve the case again with a finer model and compare the figures.
 
     Parameters
     ----------
     first : the solution whose figures are reported.
+    derived : its spectra and statistics.
     solve : solves the finer model.
     check : called several times a second; an exception that it raises ends the comparison.
     """
     modes = first.system.modes.kept_modes
     counts = [body.mode_count for body in scenario.all_bodies.values()]
     if None not in counts and modes >= sum(count for count in counts if count is not None):
-        return Convergence(_no_changes(_compared(first.figures)))
+        changes, lines = _with_lines(derived, _no_changes(_compared(first.figures) | derived.reported()))
+        return Convergence(changes, lines=lines)
     begin = clock.process_time()
     finer = scenario.refined(math.ceil(MORE_MODES * modes))
     try:
@@ -111,12 +120,33 @@ def check_convergence(
     scatter: Changes = {}
     if parted < end and scenario.excitation.kind not in TRANSIENT:
         changes, scatter = _statistical(scenario, first, second, parted, end, check)
+        assert first.trajectory is not None
+        assert second.trajectory is not None
+        parts = derived.parts(WINDOWS)
+        one, other = (derived.again(s.system, s.trajectory, parts) for s in (first, second) if s.trajectory)
+        check()
+        changes |= _changes(one, other)
+        if parts > 1:
+            scatter |= _with_lines(derived, _changes(one, other, scatter=True))[0]
     else:
         changes = _changes([_compared(first.figures)], [_compared(second.figures)])
+        if (motion := second.trajectory or second.sampled) is not None:
+            changes |= _changes([derived.reported()], derived.again(second.system, motion))
+    check()
+    changes, lines = _with_lines(derived, changes)
     return Convergence(
         changes, tuple(_doubtful(changes, scatter)), second.system.modes.kept_modes, parted,
-        clock.process_time() - begin,
+        clock.process_time() - begin, lines=lines,
     )  # fmt: skip
+
+
+def _with_lines(derived: DerivedFigures, changes: Changes) -> tuple[Changes, dict[SpectrumKey, tuple[float, ...]]]:
+    """The changes with those of lines by spectrum, and those of each line apart."""
+    apart = ("line_amplitude", "line_frequency")
+    each = {name: value for name, value in changes.items() if name in apart and isinstance(value, dict)}
+    lines, largest = line_changes(derived.spectra, each)
+    kept = {name: value for name, value in changes.items() if name not in apart}
+    return {**kept, "spectral_lines": largest}, lines
 
 
 def solve_exactly(
@@ -182,7 +212,18 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
     snubbers = {
         name: replace(snubber, force_change=change("peak_force_n", name)) for name, snubber in result.snubbers.items()
     }
-    result = replace(result, probes=probes, snubbers=snubbers)
+    spectra = {
+        key: replace(
+            s,
+            rms_change=change("rms_acceleration_g" if key[1] == MAIN_QUANTITY else "rms_displacement_m", key[0]),
+            lines=tuple(
+                replace(line, relative_change=x)
+                for line, x in zip(s.lines, checked.lines.get(key, [math.nan] * len(s.lines)), strict=True)
+            ),
+        )
+        for key, s in result.spectra.items()
+    }
+    result = replace(result, probes=probes, snubbers=snubbers, spectra=spectra)
     if not checked.doubtful:
         return result
     changed = {name: change(*name.partition(".")[::2]) or 0.0 for name in checked.doubtful}

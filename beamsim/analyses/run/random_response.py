@@ -1,8 +1,16 @@
-"""Response to random and measured inputs: spectral densities, RMS, statistics of peaks, transmissibility.
+r"""Response to random and measured inputs: spectral densities, RMS, statistics of peaks, transmissibility.
 
 Densities are one-sided, by Welch's method (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967) with Hann windows
 and half overlap. The transmissibility is :math:`H_1 = S_{xy} / S_{xx}`; the coherence says where it means something:
 it is 1 for a linear structure, and below 1 where contact scatters energy to other frequencies.
+
+*Confidence.* The mean square of a record of duration T of a Gaussian process has the variance
+:math:`\int S^2 df / T` (J. S. Bendat, A. G. Piersol, Random Data, ch. 8), as a chi-square variable with
+:math:`n = 2 T (\int S df)^2 / \int S^2 df` degrees of freedom. The lines :math:`p_k` of the periodogram, with the full
+resolution 1/T, give :math:`n = 4 (\sum p_k)^2 / \sum p_k^2 - 2`, as the mean of :math:`p_k^2` is twice the square of
+that of :math:`p_k`. Where the kurtosis exceeds that of a Gaussian signal, the mean square scatters more, and n is
+divided by half of the kurtosis less 1. The interval is that of repeated records of a Gaussian input, whether the
+amplitudes of this one are random or fixed.
 """
 
 from __future__ import annotations
@@ -15,15 +23,19 @@ from beamsim.typing import Floats
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
 SKIPPED = 0.1  # share of a run that is left out at its beginning
+CONFIDENCE = 0.95
 
 
-def random_response(result: RunResult, force: Floats | None = None, skip: float = SKIPPED) -> RandomResponse | None:
+def random_response(
+    result: RunResult, force: Floats | None = None, skip: float = SKIPPED, *, stationary: bool = True
+) -> RandomResponse | None:
     """Analyse a run; None where it is too short.
 
     Parameters
     ----------
     force : (nt,) N, the force where a force drives the structure, not the base.
     skip : share of the run that is left out at its beginning.
+    stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
     """
     from scipy.signal import csd, welch
 
@@ -40,7 +52,10 @@ def random_response(result: RunResult, force: Floats | None = None, skip: float 
 
     def statistics(name: str, quantity: str, unit: str, values: Floats) -> SignalStatistics:
         x = values[first:]
-        return _statistics(name, quantity, unit, x, rate, density(x)[1])
+        interval = rms_interval(x) if stationary else {}
+        return SignalStatistics(
+            name=name, quantity=quantity, unit=unit, density=density(x)[1], **statistics_of(x, rate), **interval
+        )
 
     given = result.base_acceleration if force is None else force
     frequency, _ = density(given[first:])
@@ -61,26 +76,41 @@ def random_response(result: RunResult, force: Floats | None = None, skip: float 
     return RandomResponse(float(result.time[first]), frequency, (entered, *signals), transmissibility, coherence)
 
 
-def _statistics(name: str, quantity: str, unit: str, x: Floats, rate: float, density: Floats) -> SignalStatistics:
+def statistics_of(x: Floats, rate: float) -> dict[str, float]:
+    """Fields of `SignalStatistics` of samples (nt,) at a rate in Hz, the density apart."""
     mean, deviation = float(x.mean()), float(x.std())
     unknown = float("nan")
     y = (x - mean) / deviation if deviation > 0 else np.zeros(x.size)
     inner = y[1:-1]
     maxima = inner[(inner >= y[:-2]) & (inner > y[2:])]
     ups = int(np.sum((y[:-1] < 0) & (y[1:] >= 0)))
-    return SignalStatistics(
-        name=name,
-        quantity=quantity,
-        unit=unit,
-        mean=mean,
-        rms=float(np.sqrt(np.mean(x**2))),
-        standard_deviation=deviation,
-        highest=float(x.max()),
-        lowest=float(x.min()),
-        crest_factor=float(np.abs(y).max()) if deviation > 0 else unknown,
-        kurtosis=float(np.mean(y**4)) if deviation > 0 else unknown,
-        crossing_rate_hz=ups * rate / (x.size - 1),
-        peaks_over_2_sigma=float(np.mean(maxima > 2.0)) if maxima.size else unknown,
-        peaks_over_3_sigma=float(np.mean(maxima > 3.0)) if maxima.size else unknown,
-        density=density,
+    return {
+        "mean": mean,
+        "rms": float(np.sqrt(np.mean(x**2))),
+        "standard_deviation": deviation,
+        "highest": float(x.max()),
+        "lowest": float(x.min()),
+        "crest_factor": float(np.abs(y).max()) if deviation > 0 else unknown,
+        "kurtosis": float(np.mean(y**4)) if deviation > 0 else unknown,
+        "crossing_rate_hz": ups * rate / (x.size - 1),
+        "peaks_over_2_sigma": float(np.mean(maxima > 2.0)) if maxima.size else unknown,
+        "peaks_over_3_sigma": float(np.mean(maxima > 3.0)) if maxima.size else unknown,
+    }
+
+
+def rms_interval(x: Floats) -> dict[str, float]:
+    """Equivalent degrees of freedom of the mean square of samples (nt,), and the interval of the root mean square."""
+    from scipy.special import chdtri
+
+    y = x - x.mean()
+    power = np.abs(np.fft.rfft(y)[1:]) ** 2
+    square, fourth = float(np.mean(y**2)), float(np.mean(y**4))
+    if square == 0.0:
+        return {}
+    freedom = 4.0 * power.sum() ** 2 / float(power @ power) - 2.0
+    freedom = float(max(freedom / max(1.0, 0.5 * (fourth / square**2 - 1.0)), 1.0))
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low, high = (
+        float(np.sqrt(x.mean() ** 2 + square * freedom / chdtri(freedom, share))) for share in (tail, 1 - tail)
     )
+    return {"degrees_of_freedom": freedom, "rms_low": low, "rms_high": high}

@@ -28,6 +28,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
+STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _TIME = ("time",)
 _WITH_FINER_MODEL = "relative change with half as many modes more and twice the elements"
 _FREQUENCY = ("frequency_hz",)
@@ -112,6 +113,9 @@ class SpectralLine:
     amplitude_db: float = dataset("dB", "20 log10(amplitude / max |x|)")
     phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
     kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other; residual: of no physical mode")
+    relative_change: float = dataset(  # nan where there is no comparison
+        "1", f"of the amplitude, or of the frequency if larger, {_WITH_FINER_MODEL}", default=float("nan")
+    )
 
 
 @declared
@@ -137,6 +141,7 @@ class Spectrum:
     rms: float | None = attribute(
         "{unit}", "root mean square over the part that is analysed, mean included", default=None
     )
+    rms_change: float | None = attribute("1", f"of the root mean square, {_WITH_FINER_MODEL}", default=None)
 
 
 @declared
@@ -193,6 +198,13 @@ class SignalStatistics:
     peaks_over_2_sigma: float = attribute("1", "share of the maxima more than 2 standard deviations above the mean")
     peaks_over_3_sigma: float = attribute("1", "share of the maxima more than 3 standard deviations above the mean")
     density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}", along=_FREQUENCY)
+    # nan of a sampled input, which is no process, and in files of earlier versions
+    rms_low: float = attribute(
+        "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input",
+        default=float("nan"),
+    )  # fmt: skip
+    rms_high: float = attribute("{unit}", "upper end of that interval", default=float("nan"))
+    degrees_of_freedom: float = attribute("1", "equivalent degrees of freedom of the mean square", default=float("nan"))
 
 
 @declared
@@ -230,7 +242,7 @@ class RandomResponse:
 
     def summary(self) -> dict[str, Any]:
         """The numbers, by name and quantity."""
-        keys = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
+        keys = (*STATISTICS, "rms_low", "rms_high", "degrees_of_freedom")
         return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
 
 
@@ -305,6 +317,8 @@ _SUMMARY = (
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
     MARGINS,
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
+    Entry("random", "", "of a random or sampled input, by signal: rms with its 95 % interval, crest factor, kurtosis "
+             "and more", "random response"),
     *MODES,
     Entry("convergence", "1", "by figure, and by name of probe or snubber, its relative change with half as many modes "
              "more and twice the elements", "convergence"),
@@ -317,7 +331,6 @@ _SUMMARY = (
     *CorrectionSize.ENTRIES,
     Entry("against", "", "differences from a time stepper (`--against`) by figure, and the cost of both",
           "exact and time stepper"),
-    Entry("random", "", "of a random or sampled input, by signal: rms, crest factor, kurtosis and more"),
 )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,33 +53,38 @@ def spectra_of_motion(
     """
     assert scenario.run is not None
     settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
-    duration = _duration(settings, trajectory.end, excitation_hz)
-    begin = trajectory.end - duration
+    begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
+    kept, modes = system.modes.kept_modes, system.modes
+    residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
+    found = {}
+    columns = [(probe.name, *of) for of in QUANTITIES.values() for probe in system.probes]
+    records = records_of(scenario, system, trajectory, outputs, begin, trajectory.end)
+    for (probe, quantity, unit), (record, at_end) in zip(columns, records, strict=True):
+        window = settings.window or _suited_window(scenario, record.x)
+        if window == "rectangular":
+            record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
+        found[probe, quantity] = spectrum_of(record, window, excitation_hz, probe, quantity, unit, residual)
+    return found
+
+
+def records_of(
+    scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, outputs: OutputSet, begin: float, end: float
+) -> Iterator[tuple[MotionRecord, float]]:
+    """A record for each output, and the output at the end of the part; samples cover the modes kept."""
+    assert scenario.run is not None
+    duration = end - begin
     content = _highest_content(scenario, system, trajectory)
-    highest = settings.to or content
+    highest = scenario.run.spectrum.to or content
     rate = SAMPLES_OF_A_PERIOD * max(highest, content)
     size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
     rate = size / duration
     highest = min(highest, rate / SAMPLES_OF_A_PERIOD)
-    part = MotionPart.of(trajectory, outputs, begin, trajectory.end, np.pi * rate)
-    samples, end = part.samples(size), part.at_end()
+    part = MotionPart.of(trajectory, outputs, begin, end, np.pi * rate)
+    samples, at_end = part.samples(size), part.at_end()
     time = begin + np.arange(size) / rate
-    kept, modes = system.modes.kept_modes, system.modes
-    residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
-    found = {}
-    column = 0
-    for quantity, unit in QUANTITIES.values():
-        for probe in system.probes:
-            x = np.ascontiguousarray(samples[:, column])
-            window = settings.window or _suited_window(scenario, x)
-            if window == "rectangular":
-                x[0] = 0.5 * (x[0] + end[column])  # both ends of the part are one sample of the periodic record
-            record = MotionRecord(part.one(column), begin, duration, time, x, rate, highest)
-            found[probe.name, quantity] = spectrum_of(
-                record, window, excitation_hz, probe.name, quantity, unit, residual
-            )
-            column += 1
-    return found
+    for column, last in enumerate(at_end):
+        x = np.ascontiguousarray(samples[:, column])
+        yield MotionRecord(part.one(column), begin, duration, time, x, rate, highest), float(last)
 
 
 def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:

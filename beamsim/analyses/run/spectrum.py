@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 
 # The rule for a line, see `spectrum_of`.
-_WORTH_LISTING = 1e-3  # of the largest line: 60 dB
+WORTH_LISTING = 1e-3  # of the largest line: 60 dB
 _OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
 _OVER_SKIRTS = 10**0.5  # the same in a decaying record, whose lines are broad: 10 dB over an octave on either side
 _OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
@@ -29,6 +29,7 @@ _DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
 _LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
 _MOST_LINES = 50
 _ORDERS_OF_A_SHORT_RECORD = 10
+NEARBY, NEARBY_BINS = 0.01, 3.0  # share of its frequency, and bins, within which a line is found again
 
 
 def amplitude_db(amplitude: Floats, peak: float) -> Floats:
@@ -157,6 +158,45 @@ def spectrum_of(
     )
 
 
+def found_again(record: Record, known: Spectrum) -> tuple[Floats, Floats]:
+    """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
+
+    Orders of the excitation keep their frequency. Any other line is sought near its own, since a natural frequency
+    depends on the model.
+    """
+    lines = known.lines[1:]
+    one_sided = Window.named(known.window).one_sided
+    examined = _examined(record, known.excitation_hz, one_sided) if lines else None
+    frequency = np.array([line.frequency_hz for line in lines])
+    free = [k for k, line in enumerate(lines) if line.kind in ("other", "residual")]
+    if free and examined is not None:
+        amplitude = _windowed_amplitude(record.x, examined)
+        bin_hz = record.rate / record.x.size
+        for k in free:
+            frequency[k] = bin_hz * _nearby_peak(amplitude, frequency[k] / bin_hz, lines[k].amplitude)
+    mean, c = record.project(frequency, examined)
+    return np.append(0.0, frequency), np.append(abs(mean), np.abs(c))
+
+
+def _nearby_peak(amplitude: Floats, near: float, size: float) -> float:
+    """The nearest local maximum, in bins, that is not much smaller than a known line; else where that line is."""
+    reach = max(NEARBY_BINS, NEARBY * near)
+    low, high = max(1, int(near - reach)), min(amplitude.size - 1, int(near + reach) + 2)
+    inner = np.arange(low, high)
+    top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
+    top = top[amplitude[top] >= 0.5 * size]
+    if top.size == 0:
+        return near
+    j = int(top[np.abs(top - near).argmin()])
+    return float(j + _parabola_top(amplitude[j - 1 : j + 2]))
+
+
+def _examined(record: Record, excitation_hz: float, one_sided: bool) -> Window | None:
+    """The window through which lines are seen; None where the record holds a few periods of the excitation alone."""
+    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.x.size / record.rate < 2 * _LOBE
+    return None if short else Window("blackmanharris", one_sided)
+
+
 def _samples_analysed(
     available: int, rate: float, last: float | None, periods: int | None, excitation_hz: float
 ) -> int:
@@ -201,14 +241,13 @@ def _lines(
     record: Record, excitation_hz: float, peak: float, one_sided: bool, residual_hz: tuple[float, ...]
 ) -> tuple[SpectralLine, ...]:
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
-    bins = excitation_hz * record.x.size / record.rate if forced else np.nan  # excitation frequency in bins
-    window = None
-    if forced and bins < 2 * _LOBE:
-        candidates = _orders_of_short_record(record, excitation_hz, peak) if bins >= 1 - _ROUND_OFF else []
+    window = _examined(record, excitation_hz, one_sided)
+    if window is None:
+        periods = excitation_hz * record.x.size / record.rate
+        candidates = _orders_of_short_record(record, excitation_hz, peak) if periods >= 1 - _ROUND_OFF else []
     else:
-        examined = Window("blackmanharris", one_sided)
-        candidates = _peaks(record, examined, excitation_hz, peak)
-        window = examined if candidates else None
+        candidates = _peaks(record, window, excitation_hz, peak)
+        window = window if candidates else None
         if forced and candidates:
             candidates = _only_locked(record, candidates)
     candidates = sorted(candidates, key=lambda c: c.frequency_hz)
@@ -247,7 +286,7 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
     if top.size == 0:
         return []
     deviation = float(np.max(np.abs(x - np.mean(x))))
-    least = max(_WORTH_LISTING * float(np.max(amplitude[top])), _OVER_SIDE_LOBES * deviation, _ROUND_OFF * peak)
+    least = max(WORTH_LISTING * float(np.max(amplitude[top])), _OVER_SIDE_LOBES * deviation, _ROUND_OFF * peak)
     top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
     reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
@@ -306,7 +345,7 @@ def _orders_of_short_record(record: Record, excitation_hz: float, peak: float) -
     residual = x - mean - np.sin(2 * np.pi * time[:, None] * frequency + np.angle(c)) @ np.abs(c)
     floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
     amplitude = np.abs(c)
-    limit = max(_WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
+    limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
     return [
         _Candidate(Fraction(m), float(f), float(f))
         for m, f, a in zip(range(1, highest + 1), frequency, amplitude, strict=True)

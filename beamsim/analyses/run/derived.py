@@ -1,0 +1,181 @@
+"""Figures that come from a whole motion, found again in another motion of the same case.
+
+These are root mean squares and lines of the spectra, and the statistics of a random or sampled response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.analyses.limits import STANDARD_GRAVITY
+from beamsim.analyses.run.outputs import OutputSet, output_groups
+from beamsim.analyses.run.random_response import statistics_of
+from beamsim.analyses.run.records import Record, SampledRecord
+from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, Spectrum
+from beamsim.analyses.run.spectra import QUANTITIES, records_of
+from beamsim.analyses.run.spectrum import WORTH_LISTING, found_again
+from beamsim.flow.trajectory import Trajectory
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
+
+Figures = dict[str, dict[str, float] | float]  # by figure, and by name where there are several
+SpectrumKey = tuple[str, str]  # probe and quantity
+
+
+@dataclass(frozen=True)
+class SampledMotion:
+    """A motion from time stepping: output times (nt,) and, by group of outputs, (nt, k) values."""
+
+    time: Floats
+    values: Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class DerivedFigures:
+    """The spectra and statistics of a run.
+
+    Parameters
+    ----------
+    scenario : of the run.
+    spectra : by probe and quantity.
+    random : statistics of the response; None where the input is neither random nor sampled.
+    times : (nt,) s, output times.
+    """
+
+    scenario: Scenario
+    spectra: Mapping[SpectrumKey, Spectrum]
+    random: RandomResponse | None
+    times: Floats
+
+    def reported(self) -> Figures:
+        """The figures as they are in the result."""
+        found = {
+            key: (np.array([[line.frequency_hz, line.amplitude] for line in s.lines]).T, s.rms or 0.0)
+            for key, s in self.spectra.items()
+        }
+        figures = _by_name({key: (*lines, rms) for key, (lines, rms) in found.items()})
+        if self.random is not None:
+            figures["random"] = {
+                f"{s.name} {s.quantity} {key}": getattr(s, key) for s in self.random.signals for key in STATISTICS
+            }
+        return figures
+
+    def again(self, system: StructuralSystem, motion: Trajectory | SampledMotion, parts: int = 1) -> list[Figures]:
+        """The figures of another motion, in equal parts of what is analysed."""
+        found = [
+            _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
+            for records in self._records(system, motion, parts)
+        ]
+        if self.random is not None:
+            for figures, statistics in zip(found, self._statistics(system, motion, parts), strict=True):
+                figures["random"] = statistics
+        return found
+
+    def parts(self, most: int) -> int:
+        """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
+        s = next(iter(self.spectra.values()))
+        periods = s.duration_s * s.excitation_hz
+        return min(most, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else most
+
+    def _records(
+        self, system: StructuralSystem, motion: Trajectory | SampledMotion, parts: int
+    ) -> Iterator[Mapping[SpectrumKey, Record]]:
+        s = next(iter(self.spectra.values()))
+        if isinstance(motion, SampledMotion):
+            inside = motion.time >= s.start_s * (1 - 1e-12)
+            rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])
+            samples = {
+                (probe.name, quantity): motion.values[group][inside, i]
+                for group, (quantity, _) in QUANTITIES.items()
+                for i, probe in enumerate(system.probes)
+            }
+            yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in samples.items()}
+            return
+        keys = [(probe.name, quantity) for quantity, _ in QUANTITIES.values() for probe in system.probes]
+        end = min(s.start_s + s.duration_s, motion.end)
+        outputs = _outputs(system, motion, tuple(QUANTITIES))
+        records = [record for record, _ in records_of(self.scenario, system, motion, outputs, s.start_s, end)]
+        if parts == 1:
+            yield dict(zip(keys, records, strict=True))
+            return
+        for indices in np.array_split(np.arange(records[0].x.size), parts):  # of samples: two motions are compared
+            pieces = [SampledRecord(r.time[indices], r.x[indices], r.rate) for r in records]
+            yield dict(zip(keys, pieces, strict=True))
+
+    def _statistics(
+        self, system: StructuralSystem, motion: Trajectory | SampledMotion, parts: int
+    ) -> Iterator[dict[str, float]]:
+        assert self.random is not None
+        if isinstance(motion, SampledMotion):
+            times, values = motion.time, motion.values
+        else:
+            times = self.times[self.times <= motion.end]
+            outputs = _outputs(system, motion, (*QUANTITIES, "force"))
+            values = outputs.split(motion.sample(times, outputs), motion.flow.system.contacts.start)
+        after = times >= self.random.start_s
+        rate = (times.size - 1) / float(times[-1] - times[0])
+        signals = {
+            f"{probe.name} {quantity}": values[group][after, i]
+            for group, (quantity, _) in QUANTITIES.items()
+            for i, probe in enumerate(system.probes)
+        } | {f"{snubber.name} force": values["force"][after, j] for j, snubber in enumerate(system.snubbers)}
+        divided = {name: np.array_split(x, parts) for name, x in signals.items()}
+        for k in range(parts):
+            statistics = {name: statistics_of(pieces[k], rate) for name, pieces in divided.items()}
+            yield {f"{name} {key}": found[key] for name, found in statistics.items() for key in STATISTICS}
+
+
+def line_changes(
+    spectra: Mapping[SpectrumKey, Spectrum], changes: Mapping[str, Mapping[str, float]]
+) -> tuple[dict[SpectrumKey, tuple[float, ...]], dict[str, float]]:
+    """Relative changes of the lines of each spectrum, and by spectrum the largest over its strongest line.
+
+    The change of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
+    static vector is no figure of the structure, and has none (nan). That of a small mean is over the least amplitude
+    that a line has.
+    """
+    of_lines: dict[SpectrumKey, tuple[float, ...]] = {}
+    largest: dict[str, float] = {}
+    for key, s in spectra.items():
+        names = [_line(key, k) for k in range(len(s.lines))]
+        amplitude = [changes["line_amplitude"].get(name, np.nan) for name in names]
+        both = np.maximum(amplitude, [changes["line_frequency"].get(name, 0.0) for name in names])
+        physical = np.array([line.kind != "residual" for line in s.lines])
+        sizes = np.array([line.amplitude for line in s.lines]) * physical
+        if sizes.size == 0 or sizes.max() == 0:
+            continue
+        both[0] *= min(1.0, sizes[0] / (WORTH_LISTING * sizes.max()))
+        of_lines[key] = tuple(np.where(physical, both, np.nan).tolist())
+        largest[" ".join(key)] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
+    return of_lines, largest
+
+
+def _line(key: SpectrumKey, number: int) -> str:
+    return f"{key[0]} {key[1]} {number}"
+
+
+def _by_name(found: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Figures:
+    """From frequencies and amplitudes of lines and the root mean square, by spectrum."""
+    lines = [(_line(key, k), float(f), float(a)) for key, (fs, amplitudes, _) in found.items()
+             for k, (f, a) in enumerate(zip(fs, amplitudes, strict=True))]  # fmt: skip
+    rms = {key: value for key, (_, _, value) in found.items()}
+    return {
+        "line_frequency": {name: f for name, f, _ in lines},
+        "line_amplitude": {name: a for name, _, a in lines},
+        "rms_displacement_m": {key[0]: x for key, x in rms.items() if key[1] != MAIN_QUANTITY},
+        "rms_acceleration_g": {key[0]: x / STANDARD_GRAVITY for key, x in rms.items() if key[1] == MAIN_QUANTITY},
+    }
+
+
+def _outputs(system: StructuralSystem, motion: Trajectory, names: tuple[str, ...]) -> OutputSet:
+    groups = output_groups(system, motion.flow).groups
+    return OutputSet({name: groups[name] for name in names})

@@ -1,0 +1,141 @@
+"""Lines, root mean squares and statistics of random responses carry their change with a finer model."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run.derived import DerivedFigures
+from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.result import ALLOWED_CHANGE, STATISTICS
+from beamsim.cli.report import table_rows
+from beamsim.flow.transient import simulate
+from beamsim.plots.run import DOUBTFUL_LINES, run_figures
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.1}}
+TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "100 kN/m", "gap": 0}
+SHAKEN = {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "65 Hz"}
+PSD = [{"frequency": 20, "density": "0.01 g^2/Hz"}, {"frequency": 200, "density": "0.01 g^2/Hz"}]
+
+
+def beam(**more):
+    run = {"duration": 0.4, "spectrum": {"last": 0.2}} | more.pop("run", {})
+    return load_scenario({"beam": BEAM, "snubbers": [TIP], "excitation": SHAKEN, "run": run} | more)
+
+
+def by_frequency(result, quantity="absolute_acceleration"):
+    return {round(line.frequency_hz, 6): line for line in result.spectra["tip", quantity].lines}
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    return beamsim.run(beam())
+
+
+def test_changes_are_those_of_the_finer_model_itself(shaken):
+    modes = shaken.summary["convergence_model"]["modes"]
+    finer = beamsim.run(beam(beam=BEAM | {"elements": 40}, reduction={"modes": modes}, run={"convergence": "off"}))
+    for quantity in ("absolute_acceleration", "displacement"):
+        other, compared = by_frequency(finer, quantity), 0
+        for frequency, line in by_frequency(shaken, quantity).items():
+            if line.kind in ("fundamental", "superharmonic") and frequency in other:
+                a, b = line.amplitude, other[frequency].amplitude
+                # the set of lines that are projected together is not quite the same
+                assert line.relative_change == pytest.approx(abs(a - b) / max(a, b), rel=0.05, abs=1e-5)
+                compared += 1
+        assert compared > 4
+    changes = shaken.summary["convergence"]
+    for figure in ("rms_displacement_m", "rms_acceleration_g"):
+        a, b = (result.summary[figure]["tip"] for result in (shaken, finer))
+        assert changes[figure]["tip"] == pytest.approx(abs(a - b) / max(a, b), rel=1e-5, abs=1e-12)
+
+
+def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
+    """Table, JSON, file and picture; the largest change over the strongest line is that of the spectrum."""
+    result = beamsim.run(beam(reduction={"modes": 1}))
+    name = "tip absolute_acceleration"
+    assert f"spectral_lines.{name}" in result.summary["doubtful"]
+    assert "rms_acceleration_g.tip" in result.summary["doubtful"]
+    spectrum = result.spectra["tip", "absolute_acceleration"]
+    strongest = max(line.amplitude for line in spectrum.lines)
+    # changes of amplitude alone: the orders of the excitation keep their frequency
+    least = max(line.relative_change * line.amplitude for line in spectrum.lines if line.kind != "other")
+    assert result.summary["convergence"]["spectral_lines"][name] >= least / strongest * (1 - 1e-12) > ALLOWED_CHANGE
+    rows = [text for _, text in table_rows("run", result)]
+    assert any("NOT CONVERGED" in text and "tip absolute acceleration" in text for text in rows)
+    assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
+    stored = beamsim.open_run(beamsim.write_result(result, tmp_path / "run.h5"))
+    kept = stored.spectra["tip", "absolute_acceleration"]
+    assert [line.relative_change for line in kept.lines] == [line.relative_change for line in spectrum.lines]
+    assert kept.rms_change == result.summary["convergence"]["rms_acceleration_g"]["tip"]
+    above = run_figures(stored)["spectrum"].axes[0]
+    marks = next(line for line in above.lines if line.get_label() == DOUBTFUL_LINES)
+    assert len(marks.get_xdata()) == sum(line.relative_change > ALLOWED_CHANGE for line in spectrum.lines)
+    assert any("lines not converged" in text.get_text() for text in above.texts)
+
+
+def test_a_good_model_has_none(shaken):
+    assert not any("spectral_lines" in name or "rms" in name for name in shaken.summary["doubtful"])
+    below = run_figures(shaken)["spectrum"].axes[1]
+    assert DOUBTFUL_LINES not in {line.get_label() for line in below.lines}
+    assert not below.texts
+
+
+def test_a_free_line_is_found_again_at_its_own_frequency():
+    """A released beam whose natural frequencies move with the mesh: lines are compared mode by mode."""
+    released = {"duration": 20.0, "start": {"released_force": {"position": 0.27, "force": 1.0}}, "spectrum": {}}
+    coarse = beam(beam=BEAM | {"elements": 4, "damping": {"kind": "modal", "ratio": 1e-4}}, snubbers=[],
+                  probes=[{"name": "tip", "position": 0.27}],
+                  excitation={"kind": "none"}, reduction={"modes": 3}, run=released)  # fmt: skip
+    result = beamsim.run(coarse)
+    shift = result.summary["convergence"]["open_frequencies_hz"]
+    lines = [line for line in result.spectra["tip", "displacement"].lines if line.kind == "other"]
+    assert len(lines) >= 2
+    for k, line in enumerate(lines[:2], 1):
+        assert line.frequency_hz == pytest.approx(result.summary["open_frequencies_hz"][k - 1], rel=1e-3)
+        assert shift[str(k)] <= line.relative_change + 1e-4
+        assert line.relative_change < ALLOWED_CHANGE  # not lost, though bins away
+    assert shift["2"] * lines[1].frequency_hz > 2.0 / 20.0  # more than two bins
+
+
+@pytest.mark.parametrize("stop", [None, TIP], ids=["linear", "bouncing"])
+def test_statistics_of_a_random_response(stop):
+    excitation = {"kind": "random", "applied_to": "base", "psd": PSD, "seed": 2}
+    case = {"snubbers": [stop] if stop else [], "excitation": excitation, "probes": [{"name": "tip", "position": 0.27}]}
+    result = beamsim.run(beam(**case, run={"duration": 1.0, "sample_rate": 3000, "spectrum": {}}))
+    changes = result.summary["convergence"]["random"]
+    signals = [name for name in result.summary["random"] if not name.startswith("input")]
+    assert set(changes) == {f"{name} {key}" for name in signals for key in STATISTICS}
+    assert not any(name.startswith("random.tip displacement") for name in result.summary["doubtful"])
+    rows = [text for label, text in table_rows("run", result) if "crest" in text and label != "status"]
+    assert len(rows) == 3 + (stop is not None)
+    assert sum("change" in text for text in rows) == len(rows) - 1  # the input is the same
+
+
+def test_after_the_sequences_part_lines_are_compared_in_parts():
+    """A strongly shaken beam beside a hard stop bounces differently in every model, with the same first harmonics."""
+    stop = TIP | {"stiffness": "1000 kN/m", "gap": "1 mm"}  # as in test_run_convergence
+    shaken = SHAKEN | {"level": "10 g", "frequency": "75 Hz"}
+    light = BEAM | {"damping": {"kind": "modal", "ratio": 0.01}}
+    run = {"duration": 4.0, "spectrum": {"last": 3.0}}
+    result = beamsim.run(beam(beam=light, snubbers=[stop], excitation=shaken, run=run))
+    assert result.summary["convergence_model"]["sequences_part_s"] < 1.0
+    assert "rms_displacement_m.tip" not in result.summary["doubtful"]
+    assert "spectral_lines.tip displacement" not in result.summary["doubtful"]
+    assert 0.0 < by_frequency(result, "displacement")[75.0].relative_change < 0.1
+
+
+def test_parts_of_a_motion_have_its_mean_square():
+    scenario = beam(reduction={"modes": 3}, run={"convergence": "off"})
+    result, system = beamsim.run(scenario), build_system(scenario)
+    motion = simulate(exact_flow(system, 0.4), system.initial_state)
+    derived = DerivedFigures(scenario, result.spectra, None, result.time)
+    assert derived.parts(8) == 1
+    whole, parts = derived.again(system, motion)[0], derived.again(system, motion, 4)
+    mean = np.mean([part["rms_displacement_m"]["tip"] ** 2 for part in parts])
+    assert whole["rms_displacement_m"]["tip"] == pytest.approx(result.summary["rms_displacement_m"]["tip"], rel=1e-12)
+    assert np.sqrt(mean) == pytest.approx(whole["rms_displacement_m"]["tip"], rel=5e-3)  # of samples
+    again = [whole["line_amplitude"][f"tip displacement {k}"] for k in range(3)]
+    kept = [line.amplitude for line in result.spectra["tip", "displacement"].lines[:3]]
+    assert again == pytest.approx(kept, rel=1e-9)
