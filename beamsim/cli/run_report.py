@@ -82,7 +82,7 @@ def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) ->
     matching = [line for line in of_motion if (line["probe"], line["quantity"]) == (probe, quantity)]
     strongest = sorted(matching, key=lambda line: -line["amplitude"])[:LINES_SHOWN]
     for line in sorted(strongest, key=lambda line: float(line["frequency_hz"])):
-        change = line["relative_change"] or 0.0
+        change = line.get("relative_change") or 0.0  # files from before have none
         doubt = f", {change_text(change, doubtful=False)}" if change > ALLOWED_CHANGE else ""
         yield f"{_order(line)} ({line['amplitude_db']:.0f} dB{doubt})"
 
