@@ -80,6 +80,7 @@ MENDED: dict[str, str] = {
     "* json/special_points/count": "folds and branch points of backbones are looked for, and listed in the summary",
     "* compare */start_s": "a comparison says which part of the run it uses",
     "* compare file/*@start_s": "the same in files",
+    "* compare file/*lines/relative_change": "lines carry their change with a finer model",
     **dict.fromkeys(
         (
             *("* sweep* file/branches*", "* sweep* file/summary@*", "* sweep* json/points", "* sweep* json/branches"),

@@ -18,7 +18,7 @@ from beamsim.analyses.run.convergence import (
     solve_exactly,
     with_convergence,
 )
-from beamsim.analyses.run.derived import DerivedFigures, SteppedMotion
+from beamsim.analyses.run.derived import DerivedFigures, OutputSamples
 from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
 from beamsim.analyses.run.figures import (
     Extremes,
@@ -207,7 +207,7 @@ def _checked(
         if finer.cubic.count:
             again = _reference(finer, settings, motion.time, None, stop)
             check()
-            sampled = SteppedMotion(again.time, again.values)
+            sampled = OutputSamples(again.time, again.values)
             return Solution(finer, _figures(finer, again), float(again.time[-1]), sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
         return solve_exactly(finer, settings, seeds, motion.work, stop, check)

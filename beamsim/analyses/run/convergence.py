@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.derived import DerivedFigures, Figures, SpectrumKey, SteppedMotion, line_changes
+from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples, SpectrumKey, line_changes
 from beamsim.analyses.run.figures import Extremes, motion_figures, refine_extremes, sampled_extremes, static_figures
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
@@ -56,7 +56,7 @@ class Solution:
     figures: Mapping[str, Any]
     end: float  # s, reached
     trajectory: Trajectory | None = None
-    sampled: SteppedMotion | None = None  # from time stepping
+    sampled: OutputSamples | None = None  # from time stepping
 
 
 @dataclass(frozen=True)

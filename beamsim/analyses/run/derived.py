@@ -32,7 +32,7 @@ SpectrumKey = tuple[str, str]  # probe and quantity
 
 
 @dataclass(frozen=True)
-class SteppedMotion:
+class OutputSamples:
     """A motion from time stepping: output times (nt,) and, by group of outputs, (nt, k) values."""
 
     time: Floats
@@ -69,7 +69,7 @@ class DerivedFigures:
             }
         return figures
 
-    def again(self, system: StructuralSystem, motion: Trajectory | SteppedMotion, parts: int = 1) -> list[Figures]:
+    def again(self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int = 1) -> list[Figures]:
         """The figures of another motion, in equal parts of what is analysed."""
         found = [
             _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
@@ -87,10 +87,10 @@ class DerivedFigures:
         return min(most, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else most
 
     def _records(
-        self, system: StructuralSystem, motion: Trajectory | SteppedMotion, parts: int
+        self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int
     ) -> Iterator[Mapping[SpectrumKey, Record]]:
         s = next(iter(self.spectra.values()))
-        if isinstance(motion, SteppedMotion):
+        if isinstance(motion, OutputSamples):
             inside = motion.time >= s.start_s * (1 - 1e-12)
             rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])
             samples = {
@@ -112,10 +112,10 @@ class DerivedFigures:
             yield dict(zip(keys, pieces, strict=True))
 
     def _statistics(
-        self, system: StructuralSystem, motion: Trajectory | SteppedMotion, parts: int
+        self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int
     ) -> Iterator[dict[str, float]]:
         assert self.random is not None
-        if isinstance(motion, SteppedMotion):
+        if isinstance(motion, OutputSamples):
             times, values = motion.time, motion.values
         else:
             times = self.times[self.times <= motion.end]
