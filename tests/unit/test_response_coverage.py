@@ -11,6 +11,7 @@ from beamsim.analyses.response.paths import FollowedParameter
 from beamsim.orbits.branch import BranchPoint, recorded
 from beamsim.orbits.continuation import Settings
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.continuation import Continuation
 
 
 def point(value, x=0.0):
@@ -157,6 +158,9 @@ def test_a_search_that_fails_is_told_with_the_branch():
     (failed,) = branch.outcome.all_of(OutcomeCode.SEARCH_FAILED)
     assert failed.numbers["kinds"] == "Neimark–Sacker"
     assert 0.4 < failed.numbers["parameter"] < 0.5
-    model = SimpleNamespace(followed=FollowedParameter("level", 0.0, 1.0, "N"))
+    settings = Continuation.model_construct(side_branches="limited", longest_period=2)
+    model = SimpleNamespace(
+        followed=FollowedParameter("level", 0.0, 1.0, "N"), scenario=SimpleNamespace(sweep=settings)
+    )
     assert _outcome(model, [whole], Budget(1000, np.inf), None).complete
     assert "first at 0.45 N" in _outcome(model, [branch], Budget(1000, np.inf), None).text

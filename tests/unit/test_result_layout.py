@@ -22,8 +22,9 @@ WRITERS = {
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 # What may differ: the scenario's text has the form of the version that writes it.
 UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
-# What later versions write in addition: attributes, the kind on every branch.
-ADDED = {"outcome", "outcome_numbers", "kind"}
+# What later versions write in addition: attributes, the kind on every branch, a column of the lines.
+ADDED = {"outcome", "outcome_numbers", "kind", "rms_low", "rms_high", "degrees_of_freedom"}
+ADDED_COLUMNS = {"relative_change"}
 # Long names that were reworded: those of earlier files, and the current ones.
 _PARTS = (", real part", ", imaginary part")
 _HARMONICS = (
@@ -46,6 +47,7 @@ REWORDED = {
         f"root mean square of the {x} over a cycle": [f"root mean square of the {x} over the time of a cycle"]
         for x in _SWEPT
     },
+    "time of the contact event": ["time of the contact event; 0 where contact begins at the start of the run"],
     "share of the time in contact": ["share of the cycle's time in contact"],
     "coordinates at the slowest instant": [
         "coordinates at phase zero of the excitation; of a free motion at its slowest instant"
@@ -83,6 +85,8 @@ def described(path):
 
     def note(name, item):
         name = f"/{name}".rstrip("/") or "/"
+        if name.rpartition("/")[2] in ADDED_COLUMNS and "/lines/" in name:
+            return
         for key, value in item.attrs.items():
             if key not in OF_HDF5 | ADDED and (name, key) not in UNLIKE:
                 told[f"{name}@{key}"] = sorted(value.split()) if key == "json_encoded" else np.asarray(value).tolist()

@@ -39,7 +39,8 @@ def test_csv_tables(chain, fabricated_run, tmp_path):
 
     header, rows = read_csv(folder / "harmonics.csv")
     lines = result.spectra["tip", "displacement"].lines
-    assert [row[-1] for row in rows if row[:2] == ["tip", "displacement"]] == [line.kind for line in lines]
+    kind = header.index("kind")
+    assert [row[kind] for row in rows if row[:2] == ["tip", "displacement"]] == [line.kind for line in lines]
     _, rows = read_csv(folder / "events.csv")
     assert len(rows) == result.events.time.size
     assert rows[0][1:] == ["tip", "1"]

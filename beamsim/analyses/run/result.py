@@ -96,7 +96,7 @@ class EventLog:
 
     time: Floats = dataset(
         "s",
-        "time of the contact event; 0 for a contact that begins there, none for a snubber pressed from before",
+        "time of the contact event; 0 where contact begins at the start of the run",
         along=_EVENT,
     )
     snubber: Ints = dataset("1", "index of the snubber, from 0", along=_EVENT)
