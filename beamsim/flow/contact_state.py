@@ -63,14 +63,14 @@ class ContactState:
     def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output."""
         table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
-        driven, lowered = self._terms_of_sources
+        driven, lowered = self.terms_of_sources
         table[driven] += (output.direct + sources.exponent * output.direct_slope).T
         rising = sources.power > 0
         table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return np.ascontiguousarray(table)
 
     @cached_property
-    def _terms_of_sources(self) -> tuple[Ints, Ints]:
+    def terms_of_sources(self) -> tuple[Ints, Ints]:
         """(F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)."""
         terms = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
         driven = [terms[int(b), f] for f, b in enumerate(self.basis_of_source)]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, Schema
@@ -61,13 +62,13 @@ class Draws:
         changes = {place: value for value, at in zip(values, self._places, strict=True) for place in at}
         try:
             drawn: Scenario = _rebuilt(self._scenario, changes)
-        except (ValidationError, ScenarioError, KeyError, TypeError):
+        except (ValidationError, PydanticCustomError, ScenarioError, KeyError, TypeError):
             return load_scenario(draw_data(self._base, self._places, values))
         return drawn
 
 
 def _rebuilt(owner: Any, changes: Mapping[Path, Value]) -> Any:
-    """A section, tuple or mapping of sections with values at paths below it; the sections on the way are validated."""
+    """A section, tuple or mapping of sections with values at paths below it; the sections on the way are checked."""
     below: dict[str | int, dict[Path, Value]] = {}
     for path, value in changes.items():
         below.setdefault(path[0], {})[path[1:]] = value
@@ -75,7 +76,11 @@ def _rebuilt(owner: Any, changes: Mapping[Path, Value]) -> Any:
         names = type(owner).keys()
         parts = {names.get(str(key), str(key)): rest for key, rest in below.items()}
         inner = {name: _new(owner.__dict__[name], rest) for name, rest in parts.items()}
-        return type(owner).model_validate({**owner.__dict__, **inner})
+        if any(() in rest for rest in below.values()):  # a value of its own, which its field has to read
+            return type(owner).model_validate({**owner.__dict__, **inner})
+        copy = owner.model_copy(update=inner)
+        copy.settle()
+        return copy
     if isinstance(owner, dict):
         return {**owner, **{str(key): _new(owner[key], rest) for key, rest in below.items()}}
     items = list(owner)

@@ -132,18 +132,44 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
 
 def _forms(flow: ExactFlow) -> Iterator[tuple[Complexes, Complexes]]:
     """Of every contact state the forms (2, T, T) of dissipated power and power in, see `form_integrals`."""
-    left, right, weight = power_factors(flow, structure=False)
-    n = flow.system.size
+    n, sources = flow.system.size, flow.sources
+    loads = np.vstack([flow.system.constant_load, flow.forcing.load])
+    works = sources.channel < flow.forcing.load.shape[0]  # sources that load the structure; the constant one is first
+    base_rate = _base_rate(flow)
     for state in flow.states:
-        a = state.coefficients(left(state.phases), flow.sources)
-        b = state.coefficients(right(state.phases), flow.sources)
         v = state.term_vector[:, n : 2 * n]
-        plus = np.array([(a * weight[:, q]) @ b.T for q in range(2)])
-        minus = np.array([(a * weight[:, q]) @ b.conj().T for q in range(2)])
-        plus[0] += v @ flow.system.damping @ v.T
-        minus[0] += v @ flow.system.damping @ v.conj().T
+        signals = np.zeros((v.shape[0], loads.shape[0]), dtype=complex)
+        signals[state.terms_of_sources[0][works], sources.channel[works] + 1] = 1.0
+        lost, moved = (state.coefficients(output, sources) for output in _lost(flow, state.phases))
+        dissipated = [(v @ flow.system.damping, v), (lost, moved)]
+        supplied = [(signals, v @ loads.T)]
+        if base_rate is not None:
+            force = state.coefficients(flow.contact_forces(state.phases), sources)
+            supplied.append((-force * flow.system.contacts.sign, state.coefficients(base_rate, sources)))
+        plus = np.array([sum(left @ right.T for left, right in of) for of in (dissipated, supplied)])
+        minus = np.array([sum(left @ right.conj().T for left, right in of) for of in (dissipated, supplied)])
         once = np.where(np.eye(v.shape[0]), 0.25, 0.5)  # each pair of terms counts once
         yield once * (plus + plus.transpose(0, 2, 1)), once * (minus + minus.conj().transpose(0, 2, 1))
+
+
+def _lost(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
+    """Dissipative forces in the contacts, and the rates on which they act."""
+    dashpot, internal = flow.system.contacts.losses(phases)
+    _, moved = flow.penetrations
+    if internal.size:
+        moved = stack(moved, flow.internal_rates(phases))
+    factor = np.concatenate([dashpot, internal])[:, None]
+    return LinearOutput(moved.row * factor, moved.direct * factor, moved.direct_slope * factor), moved
+
+
+def _base_rate(flow: ExactFlow) -> LinearOutput | None:
+    """(m,) velocity of the base at contacts on the ground; None where no contact feels it."""
+    if flow.base_channel < 0:
+        return None
+    rate = flow.empty_output(flow.system.contacts.count)
+    of_base = flow.sources.channel == flow.base_channel
+    rate.direct_slope[np.ix_(flow.system.contacts.on_ground, of_base)] = 1.0
+    return rate
 
 
 def _states(flow: ExactFlow) -> OutputSet:
@@ -153,16 +179,11 @@ def _states(flow: ExactFlow) -> OutputSet:
     return OutputSet({"state": lambda phases: whole, "penetration": lambda phases: delta})
 
 
-def power_factors(flow: ExactFlow, *, structure: bool = True):  # type: ignore[no-untyped-def]
-    """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1).
-
-    Without ``structure`` what the open structure dissipates is left out.
-    """
+def power_factors(flow: ExactFlow):  # type: ignore[no-untyped-def]
+    """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
     system, contacts, sources = flow.system, flow.system.contacts, flow.sources
     m, loads = contacts.count, flow.forcing.load
-    rate_of_damping, direction = np.zeros(0), np.zeros((system.size, 0))
-    if structure:
-        rate_of_damping, direction = np.linalg.eigh(system.damping)
+    rate_of_damping, direction = np.linalg.eigh(system.damping)
     used = np.flatnonzero(np.abs(rate_of_damping) > 0)
     moving = velocities(flow, direction[:, used].T)
     signals = flow.empty_output(loads.shape[0] + 1)
@@ -170,24 +191,13 @@ def power_factors(flow: ExactFlow, *, structure: bool = True):  # type: ignore[n
     for index in range(loads.shape[0]):
         signals.direct[index + 1, sources.channel == index] = 1.0
     loaded = velocities(flow, np.vstack([system.constant_load, loads]))
-    base_rate = flow.empty_output(m)
-    if flow.base_channel >= 0:
-        base_rate.direct_slope[np.ix_(contacts.on_ground, sources.channel == flow.base_channel)] = 1.0
-
-    _, rate = flow.penetrations
-
-    def lost(phases: Ints) -> tuple[LinearOutput, LinearOutput]:
-        """Dissipative forces in the contacts, and the rates on which they act."""
-        dashpot, internal = contacts.losses(phases)
-        moved = stack(rate, flow.internal_rates(phases))
-        factor = np.concatenate([dashpot, internal])[:, None]
-        return LinearOutput(moved.row * factor, moved.direct * factor, moved.direct_slope * factor), moved
+    base_rate = _base_rate(flow) or flow.empty_output(m)
 
     def left(phases: Ints) -> LinearOutput:
-        return stack(moving, lost(phases)[0], signals, flow.contact_forces(phases))
+        return stack(moving, _lost(flow, phases)[0], signals, flow.contact_forces(phases))
 
     def right(phases: Ints) -> LinearOutput:
-        return stack(moving, lost(phases)[1], loaded, base_rate)
+        return stack(moving, _lost(flow, phases)[1], loaded, base_rate)
 
     inside = m + contacts.internal_states
     weight = np.zeros((used.size + inside + loads.shape[0] + 1 + m, 2))
