@@ -5,6 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs import cases
+from beamsim.analyses.designs.analysis import plan_draws
 from beamsim.flow.trajectory import Trajectory
 from beamsim.store.journal import Journal, journal_path
 
@@ -141,3 +142,34 @@ def test_failed_draws_are_counted_and_the_others_kept(scenario):
     assert "chain.snubbers[0].stiffness" in result.failures[0].outcome.text
     assert np.isnan(result.table["snubbers/stop/contacts"][1])
     assert np.isfinite(np.delete(result.table["snubbers/stop/contacts"], 1)).all()
+
+
+def test_a_measured_input_is_found_beside_its_scenario(tmp_path, monkeypatch):
+    """The cases are plain data, which have no folder; the study may be called from anywhere."""
+    folder, elsewhere = tmp_path / "case", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    time = np.linspace(0.0, 2.0, 201)
+    np.savetxt(
+        folder / "force.csv", np.column_stack([time, np.sin(6 * time)]), delimiter=",", header="t,f", comments=""
+    )
+    text = CASE.replace("{kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 1 Hz}",
+                        "{kind: sampled, applied_to: {mass: 1}, file: force.csv}").replace("3 s", "2 s")  # fmt: skip
+    (folder / "case.yaml").write_text(text)
+    monkeypatch.chdir(elsewhere)
+    scenario = beamsim.load_scenario(folder / "case.yaml")
+    table = beamsim.ensemble(scenario, {"chain.snubbers.stop.gap": [0.0, 1e-3]}, workers=2).table
+    summary = beamsim.run(scenario).summary
+    assert summary["peak_force_n"]["stop"] > 0
+    again = beamsim.load_scenario(folder / "case.yaml", {"chain.snubbers[0].gap": 1e-3})
+    assert table["snubbers/stop/peak_force"][1] == pytest.approx(beamsim.run(again).summary["peak_force_n"]["stop"])
+
+
+def test_a_case_that_is_interrupted_ends_at_once(scenario):
+    study = plan_draws(scenario, {"excitation.level": [1.0]}).tasks
+    asked = []
+    solver = cases.CaseSolver(study.study, stop=lambda: asked.append(1) or True)
+    outcome = solver.solve(study[0])
+    assert not outcome.outcome.complete
+    assert outcome.values == {}
+    assert len(asked) <= 2

@@ -185,7 +185,8 @@ def _plan(
     if _varies_seed(places):
         base["excitation"].setdefault("amplitudes", "random")
     analysis = analysis_of(scenario)
-    study = Study(analysis, base, places, asked, _fingerprint(base, places, columns, kind, analysis, asked))
+    fingerprint = _fingerprint(base, places, columns, kind, analysis, asked)
+    study = Study(analysis, _with_whole_paths(base, scenario), places, asked, fingerprint)
     grid = kind == "grid"
     return DesignPlan(
         scenario=scenario,
@@ -336,6 +337,17 @@ def _base(scenario: Scenario) -> dict[str, Any]:
         base["run"].pop("sample_rate", None)
     if scenario.sweep is not None and not scenario.sweep.levels:
         del base["sweep"]["levels"]  # an empty list is refused
+    return base
+
+
+def _with_whole_paths(base: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
+    """The plain data with the paths of files from the root, since it has no folder that they could be relative to."""
+    for place in (("excitation", "file"), ("run", "start", "orbit")):
+        owner: Any = base
+        for key in place[:-1]:
+            owner = owner.get(key) if isinstance(owner, dict) else None
+        if isinstance(owner, dict) and place[-1] in owner:
+            owner[place[-1]] = str((scenario.folder_of(*place) / owner[place[-1]]).absolute())
     return base
 
 

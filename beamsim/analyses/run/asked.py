@@ -20,6 +20,7 @@ from beamsim.analyses.run.outputs import (
     stack,
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES, SKIPPED
+from beamsim.errors import NotTrustedError
 from beamsim.flow.march import never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -88,11 +89,22 @@ def asked_figures(
     system : of a scenario for which `gives_figures`.
     asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
     shared : keeps what the motions of several systems have in common.
-    stop : see `beamsim.analyses.run.analysis.run`.
+    stop : asked several times a second whether to give up.
+
+    Raises
+    ------
+    NotTrustedError
+        Once ``stop`` says so.
     """
     flow = exact_flow(system, settings.duration, shared)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
-    balance = energy_of_segments(trajectory)
+
+    def check() -> None:
+        if stop():
+            raise NotTrustedError("interrupted")
+
+    check()
+    balance = energy_of_segments(trajectory, check)
     outcome = balance.checked(trajectory.outcome)
     if outcome.code is OutcomeCode.EVENT_LIMIT:
         outcome = outcome.but(limit="run.max_events")
@@ -107,7 +119,7 @@ def asked_figures(
         closings = trajectory.event_contact[trajectory.event_closing]
         figures["contacts"] = dict(zip(snubbers, np.bincount(closings, minlength=len(snubbers)).tolist(), strict=False))
     if outcome.complete:
-        figures |= _extremes(system, trajectory, asked)
+        figures |= _extremes(system, trajectory, asked, check)
         figures |= _root_mean_squares(system, settings, trajectory, asked)
     return figures, outcome
 
@@ -145,7 +157,9 @@ class _Search(NamedTuple):
     group: Ints  # (k,) of each output; where only the largest value of a group is asked for, its outputs share one
 
 
-def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collection[str]) -> dict[str, Any]:
+def _extremes(
+    system: StructuralSystem, trajectory: Trajectory, asked: Collection[str], check: Callable[[], None]
+) -> dict[str, Any]:
     """The entries that are extremes, from one search for all of them."""
     searches = _searches(system, trajectory, asked)
     if not searches:
@@ -162,7 +176,7 @@ def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collectio
     sampled = values.max(axis=0)
     largest = np.full(int(offsets[-1]), -np.inf)
     np.maximum.at(largest, group, sampled)
-    highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)])
+    highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)], check)
     highest = np.where(highest > largest[group], highest, sampled)
     parts = np.split(highest, np.cumsum(sizes)[:-1])
     return _named(system, asked, dict(zip(searches, parts, strict=True)))

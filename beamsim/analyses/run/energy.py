@@ -101,15 +101,16 @@ def _energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], N
     return EnergyBalance.of(times, history, float(np.trapezoid(np.abs(power), times)))
 
 
-def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
+def energy_of_segments(trajectory: Trajectory, check: Callable[[], None] = no_check) -> EnergyBalance:
     """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
 
     The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
-    segment by segment. Motions of few segments, or with powers of time, are evaluated at `FEW_TIMES`.
+    segment by segment. Motions of few segments, or with powers of time, are evaluated at `FEW_TIMES`; an exception
+    that ``check`` raises there ends the work.
     """
     flow, count = trajectory.flow, trajectory.time.size
     if count < LEAST_SEGMENTS or any(np.any(state.power > 0) for state in flow.states):
-        return energy_history(trajectory, trajectory.end * FEW_TIMES)
+        return energy_history(trajectory, trajectory.end * FEW_TIMES, check)
     from beamsim.flow.integral_kernels import form_integrals
 
     plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
