@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from threading import Lock
+from threading import Lock, RLock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -72,23 +72,35 @@ class SharedBuilds:
 
     def __init__(self) -> None:
         self._kept: dict[str, OrderedDict[Hashable, Any]] = {}
-        self._lock = Lock()
+        self._looking_up, self._building = Lock(), RLock()
 
     def once(self, sort: str, key: Hashable, build: Callable[[], Built]) -> Built:
-        """What ``build`` gives for the key, a few of each sort being kept; not kept if the key has no hash."""
+        """What ``build`` gives for the key, a few of each sort being kept; not kept if the key has no hash.
+
+        Threads that need the same wait for the one that builds it.
+        """
         try:
             hash(key)
         except TypeError:
             return build()
-        with self._lock:
-            kept = self._kept.setdefault(sort, OrderedDict())
-            if key in kept:
-                kept.move_to_end(key)
-                known: Built = kept[key]
-                return known
-        built = build()
-        with self._lock:
-            kept[key] = built
-            while len(kept) > MOST_KEPT:
-                kept.popitem(last=False)
+        known = self._known(sort, key)
+        if known:
+            return known[0]  # type: ignore[no-any-return]
+        with self._building:
+            known = self._known(sort, key)
+            built: Built = known[0] if known else build()
+            with self._looking_up:
+                kept = self._kept[sort]
+                kept[key] = built
+                while len(kept) > MOST_KEPT:
+                    kept.popitem(last=False)
         return built
+
+    def _known(self, sort: str, key: Hashable) -> tuple[Any, ...]:
+        """What is kept for a key, as the only item; nothing where it is not."""
+        with self._looking_up:
+            kept = self._kept.setdefault(sort, OrderedDict())
+            if key not in kept:
+                return ()
+            kept.move_to_end(key)
+            return (kept[key],)

@@ -63,8 +63,9 @@ def counted(monkeypatch):
     return counts
 
 
-def test_cases_that_differ_in_contact_and_level_share_the_structure_and_one_validation(counted):
-    result = design_study(load_scenario(BASE + CONTACT), workers=1)
+@pytest.mark.parametrize("workers", [1, 4])
+def test_cases_that_differ_in_contact_and_level_share_the_structure_and_one_validation(counted, workers):
+    result = design_study(load_scenario(BASE + CONTACT), workers=workers)
     assert result.cases == 18
     assert counted["assemble"] == counted["reduce_model"] == counted["natural_modes"] == 1
     assert counted["load_scenario"] == 2  # one for the check before the study, one for its cases

@@ -21,6 +21,7 @@ print(result.summary["solved"])
 
 RUN = '"run": {"duration": "1 s"}'
 SWEEP = '"sweep": {"kind": "swept_sine", "from": "1 Hz", "to": "2 Hz", "rate": "0.1 oct/s", "direction": "up"}'
+STEPPED = '"sweep": {"kind": "stepped", "from": "0.5 Hz", "to": "0.6 Hz", "points": 2}'
 
 
 def script(folder, workers, analysis):
@@ -29,7 +30,7 @@ def script(folder, workers, analysis):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300, check=False)
 
 
-@pytest.mark.parametrize(("workers", "analysis"), [(1, RUN), (1, SWEEP), (2, RUN)])
+@pytest.mark.parametrize(("workers", "analysis"), [(1, RUN), (1, STEPPED), (2, RUN), (2, SWEEP)])
 def test_one_worker_and_threads_belong_to_the_process_itself(tmp_path, workers, analysis):
     done = script(tmp_path, workers, analysis)
     assert (done.returncode, done.stdout.split()) == (0, ["2"]), done.stderr
@@ -37,7 +38,7 @@ def test_one_worker_and_threads_belong_to_the_process_itself(tmp_path, workers, 
 
 def test_workers_of_a_script_without_a_guard_are_refused_with_the_remedy(tmp_path):
     """They import the script, which would start workers again; that is not a lack of memory."""
-    done = script(tmp_path, 2, SWEEP)
+    done = script(tmp_path, 2, STEPPED)
     assert done.returncode != 0
     assert 'put the call under `if __name__ == "__main__":`, or use workers=1' in done.stderr
     assert "out of memory" not in done.stderr

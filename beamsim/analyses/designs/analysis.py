@@ -37,7 +37,7 @@ MOST_SHOWN = 5  # problems and failures in a message
 NORMAL_REACH = 3.0  # standard deviations in a tolerance
 
 SAMPLES = ("latin_hypercube", "draws")  # kinds of studies whose cases are a sample, so that they have statistics
-THREADED = ("run",)  # analyses whose time is spent in compiled code, which threads execute side by side
+THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side
 
 LIMITED_QUANTITIES = {
     "peak_force": "peak_force",
