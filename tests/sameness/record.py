@@ -81,15 +81,7 @@ MENDED: dict[str, str] = {
     "* compare */start_s": "a comparison says which part of the run it uses",
     "* compare file/*@start_s": "the same in files",
     "* compare file/*lines/relative_change": "lines carry their change with a finer model",
-    **dict.fromkeys(
-        (
-            *("* sweep* file/branches*", "* sweep* file/summary@*", "* sweep* json/points", "* sweep* json/branches"),
-            *("* sweep* json/special_points*", "* sweep* json/without_stable_motion*"),
-            *("chain_* sweep* json/peaks/*", "continuation_* sweep* json/peaks/*", "ms_* sweep* json/peaks/*"),
-            "one_sided_65hz sweep varied */stable_*",
-        ),
-        "continuation: points at the maxima of the curve, coexisting motions, branches cut at the ends of the range",
-    ),
+    "one_sided_65hz sweep varied */stable_*": "continuation: coexisting motions, branches cut at the ends of the range",
     "nnm_* nnm compare */multiple_scales/*": "exact motions are those of the backbone, at all factors",
     **dict.fromkeys(
         (
@@ -100,7 +92,6 @@ MENDED: dict[str, str] = {
         ),
         "periodic motions are held to their energy balance: its error is new in summaries and branches",
     ),
-    "* sweep* file/coordinate": "the states of a continuation are stored",
     "two_panels * file/*@body": "groups of probes and snubbers name their body",
     **dict.fromkeys(
         ("* */convergence/*", "* */convergence_model/*", "* */doubtful*", "* file/*@relative_change"),
