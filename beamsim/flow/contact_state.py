@@ -17,7 +17,8 @@ from functools import cached_property
 
 import numpy as np
 
-from beamsim.flow.invariant_blocks import Block, block_diagonalise, second_order_blocks
+from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
+from beamsim.flow.neighbouring_modes import can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -46,6 +47,7 @@ class ContactState:
     """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""
 
     phases: Ints  # (m,) of the contacts
+    internal_states: int  # r
     exponent: Complexes  # (B,)
     power: Ints  # (B,)
     projector: Complexes  # (Z, N) free amplitudes = projector @ (y - y_forced(0))
@@ -53,12 +55,19 @@ class ContactState:
     term_source: Ints  # (T,)
     term_vector: Complexes  # (T, N)
     horizon: float  # s, longest segment for which the tables hold
-    stiffness: Floats  # (n, n)
-    damping: Floats  # (n, n)
-    simple: tuple[Complexes, Complexes, Complexes]  # X (N, e), Xi (e, N), lambda (e,): eigenvalues with own blocks
+    simple_count: int  # e, of the first free amplitudes, those of eigenvalues with blocks of their own
     blocks: list[Block]  # the others
     basis_of_source: Ints  # (F,) the basis function of each input
     basis_below_source: Ints  # (F,) the one a power lower (-1 where power is 0)
+
+    @property
+    def simple(self) -> SimpleModes:
+        """Eigenvalues with blocks of their own, one of each conjugate pair."""
+        first = self.basis_of_source.size
+        terms = np.flatnonzero((self.term_source >= first) & (self.term_source < first + self.simple_count))
+        value = self.exponent[self.term_basis[terms]]
+        right = self.term_vector[terms].T / np.where(value.imag > 0.0, 2.0, 1.0)
+        return SimpleModes(right, self.projector[: self.simple_count], value)
 
     def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output."""
@@ -82,7 +91,7 @@ class ContactState:
 
         At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
         """
-        n = self.stiffness.shape[0]
+        n = (self.term_vector.shape[1] - self.internal_states) // 2
         size = np.abs(coefficients)
         for part in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
             row = np.linalg.norm(output.row[:, part], axis=1)
@@ -117,16 +126,17 @@ def build_state(
     base_channel: int,
     phases: Ints,
     longest_window: float,
+    known: ContactState | None = None,
 ) -> ContactState:
     """Diagonalise the system with its contacts in given phases and tabulate its flow.
 
     ``base_channel`` is the channel of the base displacement (-1 without), ``longest_window`` an upper limit
     on the length of a segment, s. Cost: one symmetric eigenvalue problem of order n and, where damping or internal
-    states couple modes, one unsymmetric of the order of these.
+    states couple modes, one unsymmetric of the order of these; from a ``known`` state of the same system with few
+    contacts in other phases none, where :func:`beamsim.flow.neighbouring_modes.neighbouring_modes` is exact.
     """
     n, F = system.size, sources.count
-    stiffness, damping = state_matrices(system, phases)
-    simple, blocks = _diagonalise(system, stiffness, damping, phases, longest_window)
+    simple, blocks = _diagonalise(system, phases, longest_window, known)
     X, Xi, lam = simple
     radius = max((b.radius for b in blocks), default=0.0)
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
@@ -147,15 +157,14 @@ def build_state(
         if p > 0:
             polynomial[p - 1] += p * load_slope[f]
         if np.any(polynomial):
-            _forced_simple(terms, X, lam, Xi[:, n:] @ polynomial.T, nu, f, window)
+            _forced_simple(terms, simple, polynomial, nu, f, window)
             for block in blocks:
                 _forced_block(terms, block, polynomial, nu, f, window)
 
-    keep = np.flatnonzero(lam.imag >= 0)
-    projector = [Xi[keep]]
+    projector = [Xi]
     source = F
-    for value, vector in zip(lam[keep], X[:, keep].T, strict=True):
-        terms.add(value, 0, source, vector * (2.0 if value.imag > 0 else 1.0))
+    for value, vector in zip(lam, np.ascontiguousarray((X * np.where(lam.imag > 0.0, 2.0, 1.0)).T), strict=True):
+        terms.add(value, 0, source, vector)
         source += 1
     for block in blocks:
         projector.append(block.left)
@@ -169,6 +178,7 @@ def build_state(
     basis = list(terms.basis)
     return ContactState(
         phases=phases.copy(),
+        internal_states=system.contacts.internal_states,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
         projector=np.ascontiguousarray(np.concatenate(projector, axis=0)),
@@ -176,9 +186,7 @@ def build_state(
         term_source=np.array([key[1] for key in terms.terms], dtype=np.int64),
         term_vector=np.ascontiguousarray(np.array(list(terms.terms.values()), dtype=complex).reshape(-1, terms.size)),
         horizon=float(horizon),
-        stiffness=stiffness,
-        damping=damping,
-        simple=simple,
+        simple_count=lam.size,
         blocks=blocks,
         basis_of_source=basis_of_source,
         basis_below_source=basis_below,
@@ -194,13 +202,48 @@ def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats,
 
 
 def _diagonalise(
-    system: PiecewiseLinearSystem, stiffness: Floats, damping: Floats, phases: Ints, window: float
-) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+    system: PiecewiseLinearSystem, phases: Ints, window: float, known: ContactState | None
+) -> tuple[SimpleModes, list[Block]]:
+    """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
+    n, contacts = system.size, system.contacts
+    inside = contacts.internal_states
+    together = contacts.coupled(phases)
+    modes = None
+    if known is not None and can_update(system, known.phases, phases):
+        modes = neighbouring_modes(system, known.simple, known.phases, phases)
+    if modes is None:
+        modes, blocks = _solved_modes(system, phases, window)
+    else:
+        blocks = []
+        modes = SimpleModes(
+            np.vstack([modes.right, np.zeros((inside, n))]), np.hstack([modes.left, np.zeros((n, inside))]),
+            modes.eigenvalue,
+        )  # fmt: skip
+    if inside and not together:
+        own, own_blocks = block_diagonalise(contacts.internal_rates(phases)[0], window)
+        eye = np.eye(2 * n + inside)
+        modes, blocks = _with_part(modes, blocks, own, own_blocks, eye[:, 2 * n :], eye[2 * n :])
+    return modes.upper(), blocks
+
+
+def _with_part(
+    modes: SimpleModes, blocks: list[Block], own: SimpleModes, own_blocks: list[Block], out: Floats, back: Floats
+) -> tuple[SimpleModes, list[Block]]:
+    """Modes and blocks with those of a part of the state, which ``out`` (N, a) and ``back`` (a, N) put into it and take
+    out of it."""
+    return SimpleModes(
+        np.concatenate([modes.right, out @ own.right], axis=1), np.concatenate([modes.left, own.left @ back]),
+        np.append(modes.eigenvalue, own.eigenvalue),
+    ), blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in own_blocks]  # fmt: skip
+
+
+def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) -> tuple[SimpleModes, list[Block]]:
     """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
-    exact."""
+    exact. Internal states are included where they are coupled with the structure."""
     n, contacts = system.size, system.contacts
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
+    stiffness, damping = state_matrices(system, phases)
     omega2, psi = _undamped_modes(system, stiffness, phases)
     d = psi.T @ damping @ psi
     off = np.abs(d - np.diag(np.diag(d)))
@@ -211,17 +254,7 @@ def _diagonalise(
     (X, Xi, lam), blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     X = np.vstack([X, np.zeros((N - 2 * n, X.shape[1]))])
     Xi = np.hstack([Xi, np.zeros((Xi.shape[0], N - 2 * n))])
-    blocks = [_embedded(b, N) for b in blocks] if 2 * n < N else blocks
-
-    def add(A: Floats, out: Floats, back: Floats) -> None:
-        """Blocks of a part of the state, which ``out`` (N, a) and ``back`` (a, N) take out of it and put back."""
-        nonlocal X, Xi, lam, blocks
-        (Xg, Xig, lamg), blocks_g = block_diagonalise(A, window)
-        X = np.concatenate([X, out @ Xg], axis=1)
-        Xi = np.concatenate([Xi, Xig @ back], axis=0)
-        lam = np.concatenate([lam, lamg])
-        blocks = blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in blocks_g]
-
+    modes, blocks = SimpleModes(X, Xi, lam), [_embedded(b, N) for b in blocks] if 2 * n < N else blocks
     if coupled.any():
         g = np.flatnonzero(coupled)
         scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
@@ -247,12 +280,8 @@ def _diagonalise(
             A[2 * r :, 2 * r :] = internal
             out[2 * n :, 2 * r :] = np.eye(inside) / unit
             back[2 * r :, 2 * n :] = np.eye(inside) * unit
-        add(A, out, back)
-    if 2 * n < N and not together:
-        internal, _ = contacts.internal_rates(phases)
-        eye = np.eye(N)
-        add(internal, eye[:, 2 * n :], eye[2 * n :])
-    return (X, Xi, lam), blocks
+        modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window), out, back)
+    return modes, blocks
 
 
 def _embedded(block: Block, size: int) -> Block:
@@ -324,9 +353,21 @@ def state_loads(
 
 
 def _forced_simple(
+    terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float
+) -> None:
+    """Response of the simple modes, and of their conjugates, to the load ``sum_p polynomial[p] tau^p e^{nu tau}``."""
+    beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
+    _respond(terms, modes.right, modes.eigenvalue, beta, nu, source, window)
+    pair = modes.eigenvalue.imag > 0.0
+    if pair.any():
+        beta = (modes.left[pair][:, -polynomial.shape[1] :] @ polynomial.conj().T).conj()
+        _respond(terms, modes.right[:, pair].conj(), modes.eigenvalue[pair].conj(), beta, nu, source, window)
+
+
+def _respond(
     terms: _Terms, X: Complexes, lam: Complexes, beta: Complexes, nu: complex, source: int, window: float
 ) -> None:
-    """Response of the simple eigenvalues to ``sum_p beta[:, p] tau^p e^{nu tau}``."""
+    """Response of eigenvalues to ``sum_p beta[:, p] tau^p e^{nu tau}``."""
     if lam.size == 0:
         return
     degree = beta.shape[1] - 1

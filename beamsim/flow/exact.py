@@ -78,14 +78,15 @@ class ExactFlow:
     def _built(self, phases: Ints) -> ContactState:
         """The contact state; one in which no contact acts is that of all flows of the same structure and sources."""
 
-        def build() -> ContactState:
+        def build(known: ContactState | None = None) -> ContactState:
             return build_state(
-                self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window
+                self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window, known
             )  # fmt: skip
 
         contacts = self.system.contacts
         if self.shared is None or contacts.internal_states or contacts.force_rows(phases)[0].any():
-            return build()
+            nearest = self._tables.nearest(phases)
+            return build(None if nearest is None else self.states[nearest])
         parts = (
             self.system.stiffness, self.system.damping, self.system.constant_load, self.forcing.load,
             self.sources.exponent, self.sources.power, self.sources.channel, phases,

@@ -12,6 +12,7 @@ over a bounded time. Method after Bavely and Stewart, SIAM J. Numer. Anal. 16 (1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,9 +41,30 @@ class Block:
         return float(np.max(np.abs(np.linalg.eigvals(self.matrix) - self.centre)))
 
 
+class SimpleModes(NamedTuple):
+    """Eigenvalues with a block of their own; of a conjugate pair both, or the one in the upper half-plane alone."""
+
+    right: Complexes  # X, (N, e)
+    left: Complexes  # Xi, (e, N)
+    eigenvalue: Complexes  # (e,)
+
+    def upper(self) -> SimpleModes:
+        """One of each conjugate pair, and the real ones."""
+        kept = np.flatnonzero(self.eigenvalue.imag >= 0.0)
+        return SimpleModes(self.right[:, kept], self.left[kept], self.eigenvalue[kept])
+
+    def whole(self) -> SimpleModes:
+        """Both of each pair, from what `upper` returns."""
+        pair = np.flatnonzero(self.eigenvalue.imag > 0.0)
+        return SimpleModes(
+            np.hstack([self.right, self.right[:, pair].conj()]), np.vstack([self.left, self.left[pair].conj()]),
+            np.append(self.eigenvalue, self.eigenvalue[pair].conj()),
+        )  # fmt: skip
+
+
 def second_order_blocks(
     shapes: Floats, omega_squared: Floats, damping: Floats, window: float = np.inf
-) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+) -> tuple[SimpleModes, list[Block]]:
     """Blocks of uncoupled modes ``eta'' + d eta' + omega^2 eta = 0`` in the state (q, q').
 
     Parameters
@@ -54,7 +76,7 @@ def second_order_blocks(
 
     Returns
     -------
-    simple : (X (2n, r), Xi (r, 2n), lambda (r,)), eigenvalues with a block of their own; of a conjugate pair both.
+    simple : eigenvalues with a block of their own; of a conjugate pair both.
     blocks : blocks of size two (rigid-body modes, near-critical damping).
     """
     n = shapes.shape[0]
@@ -88,10 +110,10 @@ def second_order_blocks(
         left[1, n:] = shapes[:, i]
         matrix = np.array([[0.0, unit], [-omega_squared[i] / unit, -damping[i]]], dtype=complex)
         blocks.append(Block(right, left, matrix, complex(-half[i]), 1.0))
-    return (X, Xi, lam), blocks
+    return SimpleModes(X, Xi, lam), blocks
 
 
-def block_diagonalise(A: Floats, window: float = np.inf) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+def block_diagonalise(A: Floats, window: float = np.inf) -> tuple[SimpleModes, list[Block]]:
     """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`."""
     lam, X = np.linalg.eig(A)
     lam = lam.astype(complex)
@@ -103,10 +125,10 @@ def block_diagonalise(A: Floats, window: float = np.inf) -> tuple[tuple[Complexe
     norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
     if not np.all(np.isfinite(norms)) or norms.max() > LARGEST_PROJECTOR:
         return _clusters(A, window)
-    return (X, Xi, lam), []
+    return SimpleModes(X, Xi, lam), []
 
 
-def _clusters(A: Floats, window: float) -> tuple[tuple[Complexes, Complexes, Complexes], list[Block]]:
+def _clusters(A: Floats, window: float) -> tuple[SimpleModes, list[Block]]:
     """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
     size = A.shape[0]
     lam = np.linalg.eigvals(A).astype(complex)
@@ -121,8 +143,8 @@ def _clusters(A: Floats, window: float) -> tuple[tuple[Complexes, Complexes, Com
         identity = sum((b.weight * (b.right @ b.left).real for b in candidate), np.zeros((size, size)))
         if worst < best and np.abs(identity - np.eye(size)).max() < 1e-9:
             blocks, best = candidate, worst
-    no_simple = (np.zeros((size, 0), dtype=complex), np.zeros((0, size), dtype=complex), np.zeros(0, dtype=complex))
-    return no_simple, blocks
+    none = np.zeros((size, 0), dtype=complex)
+    return SimpleModes(none, none.T, none[0]), blocks
 
 
 def _groups(lam: Complexes, tolerance: float, window: float) -> list[Ints]:

@@ -45,6 +45,12 @@ class StateTables:
         """Number of a state, None where it is not built."""
         return self._index.get(phases.tobytes())
 
+    def nearest(self, phases: Ints) -> int | None:
+        """Number of a state that differs in fewest contacts, None where there is none yet."""
+        if not self.count:
+            return None
+        return int(np.argmin(np.count_nonzero(self._arrays["phase"][: self.count] != phases, axis=1)))
+
     def following(self, state: int, guard: int) -> Ints:
         """Phases after the event of a guard."""
         watched = self.watched[state]

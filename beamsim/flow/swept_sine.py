@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.invariant_blocks import Block
+from beamsim.flow.invariant_blocks import Block, SimpleModes
 from beamsim.flow.march import Log, Motion, carry, never
 from beamsim.flow.state_tables import pad
 from beamsim.inputs.signal import Signal
@@ -110,7 +110,7 @@ class SweptFlow:
             load, slope = state_loads(
                 self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.phases
             )
-            self._forced.append(_forced_tables(s.simple, s.blocks, load[1:], slope[1:]))
+            self._forced.append(_forced_tables(s.simple.whole(), s.blocks, load[1:], slope[1:]))
 
     def forced(self) -> Forced:
         """Eigenvectors of the states so far, for the kernels."""
@@ -344,9 +344,7 @@ class _ForcedTables:
     gain_slope: Complexes  # (Ch, E)
 
 
-def _forced_tables(
-    simple: tuple[Complexes, Complexes, Complexes], blocks: list[Block], load: Floats, slope: Floats
-) -> _ForcedTables:
+def _forced_tables(simple: SimpleModes, blocks: list[Block], load: Floats, slope: Floats) -> _ForcedTables:
     """Every eigenvalue, conjugates too, in triangular blocks."""
     from scipy.linalg import schur
 

@@ -24,7 +24,7 @@ def undamped_state(system: PiecewiseLinearSystem, phases: Ints, longest_window: 
     if system.damping.any() or c.damped or not system.stiffness.all():
         return None
     row, _ = c.force_rows(phases)
-    stiffness, damping = state_matrices(system, phases)
+    stiffness, _ = state_matrices(system, phases)
     if row[:, 0].any():
         squares, V = np.linalg.eigh(stiffness)
     else:
@@ -40,9 +40,9 @@ def undamped_state(system: PiecewiseLinearSystem, phases: Ints, longest_window: 
     vectors[1:, :n], vectors[1:, n:] = 2.0 * V.T, (2j * w)[:, None] * V.T
     projector = np.empty((n, 2 * n), dtype=complex)
     projector[:, :n], projector[:, n:] = 0.5 * V.T, (-0.5j / w)[:, None] * V.T
-    right = 0.5 * vectors[1:].T
     return ContactState(
         phases=phases.copy(),
+        internal_states=0,
         exponent=np.append(0j, 1j * w),
         power=np.zeros(1 + n, dtype=np.int64),
         projector=projector,
@@ -50,11 +50,7 @@ def undamped_state(system: PiecewiseLinearSystem, phases: Ints, longest_window: 
         term_source=np.arange(1 + n),
         term_vector=vectors,
         horizon=longest_window,
-        stiffness=stiffness,
-        damping=damping,
-        simple=(
-            np.hstack([right, right.conj()]), np.vstack([projector, projector.conj()]), np.append(1j * w, -1j * w)
-        ),
+        simple_count=n,
         blocks=[],
         basis_of_source=np.zeros(1, dtype=np.int64),
         basis_below_source=np.full(1, -1),

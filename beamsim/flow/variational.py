@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts, Watched
-from beamsim.flow.contact_state import ContactState, build_state
+from beamsim.flow.contact_state import ContactState, build_state, state_matrices
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (
     LARGEST_LOG,
@@ -116,7 +116,11 @@ class VariationalFlow(SeriesFlow):
             return known
         state = undamped_state(self.system, phases, self._window)
         if state is None:
-            state = build_state(self.system, self._constant, self._sources, -1, phases, self._window)
+            nearest = self._state_tables.nearest(phases)
+            state = build_state(
+                self.system, self._constant, self._sources, -1, phases, self._window,
+                None if nearest is None else self._states[nearest],
+            )  # fmt: skip
         return self._keep(state)
 
     def _keep(self, state: ContactState) -> int:
@@ -154,8 +158,8 @@ class VariationalFlow(SeriesFlow):
             np.zeros(H, dtype=complex),
         )
         self._first_basis = np.array([s.exponent.size for s in self._states])
-        self._K = np.array([s.stiffness for s in self._states])
-        self._C = np.array([s.damping for s in self._states])
+        matrices = [state_matrices(self.system, s.phases) for s in self._states]
+        self._K, self._C = (np.array(each) for each in zip(*matrices, strict=True))
         self._derivative = np.zeros((2, S, H, self.size), dtype=complex)
         self._base_derivative = np.zeros((2, H), dtype=complex)
         self._known_parameters.clear()

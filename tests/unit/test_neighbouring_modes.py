@@ -1,0 +1,171 @@
+"""Modes of a contact state from a neighbour's, without an eigenvalue problem."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.flow import contact_state, neighbouring_modes
+from beamsim.flow.contact_state import build_state
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+N, M = 40, 6
+NONE = Forcing(np.zeros((0, N)), ())
+
+
+def beam_like(law=kelvin_voigt, *, stiffness=4e3, dashpot=1.0, ratio=0.01, seed=0, load=0.0) -> PiecewiseLinearSystem:
+    """Frequencies that grow with the square of their number, and contacts at places of a pinned beam."""
+    rng = np.random.default_rng(seed)
+    omega = 20.0 * np.arange(1, N + 1) ** 2.0
+    shape = 3.0 * np.sin(np.pi * rng.uniform(0.05, 0.95, (M, 1)) * np.arange(1, N + 1))
+    contacts = Contacts(shape, np.where(np.arange(M) % 2, -1.0, 1.0), np.full(M, 1e-3), np.zeros(M, dtype=bool),
+                        tuple(law(stiffness * (j + 1), dashpot) for j in range(M)))  # fmt: skip
+    return PiecewiseLinearSystem(omega**2, np.diag(2 * ratio * omega), contacts, load * shape.sum(axis=0))
+
+
+def flow_of(system, duration=0.3) -> ExactFlow:
+    """Shaken at the first natural frequency."""
+    return ExactFlow(system, Forcing(np.ones((1, N)), (Signal.harmonic(40.0, 20.0),)), duration)
+
+
+def propagator(state, system, time):
+    """The free response over a time, in the norm of the energy."""
+    modes, n = state.simple, system.size
+    scale = np.concatenate([np.sqrt(system.stiffness), np.ones(n + modes.right.shape[0] - 2 * n)])
+    weight = np.where(modes.eigenvalue.imag > 0, 2.0, 1.0) * np.exp(modes.eigenvalue * time)
+    return scale[:, None] * ((modes.right * weight) @ modes.left).real / scale
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """Numbers of eigenvalue problems of order 2n and of states made from a neighbour's."""
+    count = {"solved": 0, "updated": 0}
+
+    def counting(name, label):
+        original = getattr(contact_state, name)
+
+        def call(*arguments):
+            result = original(*arguments)
+            count[label] += result is not None
+            return result
+
+        monkeypatch.setattr(contact_state, name, call)
+
+    simulate(ExactFlow(replace(beam_like(), contacts=beam_like().contacts.take(slice(0))), NONE, 1e-3), np.zeros(2 * N))
+    counting("_solved_modes", "solved")
+    counting("neighbouring_modes", "updated")
+    return count
+
+
+@pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
+def test_a_march_solves_one_eigenvalue_problem(law, solved):
+    flow = flow_of(beam_like(law))
+    trajectory = simulate(flow, np.zeros(2 * N))
+    assert trajectory.outcome.complete
+    assert len(flow.states) > 8
+    assert solved == {"solved": 1, "updated": len(flow.states) - 1}
+
+
+@pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
+@pytest.mark.parametrize("seed", range(4))
+def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed, solved):
+    """60 random changes of contacts, one after the other."""
+    system, rng = beam_like(law, seed=seed, load=2.0), np.random.default_rng(seed)
+    flow, phases = flow_of(system), np.zeros(M, dtype=np.int64)
+    arguments = (system, flow.forcing, flow.sources, -1)
+    state = build_state(*arguments, phases, flow.longest_window)
+    for _ in range(60):
+        phases[rng.integers(M)] ^= 1
+        state = build_state(*arguments, phases, flow.longest_window, state)
+    assert solved == {"solved": 1, "updated": 60}
+    fresh = build_state(*arguments, phases, flow.longest_window)
+    for time in (0.0, 1e-4, 3e-3):
+        assert np.abs(propagator(state, system, time) - propagator(fresh, system, time)).max() < 2e-11
+    np.testing.assert_allclose(
+        state.term_vector[0], fresh.term_vector[0], atol=1e-11 * np.abs(fresh.term_vector[0]).max()
+    )
+    assert np.abs(propagator(state, system, 0.0) - np.eye(propagator(state, system, 0.0).shape[0])).max() < 2e-12
+
+
+def test_several_contacts_at_once(solved):
+    system = beam_like()
+    flow = flow_of(system)
+    for phases in ([0] * 6, [1, 0, 1, 0, 1, 0], [1] * 6, [0] * 6):
+        flow.state_index(np.array(phases))
+    flow.state_index(np.array([1, 1, 1, 1, 1, 0]))
+    assert solved == {"solved": 1, "updated": 3}
+
+
+def test_coupled_contacts_at_one_place(solved):
+    """Two stops that touch one point from both sides, and one at a node of half of the modes."""
+    system = beam_like()
+    shape = system.contacts.shape.copy()
+    shape[1], shape[2] = shape[0], 3.0 * np.sin(np.pi * 0.5 * np.arange(1, N + 1))
+    shape[2, 1::2] = 0.0
+    system = replace(system, contacts=replace(system.contacts, shape=shape))
+    flow = flow_of(system)
+    arguments = (system, flow.forcing, flow.sources, -1)
+    state = build_state(*arguments, np.zeros(M, dtype=np.int64), flow.longest_window)
+    for phases in ([1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 1, 0, 0, 0], [0, 1, 1, 0, 0, 0]):
+        state = build_state(*arguments, np.array(phases), flow.longest_window, state)
+        fresh = build_state(*arguments, np.array(phases), flow.longest_window)
+        assert np.abs(propagator(state, system, 1e-3) - propagator(fresh, system, 1e-3)).max() < 1e-11
+    assert solved["updated"] == 4
+
+
+def test_stiff_contacts_are_solved_anew_where_updates_lose_digits(solved):
+    """Contacts a million times stiffer than the first mode."""
+    system = beam_like(stiffness=4e6)
+    flow, rng, phases = flow_of(system), np.random.default_rng(1), np.zeros(M, dtype=np.int64)
+    for _ in range(30):
+        phases[rng.integers(M)] ^= 1
+        flow.state_index(phases.copy())
+    assert solved["solved"] > 3
+    for state in flow.states[::5]:
+        fresh = build_state(system, flow.forcing, flow.sources, -1, state.phases, flow.longest_window)
+        assert np.abs(propagator(state, system, 1e-3) - propagator(fresh, system, 1e-3)).max() < 1e-10
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"dashpot": 0.0, "ratio": 0.0}, {"ratio": 3.0}],
+    ids=["undamped: no real parts from round-off", "overdamped: real eigenvalues"],
+)
+def test_other_systems_are_solved_anew(changes, solved):
+    flow = flow_of(beam_like(**changes))
+    for phases in ([0] * 6, [1] + [0] * 5):
+        flow.state_index(np.array(phases))
+    assert solved == {"solved": 2, "updated": 0}
+
+
+def test_coincident_modes_and_coupled_damping_are_solved_anew(solved):
+    system = beam_like()
+    stiffness, damping = system.stiffness.copy(), system.damping.copy()
+    stiffness[7], damping[7, 7] = stiffness[6], damping[6, 6]
+    coincident = replace(system, stiffness=stiffness, damping=damping)
+    coupled = replace(system, damping=system.damping + 0.1)
+    for one in (coincident, coupled):
+        flow = flow_of(one)
+        for phases in ([0] * 6, [1] + [0] * 5):
+            flow.state_index(np.array(phases))
+        fresh = build_state(one, flow.forcing, flow.sources, -1, np.array([1] + [0] * 5), flow.longest_window)
+        assert np.abs(propagator(flow.states[1], one, 1e-3) - propagator(fresh, one, 1e-3)).max() < 1e-9
+    assert solved["updated"] == 0
+
+
+def test_inexact_modes_are_noticed():
+    """The check sees modes of a contact that is 1e-9 stiffer."""
+    system = beam_like()
+    flow = flow_of(system)
+    open_state = flow.states[flow.state_index(np.zeros(M, dtype=np.int64))]
+    closed = np.array([1] + [0] * 5)
+    modes = neighbouring_modes.neighbouring_modes(system, open_state.simple, open_state.phases, closed)
+    force = system.contacts.force_rows(closed)[0][:1]
+    shape = system.contacts.shape[:1]
+    assert neighbouring_modes._error(system, force[:, 0], force[:, 1], shape, modes) < 1e-13
+    assert neighbouring_modes._error(system, force[:, 0] * (1 + 1e-9), force[:, 1], shape, modes) > 1e-11
