@@ -94,7 +94,7 @@ class Contacts:
         """(m,) stiffness, N/m, and dashpot, N s/m, for slow motion in contact; nan for a law that gives none."""
         return np.array([law.stiffness for law in self.laws]), np.array([law.dashpot for law in self.laws])
 
-    @property
+    @cached_property
     def damped(self) -> bool:
         """Whether any phase dissipates."""
         return any(p.dashpot != 0.0 for law in self.laws for p in law.phases) or self.internal_states > 0
@@ -250,34 +250,33 @@ class Contacts:
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
-        return any(law.phases[k].coupled for law, k in zip(self.laws, phases, strict=True))
+        return bool(self._coupled[np.arange(self.count), phases].any())
+
+    @cached_property
+    def _coupled(self) -> Bools:
+        """(m, P) phases in which a contact's internal states and the structure drive each other."""
+        out = np.zeros(self.arrays.touching.shape, dtype=bool)
+        for j, law in enumerate(self.laws):
+            out[j, : len(law.phases)] = [phase.coupled for phase in law.phases]
+        return out
 
     def watched(self, phases: Ints) -> Watched:
         """What ends a contact state: the guards of its phases, contact by contact."""
-        a, r = self.arrays, self.internal_states
-        contact, rows, internal, following, reset = [], [], [], [], []
-        resetting: list[tuple[int, Floats]] = []
-        for j, k in enumerate(phases):
-            for i in range(a.guards[j, k]):
-                contact.append(j)
-                rows.append(a.guard[j, k, i])
-                following.append(int(a.next[j, k, i]))
-                reset.append(len(resetting) if a.resets[j, k, i] else -1)
-                if a.resets[j, k, i]:
-                    resetting += [(j, row) for row in a.reset[j, k, i, : a.states[j]]]
-        guards = len(contact)
-        contact += [j for j, _ in resetting]
-        rows += [row for _, row in resetting]
-        table = np.array(rows).reshape(len(rows), 3 + a.dynamics.shape[2])
-        for j, row in zip(contact, table, strict=True):
-            spread = np.zeros(r)
-            spread[a.first[j] : a.first[j] + a.states[j]] = row[3 : 3 + a.states[j]]
-            internal.append(spread)
-        first = np.array(reset, dtype=np.int64)
-        return Watched(
-            np.array(contact, dtype=np.int64), table[:, :3], np.array(internal).reshape(len(rows), r), guards,
-            np.array(following, dtype=np.int64), np.where(first >= 0, first + guards, -1),
-        )  # fmt: skip
+        a = self.arrays
+        number = a.guards[np.arange(self.count), phases]
+        contact = np.repeat(np.arange(self.count), number)
+        place = contact, phases[contact], np.arange(contact.size) - np.repeat(np.cumsum(number) - number, number)
+        table, first = a.guard[place], np.full(contact.size, -1)
+        for g in np.flatnonzero(a.resets[place]):
+            j = contact[g]
+            first[g] = contact.size
+            table = np.vstack([table, a.reset[j, phases[j], place[2][g], : a.states[j]]])
+            contact = np.append(contact, np.full(a.states[j], j))
+        internal = np.zeros((contact.size, self.internal_states))
+        for g in np.flatnonzero(a.states[contact]):
+            j = contact[g]
+            internal[g, a.first[j] : a.first[j] + a.states[j]] = table[g, 3 : 3 + a.states[j]]
+        return Watched(contact, table[:, :3], internal, place[2].size, a.next[place], first)
 
     @cached_property
     def arrays(self) -> PhaseArrays:

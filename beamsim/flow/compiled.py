@@ -57,6 +57,14 @@ def inner(function: Callable[..., Any]) -> Any:
     return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
 
 
+def summing(function: Callable[..., Any]) -> Any:
+    """As `inner`; sums may be taken in the order that suits the processor."""
+    any_order = {"reassoc", "contract", "nsz"}
+    return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, fastmath=any_order)(
+        function
+    )
+
+
 @cache
 def use_temporary_folder() -> bool:
     """Let Numba keep compiled code in a private temporary folder, also in worker processes; whether there is one."""

@@ -163,7 +163,7 @@ def build_state(
 
     projector = [Xi]
     source = F
-    for value, vector in zip(lam, np.ascontiguousarray((X * np.where(lam.imag > 0.0, 2.0, 1.0)).T), strict=True):
+    for value, vector in zip(lam, X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None], strict=True):
         terms.add(value, 0, source, vector)
         source += 1
     for block in blocks:
@@ -181,7 +181,7 @@ def build_state(
         internal_states=system.contacts.internal_states,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
-        projector=np.ascontiguousarray(np.concatenate(projector, axis=0)),
+        projector=np.ascontiguousarray(np.concatenate(projector) if blocks else Xi),
         term_basis=np.array([key[0] for key in terms.terms], dtype=np.int64),
         term_source=np.array([key[1] for key in terms.terms], dtype=np.int64),
         term_vector=np.ascontiguousarray(np.array(list(terms.terms.values()), dtype=complex).reshape(-1, terms.size)),
@@ -215,10 +215,11 @@ def _diagonalise(
         modes, blocks = _solved_modes(system, phases, window)
     else:
         blocks = []
-        modes = SimpleModes(
-            np.vstack([modes.right, np.zeros((inside, n))]), np.hstack([modes.left, np.zeros((n, inside))]),
-            modes.eigenvalue,
-        )  # fmt: skip
+        if inside:
+            modes = SimpleModes(
+                np.vstack([modes.right, np.zeros((inside, n))]), np.hstack([modes.left, np.zeros((n, inside))]),
+                modes.eigenvalue,
+            )  # fmt: skip
     if inside and not together:
         own, own_blocks = block_diagonalise(contacts.internal_rates(phases)[0], window)
         eye = np.eye(2 * n + inside)
@@ -360,37 +361,48 @@ def _forced_simple(
     _respond(terms, modes.right, modes.eigenvalue, beta, nu, source, window)
     pair = modes.eigenvalue.imag > 0.0
     if pair.any():
-        beta = (modes.left[pair][:, -polynomial.shape[1] :] @ polynomial.conj().T).conj()
-        _respond(terms, modes.right[:, pair].conj(), modes.eigenvalue[pair].conj(), beta, nu, source, window)
+        beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.conj().T
+        beta[~pair] = 0.0
+        _respond(terms, modes.right, modes.eigenvalue, beta, nu.conjugate(), source, window, conjugate=True)
 
 
 def _respond(
-    terms: _Terms, X: Complexes, lam: Complexes, beta: Complexes, nu: complex, source: int, window: float
+    terms: _Terms,
+    X: Complexes,
+    lam: Complexes,
+    beta: Complexes,
+    nu: complex,
+    source: int,
+    window: float,
+    *,
+    conjugate: bool = False,
 ) -> None:
-    """Response of eigenvalues to ``sum_p beta[:, p] tau^p e^{nu tau}``."""
+    """Response of eigenvalues to ``sum_p beta[:, p] tau^p e^{nu tau}``, or its conjugate."""
     if lam.size == 0:
         return
     degree = beta.shape[1] - 1
     limit = RESONANCE if degree == 0 else 1.0
     near = np.abs(nu - lam) * window < limit
-    far = ~near
-    if far.any():
-        w = np.zeros(int(far.sum()), dtype=complex)
+    if not near.all():
+        away, w = np.where(near, 1.0, nu - lam), np.zeros(lam.size, dtype=complex)
         for p in range(degree, -1, -1):
-            w = (beta[far, p] - (p + 1) * w) / (nu - lam[far])
-            terms.add(nu, p, source, X[:, far] @ w)
-    for i in np.flatnonzero(near):
+            w = np.where(near, 0.0, beta[:, p] - (p + 1) * w) / away
+            response = X @ w
+            terms.add(nu.conjugate() if conjugate else nu, p, source, response.conj() if conjugate else response)
+    for i in np.flatnonzero(near & beta.any(axis=1)):
         block = Block(X[:, i : i + 1], np.zeros((1, 0), dtype=complex), lam[i].reshape(1, 1), complex(lam[i]), 1.0)
-        _resonant_series(terms, block, beta[i : i + 1], nu, source, window)
+        if conjugate:
+            block = block.conjugate()
+            _resonant_series(terms, block, beta[i : i + 1].conj(), nu.conjugate(), source, window)
+        else:
+            _resonant_series(terms, block, beta[i : i + 1], nu, source, window)
 
 
 def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
     """As :func:`_forced_simple` for one block, from ``polynomial`` (degree + 1, n + r), loads and internal rates."""
     blocks = [block]
     if block.weight == 2.0:
-        blocks.append(
-            Block(block.right.conj(), block.left.conj(), block.matrix.conj(), block.centre.conjugate(), block.weight)
-        )
+        blocks.append(block.conjugate())
     for b in blocks:
         beta = b.left[:, -polynomial.shape[1] :] @ polynomial.T
         if abs(nu - b.centre) * window < 1.0 + b.radius * window:

@@ -48,21 +48,22 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
     """
     k, count = table.shape[2], omega.size
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    gamma = np.zeros((k, tables.exponent.shape[1]), dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
+    gamma = np.zeros((tables.exponent.shape[1], k), dtype=np.complex128)
     shift = np.zeros(count, dtype=np.complex128)
     turn = np.zeros(count, dtype=np.complex128)
     moment = np.zeros(1 + (tables.power.max() if tables.power.size else 0), dtype=np.complex128)
     for g in range(seg_time.size):
         s, T = seg_state[g], seg_length[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
-        _coefficients(tables, s, table, zeta, gamma)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
+        _coefficients(tables, s, table, zeta, k, gamma)
         for w in range(count):
             shift[w] = _exp(0.0, -omega[w], seg_time[g] - seg_time[0])
             turn[w] = _exp(0.0, -omega[w], T)
         for b in range(tables.n_basis[s]):
             largest = 0.0
             for j in range(k):
-                largest = max(largest, abs(gamma[j, b]))
+                largest = max(largest, abs(gamma[b, j]))
             if largest == 0.0:
                 continue
             lam, p = tables.exponent[s, b], tables.power[s, b]
@@ -79,7 +80,7 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
                     moments(above * T, grown * np.conj(turn[w]), p, moment)
                     second = scale * moment[p]
                 for j in range(k):
-                    c = gamma[j, b]
+                    c = gamma[b, j]
                     out[j, w] += 0.5 * (c * first + np.conj(c * second)) * shift[w]
 
 
@@ -141,7 +142,8 @@ def folded(  # type: ignore[no-untyped-def]
     k = table.shape[2]
     B = tables.exponent.shape[1]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    gamma = np.zeros((k, B), dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
+    gamma = np.zeros((B, k), dtype=np.complex128)
     missing = np.zeros((k, B), dtype=np.complex128)
     before, after = np.zeros((k, ORDERS)), np.zeros((k, ORDERS))
     beyond = np.zeros(k)  # of the side before
@@ -150,8 +152,8 @@ def folded(  # type: ignore[no-untyped-def]
         if g <= last:
             s, T = seg_state[g], seg_length[g]
             nb = tables.n_basis[s]
-            _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
-            _coefficients(tables, s, table, zeta, gamma)
+            _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
+            _coefficients(tables, s, table, zeta, k, gamma)
             _coefficients(tables, s, dropped, zeta, missing)
         exponent, power = tables.exponent[s], tables.power[s]
         inside = 0 < g <= last
@@ -159,7 +161,7 @@ def folded(  # type: ignore[no-untyped-def]
         for j in range(k):
             more = 0.0
             if g <= last:
-                more = _jets(exponent, power, nb, gamma[j], 0.0, step, reach, after[j])
+                more = _jets(exponent, power, nb, gamma[:, j], 0.0, step, reach, after[j])
                 for b in range(nb):
                     if missing[j, b] != 0.0:
                         size = abs(missing[j, b]) * (1.0 + abs(_exp(exponent[b].real, 0.0, T)))
@@ -181,4 +183,4 @@ def folded(  # type: ignore[no-untyped-def]
                 if not smooth:
                     out[j] += step * (beyond[j] + more)
             if g <= last:
-                beyond[j] = _jets(exponent, power, nb, gamma[j], T, step, reach, before[j])
+                beyond[j] = _jets(exponent, power, nb, gamma[:, j], T, step, reach, before[j])

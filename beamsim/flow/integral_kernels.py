@@ -166,6 +166,7 @@ def product_integrals(  # type: ignore[no-untyped-def]
     B, G = tables.exponent.shape[1], degree.shape[1]
     R = 2 * degree.max() + 1 if degree.size > 0 else 1
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
     rows = np.zeros((2, B, K2))
     real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
     basis, e = np.zeros(B, dtype=np.complex128), np.zeros(G, dtype=np.complex128)
@@ -184,7 +185,7 @@ def product_integrals(  # type: ignore[no-untyped-def]
         exponent, power = tables.exponent[s], tables.power[s]
         done = at[2]
         at[0], at[2] = g, 0.0
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         _rows(tables, s, real, imag, zeta, rows[0], rows[1])
         groups = 0
         longest = 0

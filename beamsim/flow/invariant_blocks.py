@@ -40,6 +40,10 @@ class Block:
             return 0.0
         return float(np.max(np.abs(np.linalg.eigvals(self.matrix) - self.centre)))
 
+    def conjugate(self) -> Block:
+        """The block of the conjugate eigenvalues."""
+        return Block(self.right.conj(), self.left.conj(), self.matrix.conj(), self.centre.conjugate(), self.weight)
+
 
 class SimpleModes(NamedTuple):
     """Eigenvalues with a block of their own; of a conjugate pair both, or the one in the upper half-plane alone."""
@@ -51,6 +55,8 @@ class SimpleModes(NamedTuple):
     def upper(self) -> SimpleModes:
         """One of each conjugate pair, and the real ones."""
         kept = np.flatnonzero(self.eigenvalue.imag >= 0.0)
+        if kept.size == self.eigenvalue.size:
+            return self
         return SimpleModes(self.right[:, kept], self.left[kept], self.eigenvalue[kept])
 
     def whole(self) -> SimpleModes:

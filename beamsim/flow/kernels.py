@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import inner, kernel, summing
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
@@ -66,10 +66,9 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 
 @inner
-def _fill_sources(tables, s, inputs, piece, t, y, zeta):  # type: ignore[no-untyped-def]
-    """Amplitudes of all sources at the start (time t, state y) of a segment in state s."""
+def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[no-untyped-def]
+    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is room."""
     F = inputs.exponent.size
-    N = y.size
     shift = t - inputs.start[piece]
     for f in range(F):
         total = inputs.amplitude[piece, f]
@@ -82,18 +81,28 @@ def _fill_sources(tables, s, inputs, piece, t, y, zeta):  # type: ignore[no-unty
         if shift != 0.0 and nu != 0.0:
             total *= _exp(nu.real, nu.imag, shift)
         zeta[f] = total
-    Z = tables.n_free[s]
-    for i in range(Z):
-        zeta[F + i] = 0.0
-    for k in range(N):
-        free = y[k]
-        for q in range(tables.n_terms[s]):
-            source = tables.term_source[s, q]
-            if source < F and tables.power[s, tables.term_basis[s, q]] == 0:
-                free -= (tables.term_vector[s, q, k] * zeta[source]).real
-        if free != 0.0:
-            for i in range(Z):
-                zeta[F + i] += tables.projector[s, i, k] * free
+    for k in range(y.size):
+        rest[k] = y[k]
+    for q in range(tables.n_terms[s]):
+        source = tables.term_source[s, q]
+        if source < F and tables.power[s, tables.term_basis[s, q]] == 0:
+            z = zeta[source]
+            for k in range(y.size):
+                v = tables.term_vector[s, q, k]
+                rest[k] -= v.real * z.real - v.imag * z.imag
+    _project(tables.projector[s], tables.n_free[s], rest, zeta[F:])
+
+
+@summing
+def _project(projector, count, y, amplitude):  # type: ignore[no-untyped-def]
+    """Amplitudes of ``count`` free motions in a state y; sums in an order that suits the processor."""
+    for i in range(count):
+        real = 0.0
+        imag = 0.0
+        for k in range(y.size):
+            real += projector[i, k].real * y[k]
+            imag += projector[i, k].imag * y[k]
+        amplitude[i] = complex(real, imag)
 
 
 @inner
@@ -111,18 +120,18 @@ def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def
 
 
 @inner
-def _evaluate(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
-    """Value, slope, bound on the curvature over [tau, reach], round-off level, and reach, of all watched functions.
+def _evaluate(exponent, power, nb, count, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
+    """Value, slope, bound on the curvature over [tau, reach] and round-off level of the first functions; returns reach.
 
-    ``size`` holds |gamma|; ``out`` is (count, 4); the bound is the triangle inequality on every term's
-    second derivative, with decaying exponentials taken at tau.
+    ``gamma`` and ``size``, which holds |gamma|, are (B, functions), ``out`` is (4, functions); the bound is the
+    triangle inequality on every term's second derivative, with decaying exponentials taken at tau.
     """
-    count = gamma.shape[0]
+    values, slopes, bounds, noises = out[0], out[1], out[2], out[3]
     for j in range(count):
-        out[j, 0] = 0.0
-        out[j, 1] = 0.0
-        out[j, 2] = 0.0
-        out[j, 3] = 0.0
+        values[j] = 0.0
+        slopes[j] = 0.0
+        bounds[j] = 0.0
+        noises[j] = 0.0
     reach = H
     for b in range(nb):
         if power[b] > 2:
@@ -153,12 +162,12 @@ def _evaluate(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no
             noise = EPS * (8.0 + p + r * tau) * level * tp * tau
         vr, vi, sr, si = value.real, value.imag, slope.real, slope.imag
         for j in range(count):
-            g = gamma[j, b]
-            a = size[j, b]
-            out[j, 0] += g.real * vr - g.imag * vi
-            out[j, 1] += g.real * sr - g.imag * si
-            out[j, 2] += a * bound
-            out[j, 3] += a * noise
+            g = gamma[b, j]
+            a = size[b, j]
+            values[j] += g.real * vr - g.imag * vi
+            slopes[j] += g.real * sr - g.imag * si
+            bounds[j] += a * bound
+            noises[j] += a * noise
     return reach
 
 
@@ -174,27 +183,25 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _coefficients(tables, s, table, zeta, gamma):  # type: ignore[no-untyped-def]
-    """Coefficients of the basis functions in ``count`` functions tabulated per term."""
-    count = gamma.shape[0]
-    nb = tables.n_basis[s]
-    for j in range(count):
-        for b in range(nb):
-            gamma[j, b] = 0.0
+def _coefficients(tables, s, table, zeta, count, gamma):  # type: ignore[no-untyped-def]
+    """Coefficients (B, count) of the basis functions in functions tabulated per term."""
+    for b in range(tables.n_basis[s]):
+        for j in range(count):
+            gamma[b, j] = 0.0
     for q in range(tables.n_terms[s]):
         b = tables.term_basis[s, q]
         z = zeta[tables.term_source[s, q]]
         for j in range(count):
-            gamma[j, b] += table[s, q, j] * z
+            gamma[b, j] += table[s, q, j] * z
 
 
 @inner
-def _combine(tables, s, table, zeta, gamma, size):  # type: ignore[no-untyped-def]
+def _combine(tables, s, table, zeta, count, gamma, size):  # type: ignore[no-untyped-def]
     """The same, and the size of each."""
-    _coefficients(tables, s, table, zeta, gamma)
-    for j in range(gamma.shape[0]):
-        for b in range(tables.n_basis[s]):
-            size[j, b] = abs(gamma[j, b])
+    _coefficients(tables, s, table, zeta, count, gamma)
+    for b in range(tables.n_basis[s]):
+        for j in range(count):
+            size[b, j] = abs(gamma[b, j])
 
 
 @inner
@@ -231,13 +238,13 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
     """
     for j in range(floors.size):
         floors[j] = 0.0
-        if out[j, 0] < 0.0:
+        if out[0, j] < 0.0:
             scale = 0.0
             for b in range(nb):
-                scale += size[j, b]
+                scale += size[b, j]
             for q in range(used):
                 scale += forced[j, q] * H**q
-            floors[j] = min(-2.0 * out[j, 0], max(1e-9 * scale, AT_ONCE * H * out[j, 1]))
+            floors[j] = min(-2.0 * out[0, j], max(1e-9 * scale, AT_ONCE * H * out[1, j]))
 
 
 @inner
@@ -249,11 +256,11 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     """
     step = longest
     for j in range(least.size):
-        tolerance = max(out[j, 3], least[j], floors[j])
-        lifted = out[j, 0] + 2.0 * tolerance
+        tolerance = max(out[3, j], least[j], floors[j])
+        lifted = out[0, j] + 2.0 * tolerance
         if lifted < tolerance:
             return step, j
-        h = _safe_step(lifted, out[j, 1], out[j, 2])
+        h = _safe_step(lifted, out[1, j], out[2, j])
         if h < step:
             step = h
     return step, -1
@@ -262,7 +269,7 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
 @inner
 def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     """Time of the zero next to tau, by one Newton step where the curvature allows it."""
-    g, slope, bound = out[hit, 0], out[hit, 1], out[hit, 2]
+    g, slope, bound = out[0, hit], out[1, hit], out[2, hit]
     if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
         return max(0.0, tau - g / slope)
     return tau
@@ -321,26 +328,27 @@ def segment_coefficients(tables, inputs, table, state, piece, t, y):  # type: ig
     """(k, B) coefficients of the basis functions in the outputs on a segment that starts with (t, y)."""
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    gamma = np.zeros((k, tables.exponent.shape[1]), dtype=np.complex128)
-    _fill_sources(tables, state, inputs, piece, t, y, zeta)
-    _coefficients(tables, state, table, zeta, gamma)
-    return gamma
+    rest = np.empty(tables.projector.shape[2])
+    gamma = np.zeros((tables.exponent.shape[1], k), dtype=np.complex128)
+    _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
+    _coefficients(tables, state, table, zeta, k, gamma)
+    return gamma.T
 
 
 @inner
 def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
     """A local maximum near tau: secant steps on the slope, kept inside [0, H]; returns (time, value)."""
-    _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+    _evaluate(exponent, power, nb, 1, gamma, size, tau, H, out)
     best, best_tau = out[0, 0], tau
-    left, slope_left = tau, out[0, 1]
+    left, slope_left = tau, out[1, 0]
     if slope_left <= 0.0:
         return best_tau, best
-    step = slope_left / out[0, 2] if out[0, 2] > 0.0 else H
+    step = slope_left / out[2, 0] if out[2, 0] > 0.0 else H
     right, slope_right = left, slope_left
     for _ in range(200):
         right = min(left + step, H)
-        _evaluate(exponent, power, nb, gamma, size, right, H, out)
-        slope_right = out[0, 1]
+        _evaluate(exponent, power, nb, 1, gamma, size, right, H, out)
+        slope_right = out[1, 0]
         if out[0, 0] > best:
             best, best_tau = out[0, 0], right
         if slope_right <= 0.0 or right >= H:
@@ -354,20 +362,20 @@ def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-un
         middle = left + slope_left / (slope_left - slope_right) * (right - left)
         if not (left < middle < right):
             break
-        _evaluate(exponent, power, nb, gamma, size, middle, H, out)
+        _evaluate(exponent, power, nb, 1, gamma, size, middle, H, out)
         if out[0, 0] > best:
             best, best_tau = out[0, 0], middle
-        if out[0, 1] > 0.0:
-            left, slope_left = middle, out[0, 1]
+        if out[1, 0] > 0.0:
+            left, slope_left = middle, out[1, 0]
             if side == 1:
                 slope_right *= 0.5
             side = 1
         else:
-            right, slope_right = middle, out[0, 1]
+            right, slope_right = middle, out[1, 0]
             if side == -1:
                 slope_left *= 0.5
             side = -1
-        if abs(out[0, 1]) * (right - left) <= 1e-13 * abs(best):
+        if abs(out[1, 0]) * (right - left) <= 1e-13 * abs(best):
             break
     return best_tau, best
 
@@ -412,20 +420,21 @@ def extremes(  # type: ignore[no-untyped-def]
     """
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
     B = tables.exponent.shape[1]
-    gamma = np.zeros((1, B), dtype=np.complex128)
-    size = np.zeros((1, B))
+    gamma = np.zeros((B, 1), dtype=np.complex128)
+    size = np.zeros((B, 1))
     largest, bend = np.zeros(B), np.zeros(B)
     ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
     real, imag, magnitude = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag), np.abs(table)
-    out = np.zeros((1, 4))
+    out = np.zeros((4, 1))
     evaluations = 0
     for g in range(int(at[0]), seg_time.size):
         at[0] = g
         s = seg_state[g]
         nb = tables.n_basis[s]
         H = seg_length[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         exponent = tables.exponent[s]
         power = tables.power[s]
         _bounds(exponent, power, nb, H, largest, bend)
@@ -458,12 +467,12 @@ def extremes(  # type: ignore[no-untyped-def]
             # all outputs share, then with the output's own coefficients, whose parts have cancelled
             if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
                 continue
-            _coefficients(tables, s, table[:, :, j : j + 1], zeta, gamma)
+            _coefficients(tables, s, table[:, :, j : j + 1], zeta, 1, gamma)
             top, bent = 0.0, 0.0
             for b in range(nb):
-                size[0, b] = abs(gamma[0, b])
-                top += size[0, b] * largest[b]
-                bent += size[0, b] * bend[b]
+                size[b, 0] = abs(gamma[b, 0])
+                top += size[b, 0] * largest[b]
+                bent += size[b, 0] * bend[b]
             if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
                 continue
             if not top < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
@@ -472,9 +481,9 @@ def extremes(  # type: ignore[no-untyped-def]
                 if evaluations > most:
                     at[2] = tau
                     return evaluations, False
-                reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+                reach = _evaluate(exponent, power, nb, 1, gamma, size, tau, H, out)
                 evaluations += 1
-                f, slope, bound, noise = out[0, 0], out[0, 1], out[0, 2], out[0, 3]
+                f, slope, bound, noise = out[0, 0], out[1, 0], out[2, 0], out[3, 0]
                 if f > highest[j]:
                     highest[j] = f
                     when[j] = seg_time[g] + tau

@@ -60,10 +60,11 @@ def march(  # type: ignore[no-untyped-def]
     """
     B, most = tables.exponent.shape[1], tables.guard_contact.shape[1]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    all_gamma = np.zeros((most, B), dtype=np.complex128)
-    all_size = np.zeros((most, B))
+    rest = np.empty(tables.projector.shape[2])
+    gamma = np.zeros((B, most), dtype=np.complex128)
+    size = np.zeros((B, most))
     basis = np.zeros(B, dtype=np.complex128)
-    all_out = np.zeros((most, 4))
+    out = np.zeros((4, most))
     all_least = np.zeros(most)
     all_floors = np.zeros(most)
     response = make_response(swept, tables, y.size)
@@ -98,15 +99,14 @@ def march(  # type: ignore[no-untyped-def]
             if not whole:
                 H = tables.horizon[state]
             guards = tables.n_guards[state]
-            gamma, size, out = all_gamma[:guards], all_size[:guards], all_out[:guards]
             least, floors = all_least[:guards], all_floors[:guards]
             if swept is None:
-                _fill_sources(tables, state, inputs, piece, t, y, zeta)
+                _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
             else:
                 used = respond(swept, response, state, piece, t, H, y)
-                _fill_sources(tables, state, inputs, 0, 0.0, response.free, zeta)
+                _fill_sources(tables, state, inputs, 0, 0.0, response.free, rest, zeta)
             if guards > 0:
-                _combine(tables, state, tables.watch, zeta, gamma, size)
+                _combine(tables, state, tables.watch, zeta, guards, gamma, size)
                 _fill_least(tables, state, zeta, H, least)
                 if swept is not None:
                     watch_response(tables, swept, response, state, piece, used, H, least)
@@ -125,9 +125,9 @@ def march(  # type: ignore[no-untyped-def]
             floors[:] = 0.0
             most_here = n_eval + most_evaluations
             while guards > 0:
-                reach = _evaluate(exponent, power, nb, gamma, size, tau, H, out)
+                reach = _evaluate(exponent, power, nb, guards, gamma, size, tau, H, out)
                 if swept is not None:
-                    add_watched(response, used, omega, tau, reach, out)
+                    add_watched(response, used, omega, tau, reach, guards, out)
                 n_eval += 1
                 if tau == 0.0 and guard >= 0:
                     _fill_floors(out, size, nb, forced_size, used, H, floors)
@@ -210,6 +210,7 @@ def sample(  # type: ignore[no-untyped-def]
     """
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
     B = tables.exponent.shape[1]
     rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
     basis = np.zeros(B, dtype=np.complex128)
@@ -227,12 +228,12 @@ def sample(  # type: ignore[no-untyped-def]
         nb = tables.n_basis[s]
         if g != current:
             if swept is None:
-                _fill_sources(tables, s, inputs, piece, t, seg_y[g], zeta)
+                _fill_sources(tables, s, inputs, piece, t, seg_y[g], rest, zeta)
             else:
                 H = min(swept.windows.length[piece] - t, tables.horizon[s])
                 used = respond(swept, response, s, piece, t, H, seg_y[g])
                 output_response(swept, response, s, piece, used)
-                _fill_sources(tables, s, inputs, 0, 0.0, response.free, zeta)
+                _fill_sources(tables, s, inputs, 0, 0.0, response.free, rest, zeta)
             several = i + 2 < time.size
             if several and g < last:
                 several = _since(swept, seg_piece[g + 1], seg_time[g + 1], time[i + 2]) < 0.0
@@ -263,7 +264,8 @@ def sample_evenly(  # type: ignore[no-untyped-def]
     k = table.shape[2]
     B = tables.exponent.shape[1]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    gamma = np.zeros((k, B), dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
+    gamma = np.zeros((B, k), dtype=np.complex128)
     real, imag = np.zeros(k), np.zeros(k)
     i = 0
     last = seg_time.size - 1
@@ -274,13 +276,13 @@ def sample_evenly(  # type: ignore[no-untyped-def]
         if stop == i:
             continue
         s = seg_state[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
-        _coefficients(tables, s, table, zeta, gamma)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
+        _coefficients(tables, s, table, zeta, k, gamma)
         out[i:stop] = 0.0
         for b in range(tables.n_basis[s]):
             largest = 0.0
             for j in range(k):
-                real[j], imag[j] = gamma[j, b].real, gamma[j, b].imag
+                real[j], imag[j] = gamma[b, j].real, gamma[b, j].imag
                 largest = max(largest, abs(real[j]), abs(imag[j]))
             if largest == 0.0:
                 continue

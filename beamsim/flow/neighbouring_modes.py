@@ -26,9 +26,8 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
     n, contacts = system.size, system.contacts
     if n < SMALLEST or contacts.coupled(before) or contacts.coupled(phases):
         return False
-    diagonal = not np.any(system.damping.reshape(-1)[:-1].reshape(n - 1, n + 1)[:, 1:])
-    damped = bool(system.damping.any() or contacts.damped)
-    return bool(diagonal and damped and np.count_nonzero(before != phases) <= MOST_CHANGES)
+    damped = contacts.damped or bool(np.diag(system.damping).any())
+    return damped and not system.coupled_by_damping and int(np.count_nonzero(before != phases)) <= MOST_CHANGES
 
 
 def neighbouring_modes(
@@ -39,53 +38,60 @@ def neighbouring_modes(
     from beamsim.flow.secular_kernels import update
 
     n, contacts = system.size, system.contacts
-    upper = known.eigenvalue.imag > 0.0
-    if np.count_nonzero(upper) < n:
+    upper = np.flatnonzero(known.eigenvalue.imag > 0.0)
+    if upper.size < n:
         return None
     old, new = contacts.force_rows(before)[0], contacts.force_rows(phases)[0]
     change = (new - old)[:, :2]
-    changed = np.flatnonzero(change.any(axis=1))
-    pole = known.eigenvalue[upper]
-    order = np.argsort(pole.imag)
-    pole, right, left = pole[order], known.right[:n, upper][:, order], known.left[upper, n : 2 * n][order].T
-    largest = np.argmax(np.abs(right), axis=0)[None]
-    scale = np.take_along_axis(left, largest, 0) / np.take_along_axis(right, largest, 0)
-    vectors = right * np.sqrt(scale)
-    zero, weight = np.empty(n, dtype=complex), np.empty((2 * n, 2 * n))
-    for j in changed:
-        p = contacts.shape[j] @ vectors
+    upper = upper[np.argsort(known.eigenvalue[upper].imag)]
+    pole, rows = known.eigenvalue[upper], known.left[upper, n : 2 * n]  # vectors, one a row
+    largest = np.argmax(np.abs(rows), axis=1)
+    rows *= np.sqrt(known.right[largest, upper] / rows[np.arange(n), largest])[:, None]
+    zero, weight, parts = np.empty(n, dtype=complex), np.empty((2 * n, 2 * n)), np.empty((2 * n, n))
+    for j in np.flatnonzero(change.any(axis=1)):
+        p = rows @ contacts.shape[j]
         if not update(pole, p, float(change[j, 0]), float(change[j, 1]), zero, weight):
             return None
-        scaled = vectors * p
-        parts = np.hstack([scaled.real, (scaled * pole.conj()).real]) @ weight
-        vectors = np.where(p == 0.0, vectors, parts[:, :n] + 1j * parts[:, n:])
+        scaled = p[:, None] * rows
+        parts[:n] = scaled.real
+        parts[n:] = pole.real[:, None] * scaled.real + pole.imag[:, None] * scaled.imag
+        moved = weight @ parts
+        still = p == 0.0
+        moved[:n][still], moved[n:][still] = rows.real[still], rows.imag[still]
         order = np.argsort(zero.imag)
-        pole, vectors = zero[order], vectors[:, order]
+        pole = zero[order]
+        rows.real, rows.imag = moved[order], moved[n + order]
     acting = np.flatnonzero(new[:, :2].any(axis=1))
     k, c, shape = new[acting, 0], new[acting, 1], contacts.shape[acting]
     own = np.diag(system.damping)
-    _refine_stiff(system.stiffness, own, k, c, shape, pole, vectors)
-    damped = own[:, None] * vectors + shape.T @ (c[:, None] * (shape @ vectors))
-    modes = SimpleModes(np.vstack([vectors, vectors * pole]), np.hstack([(vectors * pole + damped).T, vectors.T]), pole)
+    _refine_stiff(system.stiffness, own, k, c, shape, pole, rows)
+    modes = SimpleModes(np.empty((n, 2 * n), dtype=complex).T, np.empty((n, 2 * n), dtype=complex), pole)
+    right = modes.right.T
+    right[:, :n], modes.left[:, n:] = rows, rows
+    np.multiply(pole[:, None], rows, out=right[:, n:])
+    np.multiply(own, rows, out=modes.left[:, :n])
+    modes.left[:, :n] += right[:, n:]
+    modes.left[:, :n] += ((rows @ shape.T) * c) @ shape
     return modes if _error(system, k, c, shape, modes) < INEXACT else None
 
 
 def _refine_stiff(
-    stiffness: Floats, damping: Floats, k: Floats, c: Floats, shape: Floats, pole: Complexes, vectors: Complexes
+    stiffness: Floats, damping: Floats, k: Floats, c: Floats, shape: Floats, pole: Complexes, rows: Complexes
 ) -> None:
-    """Small components of the stiff modes' vectors, in place, from the contacts' forces on them.
+    """Small components of the stiff modes' vectors, one a row, in place, from the contacts' forces on them.
 
     They are sums in which a pair of conjugate poles cancels. ``u_i = -sum_j phi_ji z_j (phi_j u) / (lambda^2 + d_i
     lambda + omega_i^2)`` gives them without, where no contact is stiff against lambda^2 and errors don't grow.
     """
-    z = k[:, None] + c[:, None] * pole
-    divisor = (pole + damping[:, None]) * pole + stiffness[:, None]
-    near = np.abs(divisor) < 0.5 * (np.abs(pole) ** 2 + stiffness[:, None])
-    size = np.where(near, 0.0, 1.0 / np.abs(divisor))
-    stiff = np.sum(np.abs(z) * (shape**2 @ size), axis=0) < 0.5
+    z = k + c * pole[:, None]
+    divisor = (pole[:, None] + damping) * pole[:, None] + stiffness
+    size = np.abs(divisor)
+    near = size < 0.5 * (np.abs(pole[:, None]) ** 2 + stiffness)
+    compliance = np.where(near, 0.0, 1.0 / size) @ (shape**2).T
+    stiff = np.flatnonzero(np.sum(np.abs(z) * compliance, axis=1) < 0.5)
     divisor[near] = 1.0
-    u = vectors[:, stiff]
-    vectors[:, stiff] = np.where(near[:, stiff], u, shape.T @ (z[:, stiff] * -(shape @ u)) / divisor[:, stiff])
+    refined = ((-z * (rows @ shape.T))[stiff] @ shape) / divisor[stiff]
+    rows[stiff] = np.where(near[stiff], rows[stiff], refined)
 
 
 def _error(system: PiecewiseLinearSystem, k: Floats, c: Floats, shape: Floats, modes: SimpleModes) -> float:
@@ -95,7 +101,8 @@ def _error(system: PiecewiseLinearSystem, k: Floats, c: Floats, shape: Floats, m
     motion = np.array([[1.0, 1.0], [1.0, -1.0]])[np.arange(2 * n) * (np.arange(2 * n) + 1) // 2 % 2]
     motion[:n] /= omega
     amplitude = modes.left @ motion
-    back, rate = (2.0 * (modes.right @ a).real for a in (amplitude, amplitude * modes.eigenvalue[:, None]))
+    both = 2.0 * (modes.right @ np.hstack([amplitude, amplitude * modes.eigenvalue[:, None]])).real
+    back, rate = both[:, :2], both[:, 2:]
     q, v = motion[:n], motion[n:]
     force = system.stiffness[:, None] * q + np.diag(system.damping)[:, None] * v
     force += shape.T @ (k[:, None] * (shape @ q) + c[:, None] * (shape @ v))

@@ -432,6 +432,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
     columns = sens.shape[1]
     states = columns - P
     zeta = np.zeros(F + tables.projector.shape[1], dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
     basis = np.zeros(tables.exponent.shape[1], dtype=np.complex128)
     y = np.zeros(N)
     change = np.zeros(columns)
@@ -449,7 +450,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
         t0 = seg_time[g]
         t1 = t0 + tau
         nb = tables.n_basis[s]
-        _fill_sources(tables, s, inputs, seg_piece[g], t0, seg_y[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], t0, seg_y[g], rest, zeta)
         _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
         _add_forced_derivative(tables, s, inputs, variation, parameters, t0, -1.0, sens)
         T = variation.n_terms[s]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.compiled import njit
+from beamsim.flow.compiled import inner, kernel, summing
 
 MOST_ITERATIONS = 60
 COINCIDENT = 1e-10  # relative distance of two poles that are not told apart
@@ -25,7 +25,7 @@ CONVERGED = 4e-16  # of a zero's distance from its pole
 SETTLED = 1e-12  # of the same: below it a step that no longer shrinks is round-off
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@summing
 def _sums(pole_re, pole_im, res_re, res_turned, zero_re, zero_im, near, x, y, own, out):  # type: ignore[no-untyped-def]
     """Into ``out``: sums over all poles of residue / (lambda - mu), its derivative, and of 1 / (lambda - mu), less that
     of 1 / (lambda - zero) over all other zeros; lambda lies (x, y) from pole ``near``.
@@ -66,7 +66,7 @@ def _sums(pole_re, pole_im, res_re, res_turned, zero_re, zero_im, near, x, y, ow
     out[0], out[1], out[2] = complex(s_re, s_im), complex(d_re, d_im), complex(n_re, n_im)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _find_zeros(pole, residue, k, c, near, offset):  # type: ignore[no-untyped-def]
     """Zeros of the secular function in the upper half-plane, as offsets from poles; whether all were found.
 
@@ -131,14 +131,14 @@ def _find_zeros(pole, residue, k, c, near, offset):  # type: ignore[no-untyped-d
     return bool(np.all(done) and np.all(zero_im > 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def update(pole, participation, k, c, zero, weight):  # type: ignore[no-untyped-def]
     """Modes after a spring k and a dashpot c were added along one direction; whether they were found.
 
     ``participation`` (n,) holds p of the modes with eigenvalues ``pole`` (n,) in the upper half-plane, sorted by their
-    imaginary parts; it is replaced by the one of which the new eigenvalues ``zero`` (n,) are exact. The real and
-    imaginary parts (n, 2n) of the new vectors are ``[Re(p u), Re(p conj(mu) u)] @ weight``, which adds conjugate
-    poles without cancellation; a vector whose p is zero stays as it is.
+    imaginary parts; it is replaced by the one of which the new eigenvalues ``zero`` (n,) are exact. The real and then
+    the imaginary parts (2n, n) of the new vectors, one a row, are ``weight @ [Re(p u); Re(p conj(mu) u)]``, which adds
+    conjugate poles without cancellation; a vector whose p is zero stays as it is.
     """
     n = pole.size
     near, offset = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.complex128)
@@ -163,17 +163,17 @@ def update(pole, participation, k, c, zero, weight):  # type: ignore[no-untyped-
         total = c / (z * z)
         for j in range(n):
             if p[j] == 0.0:
-                weight[j, i], weight[n + j, i], weight[j, n + i], weight[n + j, n + i] = 0.0, 0.0, 0.0, 0.0
+                weight[i, j], weight[i, n + j], weight[n + i, j], weight[n + i, n + j] = 0.0, 0.0, 0.0, 0.0
                 continue
             g = 1.0 / ((pole[near[i]] - pole[j]) + offset[i])
             h = 1.0 / ((pole[near[i]] - pole[j].conjugate()) + offset[i])
             total += (p[j] * g) ** 2 + (p[j].conjugate() * h) ** 2
             g *= 2.0 * h
             h = g * zero[i]
-            weight[j, i], weight[j, n + i] = h.real, h.imag
-            weight[n + j, i], weight[n + j, n + i] = -g.real, -g.imag
+            weight[i, j], weight[n + i, j] = h.real, h.imag
+            weight[i, n + j], weight[n + i, n + j] = -g.real, -g.imag
         scale = 1.0 / np.sqrt(total)
         for j in range(2 * n):
-            re, im = weight[j, i], weight[j, n + i]
-            weight[j, i], weight[j, n + i] = re * scale.real - im * scale.imag, re * scale.imag + im * scale.real
+            re, im = weight[i, j], weight[n + i, j]
+            weight[i, j], weight[n + i, j] = re * scale.real - im * scale.imag, re * scale.imag + im * scale.real
     return True

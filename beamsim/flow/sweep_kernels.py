@@ -21,7 +21,7 @@ import numpy as np
 
 from beamsim.flow.compiled import inner
 from beamsim.flow.integral_kernels import moments
-from beamsim.flow.kernels import EPS, _combine, _exp
+from beamsim.flow.kernels import EPS, _coefficients, _exp
 
 MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
@@ -296,12 +296,12 @@ def watch_response(tables, swept, response, s, k, used, H, least):  # type: igno
 
 
 @inner
-def add_watched(response, used, omega, tau, reach, out):  # type: ignore[no-untyped-def]
+def add_watched(response, used, omega, tau, reach, count, out):  # type: ignore[no-untyped-def]
     """Add the forced part ``Re[e^{i omega tau} sum_q watch_q tau^q]`` to the result of `kernels._evaluate`."""
     cw, aw = response.watch, response.watch_size
     angle = omega * tau
     er, ei = math.cos(angle), math.sin(angle)
-    for j in range(out.shape[0]):
+    for j in range(count):
         v = 0.0 + 0.0j
         d = 0.0 + 0.0j
         a0 = 0.0
@@ -315,12 +315,12 @@ def add_watched(response, used, omega, tau, reach, out):  # type: ignore[no-unty
             a1 = a1 * reach + a0
             a0 = a0 * reach + aw[j, q]
             near = near * tau + aw[j, q]
-        out[j, 0] += v.real * er - v.imag * ei
+        out[0, j] += v.real * er - v.imag * ei
         sr = d.real - omega * v.imag
         si = d.imag + omega * v.real
-        out[j, 1] += sr * er - si * ei
-        out[j, 2] += omega * omega * a0 + 2.0 * omega * a1 + a2
-        out[j, 3] += EPS * (8.0 + abs(angle)) * near
+        out[1, j] += sr * er - si * ei
+        out[2, j] += omega * omega * a0 + 2.0 * omega * a1 + a2
+        out[3, j] += EPS * (8.0 + abs(angle)) * near
 
 
 @inner
@@ -384,8 +384,7 @@ class _Work(NamedTuple):
     value: Any  # (K, 6)
     before: Any  # (K, 6)
     stack: Any  # (64, 8)
-    gamma: Any  # (K, B)
-    size: Any  # (K, B)
+    gamma: Any  # (B, K)
     single: Any  # (6,)
     length: Any  # (K, G, 4) sums over p of |poly|, times 1, p, p (p - 1), p (p - 1) (p - 2)
 
@@ -407,8 +406,7 @@ def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
         np.zeros((K, 6)),
         np.zeros((K, 6)),
         np.zeros((80, 8)),
-        np.zeros((K, B), dtype=np.complex128),
-        np.zeros((K, B)),
+        np.zeros((B, K), dtype=np.complex128),
         np.zeros(6),
         np.zeros((K, G, 4)),
     )
@@ -425,7 +423,7 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
     K = work.value.shape[0]
     if K == 0:
         return
-    _combine(tables, s, outputs.output, zeta, work.gamma, work.size)
+    _coefficients(tables, s, outputs.output, zeta, K, work.gamma)
     output_response(swept, response, s, k, used)
     groups = outputs.group_count[s]
     nb = tables.n_basis[s]
@@ -452,7 +450,7 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
                 work.poly[j, g, p] = 0.0
         for b in range(nb):
             p = tables.power[s, b]
-            work.poly[j, outputs.basis_group[s, b], p] += work.gamma[j, b] * T**p
+            work.poly[j, outputs.basis_group[s, b], p] += work.gamma[b, j] * T**p
         factor = 1.0
         for p in range(top + 1):
             work.poly[j, groups, p] = response.output[j, p] * factor

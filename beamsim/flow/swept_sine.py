@@ -356,9 +356,7 @@ def _forced_tables(simple: SimpleModes, blocks: list[Block], load: Floats, slope
     for block in blocks:
         pair = [block]
         if block.weight == 2.0:
-            pair.append(
-                Block(block.right.conj(), block.left.conj(), block.matrix.conj(), block.centre.conjugate(), 1.0)
-            )
+            pair.append(block.conjugate())
         for b in pair:
             T, Z = schur(b.matrix.astype(complex), output="complex")
             start, size = len(value), T.shape[0]

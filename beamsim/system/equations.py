@@ -11,6 +11,9 @@ or what the coordinates stand for.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.inputs.signal import Signal
@@ -30,6 +33,11 @@ class PiecewiseLinearSystem:
     def size(self) -> int:
         """n."""
         return int(self.stiffness.size)
+
+    @cached_property
+    def coupled_by_damping(self) -> bool:
+        """Whether C of the open structure has entries beside its diagonal."""
+        return bool(np.count_nonzero(self.damping) > np.count_nonzero(np.diag(self.damping)))
 
     def one_sided(self) -> PiecewiseLinearSystem:
         """The same with one-sided springs as the only contacts; see `Contacts.one_sided_parts`."""
