@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -23,12 +24,24 @@ if TYPE_CHECKING:
     from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
+TABLE_MEMORY = 256e6  # bytes for the tables of the contact states that are kept at once, unless their number is given
+FEWEST_STATES = 8  # that are kept in any case
 HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
+
+
+def states_in_memory(system: PiecewiseLinearSystem) -> int:
+    """Number of contact states whose tables fit into 256 MB."""
+    N, watched = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
+    return max(FEWEST_STATES, int(TABLE_MEMORY / (32.0 * N * N + 24.0 * N * watched)))
 
 
 @dataclass
 class ExactFlow:
     """A system under its forcing, with the contact states diagonalised so far.
+
+    Where a motion visits more states than are kept at once, the least recently used are dropped, and built again when
+    they are needed: ``states`` are those that are there, ``visited`` the phases of all. The two have the same order
+    until the first is dropped.
 
     Parameters
     ----------
@@ -36,6 +49,7 @@ class ExactFlow:
     duration : longest time the flow will be asked for, s.
     observers : further signals (the base's motion) that outputs may contain; they load nothing.
     shared : keeps contact states that flows with other contacts or levels have in common.
+    most_states : states kept at once, 2 at least; by default all.
     """
 
     system: PiecewiseLinearSystem
@@ -43,6 +57,7 @@ class ExactFlow:
     duration: float
     observers: tuple[Signal, ...] = ()
     shared: SharedBuilds | None = None
+    most_states: int | None = None
     sources: Sources = field(init=False)
     base_channel: int = field(init=False)
     states: list[ContactState] = field(init=False, default_factory=list)
@@ -59,21 +74,63 @@ class ExactFlow:
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
-        self._tables = StateTables(self.system.contacts)
+        self._clear()
         self._inputs: Inputs | None = None
+
+    def _clear(self) -> None:
+        """No states."""
+        self.states = []
+        self.visited: list[Ints] = []  # phases of all states visited
+        self.built = 0  # states, those built again included
+        self.largest_exponent = 0.0  # 1/s, of all states visited
+        self.highest_frequency = 0.0  # rad/s, likewise
+        self._visit: list[int] = []  # number among them of each state that is kept
+        self._visits: dict[bytes, int] = {}
+        self._tables = StateTables(self.system.contacts, self.most_states)
+
+    @property
+    def dropped(self) -> bool:
+        """Whether states were visited that are not kept any more."""
+        return len(self.visited) > len(self.states)
+
+    def visits(self, states: Ints) -> Ints:
+        """Numbers, among all states visited, of states that are kept and were used in this order."""
+        if len(self.states) == self.most_states:
+            self._tables.use(states)
+        return np.array(self._visit, dtype=np.int64)[states]
+
+    def holding(self, visited: Ints) -> ExactFlow:
+        """The same flow with some of the visited states alone, in their order."""
+        flow = copy(self)
+        flow.most_states = None
+        flow._clear()
+        for phases in (self.visited[k] for k in visited):
+            flow.state_index(phases)
+        return flow
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
         known = self._tables.index(phases)
         if known is not None:
             return known
+        self.built += 1
         state = self._built(phases)
         watched = self.system.contacts.watched(phases)
         output = self.watched(watched)
         watch = state.coefficients(output, self.sources)
         roughness = state.roughness(output, watch)[:, : watched.guards]
-        self.states.append(state)
-        return self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
+        index = self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
+        self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
+        self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
+        visit = self._visits.setdefault(phases.tobytes(), len(self.visited))
+        if visit == len(self.visited):
+            self.visited.append(state.phases)
+        if index == len(self.states):
+            self.states.append(state)
+            self._visit.append(visit)
+        else:
+            self.states[index], self._visit[index] = state, visit
+        return index
 
     def _built(self, phases: Ints) -> ContactState:
         """The contact state; one in which no contact acts is that of all flows of the same structure and sources."""
@@ -100,7 +157,9 @@ class ExactFlow:
 
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
-        return self.state_index(self.following(state, guard))
+        phases = self.following(state, guard)
+        self._tables.use(np.array([state]))
+        return self.state_index(phases)
 
     def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
         """What the march takes; see :class:`beamsim.flow.march.Marched`."""

@@ -48,7 +48,8 @@ class MotionPart:
         cls, trajectory: Trajectory, output_of: Callable[[Ints], LinearOutput], begin: float, end: float, cut: float
     ) -> MotionPart:
         """The outputs between two times."""
-        flow = trajectory.flow
+        part = part_of(trajectory, begin, end).held()
+        flow = part.flow
         table = flow.output_table(output_of)
         high = np.zeros(table.shape[:2], dtype=bool)
         for s, state in enumerate(flow.states):
@@ -56,7 +57,7 @@ class MotionPart:
             fast = np.abs(state.exponent.imag[state.term_basis]) > cut
             high[s, : free.size] = free & fast & (state.power[state.term_basis] == 0)
         dropped = np.where(high[:, :, None], table, 0.0)
-        return cls(part_of(trajectory, begin, end), table - dropped, dropped)
+        return cls(part, table - dropped, dropped)
 
     def one(self, index: int) -> MotionPart:
         """The output with this number alone."""

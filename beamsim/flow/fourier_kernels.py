@@ -144,7 +144,7 @@ def folded(  # type: ignore[no-untyped-def]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     gamma = np.zeros((B, k), dtype=np.complex128)
-    missing = np.zeros((k, B), dtype=np.complex128)
+    missing = np.zeros((B, k), dtype=np.complex128)
     before, after = np.zeros((k, ORDERS)), np.zeros((k, ORDERS))
     beyond = np.zeros(k)  # of the side before
     last = seg_time.size - 1
@@ -154,7 +154,7 @@ def folded(  # type: ignore[no-untyped-def]
             nb = tables.n_basis[s]
             _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
             _coefficients(tables, s, table, zeta, k, gamma)
-            _coefficients(tables, s, dropped, zeta, missing)
+            _coefficients(tables, s, dropped, zeta, k, missing)
         exponent, power = tables.exponent[s], tables.power[s]
         inside = 0 < g <= last
         smooth = inside and seg_state[g] == seg_state[g - 1]
@@ -163,8 +163,8 @@ def folded(  # type: ignore[no-untyped-def]
             if g <= last:
                 more = _jets(exponent, power, nb, gamma[:, j], 0.0, step, reach, after[j])
                 for b in range(nb):
-                    if missing[j, b] != 0.0:
-                        size = abs(missing[j, b]) * (1.0 + abs(_exp(exponent[b].real, 0.0, T)))
+                    if missing[b, j] != 0.0:
+                        size = abs(missing[b, j]) * (1.0 + abs(_exp(exponent[b].real, 0.0, T)))
                         out[j] += size / (abs(exponent[b]) - reach)
             else:
                 after[j] = 0.0

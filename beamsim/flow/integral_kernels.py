@@ -276,11 +276,12 @@ def form_integrals(  # type: ignore[no-untyped-def]
     Q = plus.shape[1]
     T = plus.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
     lam, e = np.zeros(T, dtype=np.complex128), np.zeros(T, dtype=np.complex128)
     for g in range(seg_time.size):
         s = seg_state[g]
         tau = seg_length[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], zeta)
+        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         count = tables.n_terms[s]
         for i in range(count):
             lam[i] = tables.exponent[s, tables.term_basis[s, i]]

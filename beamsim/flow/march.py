@@ -30,7 +30,7 @@ class Log(NamedTuple):
 
     time: Floats  # (S,) start of each segment, s; in a sweep since the start of its window
     length: Floats  # (S,) s
-    state: Ints  # (S,) contact state
+    state: Ints  # (S,) contact state; in a joined log the number of the visited one
     piece: Ints  # (S,) of the sources, or window of the sweep
     y: Floats  # (S, N) at the start
     event_time: Floats  # (E,) s
@@ -68,6 +68,9 @@ class Marched(Protocol):
 
     def follow(self, state: int, guard: int) -> int:
         """Number of the state after the event of a guard, built where it is not there yet."""
+
+    def visits(self, states: Ints) -> Ints:
+        """Numbers for the log of the states of the last segments."""
 
     def time_of(self, motion: Motion) -> float:
         """Time since the start of the motion, s."""
@@ -140,7 +143,8 @@ def carry(
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
             segments, events, evaluations = segments + n_seg, events + n_ev, evaluations + n_eval
             if keep:
-                parts.append(log.first(n_seg, n_ev))
+                part = log.first(n_seg, n_ev)
+                parts.append(part._replace(state=flow.visits(part.state)))
                 room = min(2 * room, LONGEST_LOG)
             if motion.waits:
                 flow.follow(motion.state, motion.guard)

@@ -72,6 +72,9 @@ class _NumberedAlike:
     def follow(self, state: int, guard: int) -> int:
         return self.flow.number_in(self.exact, self.exact.following(state, guard))
 
+    def visits(self, states: Ints) -> Ints:
+        return states
+
     def time_of(self, motion: Motion) -> float:
         return motion.time
 

@@ -21,11 +21,15 @@ class StateTables:
     """Padded arrays with room for more states than there are, so that a new state seldom moves the others.
 
     Of all combinations of the contacts' phases few are visited, and each is built when it is; ``follower[s, g]`` is the
-    state after the event of guard g in state s, -1 where that one is not built yet.
+    state after the event of guard g in state s, -1 where that one is not built or was dropped. With ``most`` states
+    built, the least recently used one makes room for the next.
     """
 
-    def __init__(self, contacts: Contacts) -> None:
+    def __init__(self, contacts: Contacts, most: int | None = None) -> None:
         self.contacts = contacts
+        self.most = most
+        self._used: list[int] = []
+        self._uses = 0
         self.watched: list[Watched] = []
         self._phases: list[Ints] = []
         self._index: dict[bytes, int] = {}
@@ -56,9 +60,28 @@ class StateTables:
         watched = self.watched[state]
         return self.contacts.after(self._phases[state], int(watched.contact[guard]), int(watched.following[guard]))
 
+    def use(self, states: Ints) -> None:
+        """Note that these were used, the last one last."""
+        for state in states:
+            self._uses += 1
+            self._used[state] = self._uses
+
     def append(self, state: ContactState, watched: Watched, watch: Complexes, roughness: Floats) -> int:
-        """Add a state with the coefficients of its watched functions (T, w) and the guards' round-off scale (T, g)."""
-        index, guards = self.count, watched.guards
+        """Add a state with the coefficients of its watched functions (T, w) and the guards' round-off scale (T, g).
+
+        Its number may be that of one that is dropped for it.
+        """
+        guards = watched.guards
+        if self.most is not None and self.count >= self.most:
+            index = int(np.argmin(self._used))
+            self._drop(index)
+            self.watched[index], self._phases[index] = watched, state.phases
+        else:
+            index = self.count
+            self.watched.append(watched)
+            self._phases.append(state.phases)
+            self._used.append(0)
+        self.use(np.array([index]))
         self._index[state.phases.tobytes()] = index
         rows: dict[str, NDArray[np.generic]] = {
             "n_basis": np.array(state.exponent.size),
@@ -80,13 +103,12 @@ class StateTables:
             "reset": watched.reset,
             "follower": np.full(guards, -1, dtype=np.int64),
         }
-        self.watched.append(watched)
-        self._phases.append(state.phases)
         for name, row in rows.items():
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
             if any(a < b for a, b in zip(old.shape, need, strict=True)):
                 room = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
+                room = room if self.most is None else min(room, self.most)
                 grown = np.zeros(np.maximum(old.shape, (room, *row.shape)), dtype=row.dtype)
                 grown[tuple(slice(0, d) for d in old.shape)] = old
                 self._arrays[name] = old = grown
@@ -95,18 +117,29 @@ class StateTables:
         self._link(index)
         return index
 
+    def _drop(self, index: int) -> None:
+        del self._index[self._phases[index].tobytes()]
+        for array in self._arrays.values():
+            array[index] = 0
+        self._lead_to(index, -1)
+
     def _link(self, index: int) -> None:
         """Enter a new state as follower of its neighbours, which differ in one contact, and these as its own."""
-        follower, phases = self._arrays["follower"], self._phases[index]
+        follower = self._arrays["follower"]
         for guard in range(self.watched[index].guards):
             follower[index, guard] = self._index.get(self.following(index, guard).tobytes(), -1)
+        self._lead_to(index, index)
+
+    def _lead_to(self, index: int, follower: int) -> None:
+        """Number that a state has as follower of its neighbours."""
+        phases = self._phases[index]
         for contact, before in enumerate(self._before):
             for phase in before[phases[contact]]:
                 other = self.index(self.contacts.after(phases, contact, phase))
                 if other is not None:
                     watched = self.watched[other]
                     leads = (watched.contact[: watched.guards] == contact) & (watched.following == phases[contact])
-                    follower[other, np.flatnonzero(leads)] = index
+                    self._arrays["follower"][other, np.flatnonzero(leads)] = follower
 
     def arrays(self) -> Tables:
         """The tables as the kernels take them; rows beyond ``count`` are unused."""

@@ -208,6 +208,10 @@ class CycleMarch:
         self._renew()
         return following
 
+    def visits(self, states: Ints) -> Ints:
+        """The numbers of the states, which are all kept."""
+        return states
+
     def time_of(self, motion: Motion) -> float:
         """Time since the start of the sweep, s."""
         windows = self.flow.windows

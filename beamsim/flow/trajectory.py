@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -36,7 +36,7 @@ class Trajectory:
     end: float  # s, reached
     time: Floats  # (S,) start of each segment, s
     length: Floats  # (S,) s
-    state: Ints  # (S,) contact state
+    state: Ints  # (S,) contact state, among those that the flow visited
     piece: Ints  # (S,) of the sources
     y: Floats  # (S, N) at the start
     event_time: Floats  # (E,) s
@@ -74,13 +74,22 @@ class Trajectory:
 
     def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        return self.sample_table(times, self.flow.output_table(output_of))
+        if not self.flow.dropped:
+            return self.sample_table(times, self.flow.output_table(output_of))
+        parts, first = [], 0
+        for part in self.parts():
+            last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
+            parts.append(part.sample_table(times[first:last], part.flow.output_table(output_of)))
+            first = last
+        return np.concatenate(parts)
 
     def sample_table(self, times: Floats, table: Complexes) -> Floats:
-        """The same from the coefficients (S, T, k) of the outputs."""
+        """The same from the coefficients (S, T, k) of the outputs, all states being kept."""
         from beamsim.flow.march_kernels import sample, sample_evenly
 
         out = np.empty((times.size, table.shape[2]))
+        if not times.size:
+            return out
         in_a_row = np.ascontiguousarray(times)  # the kernels are compiled for these alone
         step = float(times[-1] - times[0]) / (times.size - 1) if times.size >= EVEN else 0.0
         even = times[0] + step * np.arange(times.size) if step > 0.0 else times[:0]
@@ -124,7 +133,35 @@ class Trajectory:
     @property
     def _phases(self) -> Ints:
         """(states, m)."""
-        return np.array([s.phases for s in self.flow.states], dtype=np.int64).reshape(len(self.flow.states), -1)
+        return np.array(self.flow.visited, dtype=np.int64).reshape(len(self.flow.visited), -1)
+
+    def parts(self) -> Iterator[Trajectory]:
+        """One after the other, with no more states each than the flow keeps at once; their flows hold these alone."""
+        if not self.flow.dropped:
+            yield self
+            return
+        most, first = self.flow.most_states or 1, 0
+        while first < self.state.size:
+            known: set[int] = set()
+            last = first
+            while last < self.state.size and (len(known) < most or int(self.state[last]) in known):
+                known.add(int(self.state[last]))
+                last += 1
+            yield self._holding(slice(first, last))
+            first = last
+
+    def held(self) -> Trajectory:
+        """The same with a flow that keeps all its states, whatever their number."""
+        return self._holding(slice(0, self.state.size)) if self.flow.dropped else self
+
+    def _holding(self, segments: slice) -> Trajectory:
+        visited, state = np.unique(self.state[segments], return_inverse=True)
+        last = segments.stop >= self.state.size
+        return replace(
+            self, flow=self.flow.holding(visited), state=state, time=self.time[segments], length=self.length[segments],
+            piece=self.piece[segments], y=self.y[segments], end=self.end if last else float(self.time[segments.stop]),
+            final_y=self.final_y if last else self.y[segments.stop],
+        )  # fmt: skip
 
     def contact_share(self) -> Floats:
         """(m,) share of the time during which each contact touches."""
@@ -149,15 +186,17 @@ class Trajectory:
         from beamsim.flow import kernels
 
         highest, at = np.array(seed, dtype=float), np.array(when, dtype=float)
-        arguments = (
-            self.flow.tables(), self.flow.inputs(), self.flow.output_table(output_of),
-            self.time, self.length, self.state, self.piece, self.y, highest, at, PEAK_TOLERANCE, np.zeros(3),
-        )  # fmt: skip
-        evaluations, done = 0, False
-        while not done:
-            check()
-            used, done = kernels.extremes(*arguments, EVALUATIONS_A_CALL)
-            evaluations += int(used)
+        evaluations = 0
+        for part in self.parts():
+            arguments = (
+                part.flow.tables(), part.flow.inputs(), part.flow.output_table(output_of),
+                part.time, part.length, part.state, part.piece, part.y, highest, at, PEAK_TOLERANCE, np.zeros(3),
+            )  # fmt: skip
+            done = False
+            while not done:
+                check()
+                used, done = kernels.extremes(*arguments, EVALUATIONS_A_CALL)
+                evaluations += int(used)
         return highest, at, evaluations
 
     def product_integrals(
@@ -173,8 +212,17 @@ class Trajectory:
         In closed form; where polynomials in time are long and the times close together (sampled inputs), by
         Gauss-Legendre panels short against the motion. ``check`` is called as by :meth:`maxima`.
         """
-        table = np.concatenate([self.flow.output_table(left_of), self.flow.output_table(right_of)], axis=2)
-        return self.integrals(times, table, weight, check)
+        parts, first, before = [], 0, np.zeros(weight.shape[1])
+        for part in self.parts():
+            table = np.concatenate([part.flow.output_table(left_of), part.flow.output_table(right_of)], axis=2)
+            last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
+            ends = times[first:last] if last == times.size else np.append(times[first:last], part.end)
+            found = before + part.integrals(ends, table, weight, check)
+            parts.append(found[: last - first])
+            first = last
+            if last < times.size:
+                before = found[-1]
+        return np.concatenate(parts)
 
     def integrals(
         self, times: Floats, table: Complexes, weight: Floats, check: Callable[[], None] = no_check

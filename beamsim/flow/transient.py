@@ -51,7 +51,8 @@ def simulate(
     log, processor = carried.log, clock.process_time() - begin
     if log is None or not log.time.size:  # out of budget within the first segment: at least the start is known
         one, no_event = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        log = Log(np.zeros(1), np.zeros(1), one + motion.state, one, y[None, :].copy(), np.zeros(0), no_event, no_event)
+        state = flow.visits(one + motion.state)
+        log = Log(np.zeros(1), np.zeros(1), state, one, y[None, :].copy(), np.zeros(0), no_event, no_event)
     first = np.flatnonzero(entered)
     log = log._replace(
         event_time=np.concatenate([np.zeros(first.size), log.event_time]),

@@ -260,6 +260,10 @@ class VariationalFlow(SeriesFlow):
         """The state after the event of a guard."""
         return self.state_index(self._state_tables.following(state, guard))
 
+    def visits(self, states: Ints) -> Ints:
+        """The numbers of the states, which are all kept."""
+        return states
+
     def time_of(self, motion: Motion) -> float:
         """Time of a motion, s."""
         return motion.time

@@ -154,6 +154,8 @@ class Run(Schema):
     """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
     max_events: Count = 1_000_000
     """Largest number of contact events, after which the run stops (chattering)."""
+    most_contact_states: Annotated[Count, Field(ge=2)] | None = None
+    """Contact states whose tables are kept at once; the least recently used makes room. By default those in 256 MB."""
 
     @property
     def output_rate(self) -> float:

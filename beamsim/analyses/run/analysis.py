@@ -247,7 +247,7 @@ def _exact(
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> _RunMotion:
-    flow = exact_flow(system, settings.duration)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress, stop=stop)
     outcome, check = _with_limit(trajectory.outcome), _Grace(stop)
     warnings: tuple[str, ...] = ()
@@ -295,7 +295,7 @@ def _exact(
             events=trajectory.event_time.size,
             evaluations=trajectory.evaluations,
             segments=trajectory.time.size,
-            states=len(flow.states),
+            states=len(flow.visited),
             processor_time_s=trajectory.processor_time_s,
         ),
         low_passed=low_passed,
@@ -315,7 +315,7 @@ def _reference(
     from beamsim.analyses.run.stepped_outputs import SteppedOutputs
     from beamsim.flow.reference import integrate
 
-    flow = exact_flow(system, settings.duration)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states)
     integrator, rtol = settings.integrator, settings.rtol
     warnings: tuple[str, ...] = ()
     longest = np.inf

@@ -165,7 +165,7 @@ def solve_exactly(
     work : of the first model, which bounds that of this one.
     stop, check : see `simulate` and `check_convergence`.
     """
-    flow = exact_flow(system, settings.duration)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states)
     trajectory = simulate(
         flow, system.initial_state, max_events=4 * work.events + 1000, stop=stop,
         max_evaluations=10 * work.evaluations + 1_000_000,

@@ -105,11 +105,11 @@ def energy_of_segments(trajectory: Trajectory, check: Callable[[], None] = no_ch
     """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
 
     The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
-    segment by segment. Motions of few segments, or with powers of time, are evaluated at `FEW_TIMES`; an exception
-    that ``check`` raises there ends the work.
+    segment by segment. Motions of few segments, with powers of time, or of states that are not kept, are evaluated at
+    `FEW_TIMES`; an exception that ``check`` raises there ends the work.
     """
     flow, count = trajectory.flow, trajectory.time.size
-    if count < LEAST_SEGMENTS or any(np.any(state.power > 0) for state in flow.states):
+    if count < LEAST_SEGMENTS or flow.dropped or any(np.any(state.power > 0) for state in flow.states):
         return energy_history(trajectory, trajectory.end * FEW_TIMES, check)
     from beamsim.flow.integral_kernels import form_integrals
 

@@ -28,7 +28,7 @@ Extreme = tuple[Floats, Floats, Floats, Floats]  # lowest, its time, highest, it
 def filtered(trajectory: Trajectory, output_of: OutputOf, frequency_hz: float, times: Floats) -> tuple[Floats, Extreme]:
     """Outputs of a motion through the filter: (nt, k) at increasing ``times``, and the extremes of the whole motion."""
     flow = trajectory.flow
-    fastest = max(float(np.abs(state.exponent).max()) for state in flow.states)
+    fastest = flow.largest_exponent
     longest = min(LONGEST_TURN / fastest if fastest > 0 else np.inf, 1.0 / (PANELS_A_PERIOD * frequency_hz))
     known = np.unique(np.concatenate([trajectory.time, times[times <= trajectory.end], [trajectory.end]]))
     ends = _subdivided(known, longest)

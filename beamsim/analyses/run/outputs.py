@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.structures.stations import StressRows
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
@@ -96,10 +96,16 @@ class OutputSet:
         return dict(zip(self.groups, parts, strict=True))
 
 
-def exact_flow(system: StructuralSystem, duration: float, shared: SharedBuilds | None = None) -> ExactFlow:
-    """The exact flow of a built system; its first observer is the base's acceleration. ``shared``: see `ExactFlow`."""
+def exact_flow(
+    system: StructuralSystem, duration: float, most_states: int | None = None, shared: SharedBuilds | None = None
+) -> ExactFlow:
+    """The exact flow of a built system; its first observer is the base's acceleration. ``shared``: see `ExactFlow`.
+
+    ``most_states`` contact states are kept at once, by default those that fit into 256 MB.
+    """
     observers = () if system.base_acceleration is None else (system.base_acceleration,)
-    return ExactFlow(system.dynamics, system.forcing, duration, observers, shared)
+    most = most_states or states_in_memory(system.dynamics)
+    return ExactFlow(system.dynamics, system.forcing, duration, observers, shared, most)
 
 
 def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:

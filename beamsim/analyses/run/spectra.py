@@ -102,7 +102,7 @@ def _highest_content(scenario: Scenario, system: StructuralSystem, trajectory: T
     """Frequency, Hz, up to which the motion has a meaning: of the modes kept, and of the excitation."""
     modes = system.modes
     if modes.static_vectors == 0:
-        structure = max(float(np.abs(state.exponent.imag).max()) for state in trajectory.flow.states) / (2.0 * np.pi)
+        structure = trajectory.flow.highest_frequency / (2.0 * np.pi)
     else:
         structure = float(modes.closed_frequencies_hz[modes.kept_modes - 1]) if modes.kept_modes else 0.0
     highest = max(1.05 * structure, 2.0 * scenario.excitation.highest_frequency_hz)

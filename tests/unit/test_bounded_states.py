@@ -1,0 +1,116 @@
+"""A motion that visits more contact states than are kept: the least recently used are dropped and built again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run import analysis
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.errors import ScenarioError
+from beamsim.flow.exact import ExactFlow, states_in_memory
+from beamsim.flow.fourier import MotionPart
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+N, M, END = 5, 6, 12.0
+CASE = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
+SHORT = {"run.duration": "50 ms", "run.spectrum.last": "20 ms", "run.convergence": "off"}
+
+
+def flow_of(most=None, law=kelvin_voigt) -> ExactFlow:
+    rng = np.random.default_rng(3)
+    omega = np.array([2.0, 7.0, 15.0, 27.0, 44.0])
+    contacts = Contacts(rng.normal(size=(M, N)), np.where(np.arange(M) % 2, -1.0, 1.0), np.full(M, 0.02),
+                        np.zeros(M, dtype=bool), tuple(law(300.0 * (j + 1), 0.5) for j in range(M)))  # fmt: skip
+    system = PiecewiseLinearSystem(omega**2, np.diag(0.04 * omega), contacts, np.zeros(N))
+    return ExactFlow(system, Forcing(np.ones((1, N)), (Signal.harmonic(4.0, 6.0),)), END, most_states=most)
+
+
+def outputs(flow):
+    delta, _ = flow.penetrations()
+    return lambda phases: delta
+
+
+@pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
+@pytest.mark.parametrize("most", [2, 5])
+def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
+    whole, bounded = (simulate(flow_of(number, law), np.zeros(2 * N)) for number in (None, most))
+    assert len(whole.flow.states) > 12
+    assert len(bounded.flow.states) == most
+    assert bounded.flow.tables().horizon.size <= most
+    np.testing.assert_array_equal(bounded.flow.visited, whole.flow.visited)
+    np.testing.assert_array_equal(bounded.state, whole.state)
+    np.testing.assert_array_equal(bounded.event_time, whole.event_time)
+    times = np.linspace(0.0, END, 700)
+    one, other = outputs(whole.flow), outputs(bounded.flow)
+    np.testing.assert_allclose(bounded.sample(times, other), whole.sample(times, one), atol=1e-13)
+    np.testing.assert_array_equal(bounded.phases_at(times), whole.phases_at(times))
+    np.testing.assert_allclose(bounded.contact_share(), whole.contact_share(), rtol=1e-14)
+    low, none = np.full(M, -1e9), np.zeros(M)
+    for a, b in zip(bounded.maxima(other, low, none)[:2], whole.maxima(one, low, none)[:2], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+    weight = np.eye(M)
+    np.testing.assert_allclose(
+        bounded.product_integrals(times, other, other, weight), whole.product_integrals(times, one, one, weight),
+        rtol=1e-12, atol=1e-15,
+    )  # fmt: skip
+    lines = [MotionPart.of(m, of, 3.0, END, 100.0).integrals(np.array([1.0, 6.0, 9.0]))
+             for m, of in ((whole, one), (bounded, other))]  # fmt: skip
+    np.testing.assert_allclose(*lines, atol=1e-13)
+
+
+def test_parts_hold_no_more_states_than_are_kept():
+    bounded = simulate(flow_of(4), np.zeros(2 * N))
+    parts = list(bounded.parts())
+    assert len(parts) > 3
+    assert all(len(part.flow.states) <= 4 for part in parts)
+    assert sum(part.time.size for part in parts) == bounded.time.size
+    assert [part.end for part in parts[:-1]] == [part.time[0] for part in parts[1:]]
+    assert parts[-1].end == END
+
+
+def test_the_least_recently_used_state_goes_first():
+    flow = flow_of(3)
+    phases = np.zeros((4, M), dtype=np.int64)
+    phases[1, 0] = phases[2, 1] = phases[3, 2] = 1
+    for one in phases[:3]:
+        flow.state_index(one)
+    flow.visits(np.array([2, 0]))  # 1 was used longest ago
+    assert flow.state_index(phases[3]) == 1
+    follower, contact = flow.tables().follower, flow.tables().guard_contact
+    assert follower[0, list(contact[0]).index(0)] == -1  # the one that was dropped
+    assert follower[0, list(contact[0]).index(2)] == 1
+    assert flow.built == 4
+    flow.state_index(phases[0])
+    assert flow.built == 4
+    flow.state_index(phases[1])
+    assert flow.built == 5
+    assert len(flow.visited) == 4
+
+
+def test_few_states_rebuild_more_often():
+    built = [simulate(flow_of(most), np.zeros(2 * N)).flow.built for most in (2, 5, None)]
+    assert built[0] > built[1] > built[2]
+
+
+def test_as_many_states_as_fit_into_memory():
+    system = flow_of().system
+    assert states_in_memory(system) > 10_000
+    states = simulate(flow_of(), np.zeros(2 * N)).flow.tables()
+    size = sum(array.nbytes for array in states if array.ndim and array.shape[0] == states.horizon.size)
+    assert size / states.horizon.size < 4 * 256e6 / states_in_memory(system)
+
+
+def test_the_setting_reaches_the_run(monkeypatch):
+    given = []
+    original = analysis.exact_flow
+    monkeypatch.setattr(analysis, "exact_flow", lambda *arguments: given.append(arguments[2]) or original(*arguments))
+    for most in (2, None):
+        beamsim.run(beamsim.load_scenario(CASE, {**SHORT, "run.most_contact_states": most}))
+    assert given == [2, None]
+    with pytest.raises(ScenarioError, match="most_contact_states"):
+        beamsim.load_scenario(CASE, {"run.most_contact_states": 1})
