@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from beamsim.flow.contact_state import state_matrices
 from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing, StructureDirection
 from beamsim.flow.variational import VariationalFlow
 
@@ -147,7 +148,7 @@ def test_liouville(make_system):
     assert passage.event_time.size >= 4
     total = 0.0
     for state, length in zip(passage.state, passage.length, strict=True):
-        total -= np.trace(flow._states[state].damping) * length
+        total -= np.trace(state_matrices(flow.system, flow._states[state].phases)[1]) * length
     log_det = np.linalg.slogdet(passage.transition[:6, :6])[1]
     assert log_det == pytest.approx(total, rel=1e-10)
 
