@@ -31,7 +31,7 @@ def flow_of(most=None, law=kelvin_voigt) -> ExactFlow:
 
 
 def outputs(flow):
-    delta, _ = flow.penetrations()
+    delta, _ = flow.penetrations
     return lambda phases: delta
 
 
