@@ -75,7 +75,7 @@ def fabricate(
     instants = np.arange(1, int(2 * duration * 65)) / 130.0
     n = instants.size if snubbers else 0
     events = EventLog(instants[:n], np.zeros(n, dtype=np.int64), np.arange(n) % 2 == 0)
-    settings = SimpleNamespace(last=duration / 2, periods=None, window="hann")
+    settings = SimpleNamespace(last=duration / 2, periods=None, window="hann", frequencies=())
     spectra = {
         (name, quantity): spectrum(time, getattr(p, quantity), settings, frequency, name, quantity, unit)
         for name, p in histories.items()

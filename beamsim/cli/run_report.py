@@ -61,7 +61,7 @@ def _stress(result: RunResult, stress: float) -> str:
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """The strongest lines of the first probe: order (or Hz) and level, in order of frequency."""
+    """Strongest and chosen lines of the first probe: order (or Hz) and level, in order of frequency."""
     s = result.summary
     first = next((line["probe"] for line in lines), "")
     changes = s.get("convergence", {}).get("spectral_lines", {})
@@ -80,16 +80,17 @@ def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> di
 def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) -> Iterator[str]:
     of_motion = (line for line in lines if line["kind"] not in ("mean", "residual"))
     matching = [line for line in of_motion if (line["probe"], line["quantity"]) == (probe, quantity)]
-    strongest = sorted(matching, key=lambda line: -line["amplitude"])[:LINES_SHOWN]
-    for line in sorted(strongest, key=lambda line: float(line["frequency_hz"])):
-        change = line.get("relative_change") or 0.0  # files from before have none
+    ranked = sorted(matching, key=lambda line: -line["amplitude"])
+    shown = [line for k, line in enumerate(ranked) if k < LINES_SHOWN or line["kind"] == "chosen"]
+    for line in sorted(shown, key=lambda line: float(line["frequency_hz"])):
+        change = line.get("relative_change") or 0.0
         doubt = f", {change_text(change, doubtful=False)}" if change > ALLOWED_CHANGE else ""
         yield f"{_order(line)} ({line['amplitude_db']:.0f} dB{doubt})"
 
 
 def _order(line: Mapping[str, Any]) -> str:
     order = line["order"]
-    if order is None or not math.isfinite(order):
+    if order is None or not math.isfinite(order) or line["kind"] == "chosen":
         return f"{line['frequency_hz']:.4g} Hz"
     return f"{order:.3f}" if line["kind"] == "other" else str(Fraction(order).limit_denominator(12))
 
@@ -101,8 +102,8 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
     texts = {}
     for name, figures in signals.items():
         unit = units.get(name.rpartition(" ")[2], "m/s^2")
-        low, high = figures["rms_low"], figures["rms_high"]
-        interval = f" ({si(low, unit)} to {si(high, unit)}, 95 %)" if low is not None and math.isfinite(low) else ""
+        low, high = figures.get("rms_low"), figures.get("rms_high")
+        interval = f" ({si(low, unit)} to {si(high, unit)}, 95 %)" if low is not None and high is not None else ""
         parts = {
             "rms": f"rms {si(figures['rms'], unit)}{interval}",
             "crest_factor": f"crest factor {figures['crest_factor']:.3g}",

@@ -28,7 +28,7 @@ PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
-_LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x"}
+_LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
 _FREE, _CLOSED = "0.45", "#d1495b"
 
 
@@ -101,7 +101,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
                 color=style["color"],
                 label="_nolegend_",
             )
-        doubtful = [line for line in s.lines if line.relative_change > ALLOWED_CHANGE] if k == 0 else []
+        doubtful = [line for line in s.lines if (line.relative_change or 0.0) > ALLOWED_CHANGE] if k == 0 else []
         ax.plot(
             [line.frequency_hz / unit for line in doubtful],
             [line.amplitude_db for line in doubtful],
@@ -313,9 +313,11 @@ def _highest_shown(spectra: Sequence[Spectrum], forced: bool) -> float:
         line.frequency_hz / unit
         for s in spectra
         for line in s.lines
-        if line.amplitude_db > -60.0 and line.kind != "mean"
+        if line.amplitude_db > -60.0 and line.kind not in ("mean", "residual")
     ]
+    chosen = max((line.frequency_hz / unit for s in spectra for line in s.lines if line.kind == "chosen"), default=0.0)
     limit = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=end)
+    limit = max(limit, 1.05 * chosen)
     return min(limit, end) or 1.0
 
 

@@ -195,6 +195,7 @@ def _spectrum(scenario: _Checked, run: Run) -> Found:
             f"= {spectrum.last:g} s is longer than run.duration = {run.duration:g} s",
             "analyse a shorter part, or use a longer run",
         )
+    yield from _chosen_frequencies(scenario, run)
     if spectrum.periods is None:
         return
     at = ("run", "spectrum", "periods")
@@ -208,6 +209,30 @@ def _spectrum(scenario: _Checked, run: Run) -> Found:
             f"longer than run.duration = {run.duration:g} s",
             f"analyse at most {int(run.duration * frequencies[0])} periods, or run longer",
         )
+
+
+def _chosen_frequencies(scenario: _Checked, run: Run) -> Found:
+    """Frequencies of the spectra must be told apart, and be below half the rate of a time-stepping run's samples."""
+    chosen, tones = run.spectrum.frequencies, scenario.excitation.frequencies_hz
+    duration = min(run.spectrum.last or run.duration, run.duration)
+    if run.spectrum.periods is not None and len(tones) == 1:
+        duration = min(run.spectrum.periods / tones[0], duration)
+    stepped = run.method == "reference" or any(located.item.kind == "cubic" for located in scenario.nonlinear_springs)
+    for index, frequency in enumerate(chosen):
+        at: Path = ("run", "spectrum", "frequencies", index)
+        near = min(chosen[:index], key=lambda other: abs(other - frequency), default=-1.0 / duration)
+        if abs(near - frequency) * duration < 1.0:
+            yield _problem(
+                at,
+                f"= {frequency:g} Hz cannot be told from {near:g} Hz in the {duration:g} s that are analysed",
+                f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
+            )
+        if stepped and run.sample_rate is not None and frequency >= 0.5 * run.sample_rate:
+            yield _problem(
+                at,
+                f"= {frequency:g} Hz is not below half of run.sample_rate = {run.sample_rate:g} Hz",
+                "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
+            )
 
 
 def _start(scenario: _Checked) -> Found:

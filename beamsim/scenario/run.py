@@ -122,9 +122,14 @@ class SpectrumSettings(Schema):
     for a half-sine pulse, a step and a free or measured motion that dies away, hann for everything else."""
     to: Frequency | None = None
     """Highest frequency of the spectra; by default that of the modes kept and of the excitation."""
+    frequencies: tuple[Frequency, ...] = ()
+    """Frequencies whose amplitudes are listed among the lines, whether or not there is a line."""
 
     def settle(self) -> None:
-        """Reject two lengths."""
+        """Reject two lengths, and a frequency given twice."""
+        for index, frequency in enumerate(self.frequencies):
+            if frequency in self.frequencies[:index]:
+                raise fail(f"= {frequency:g} Hz is given twice", "remove one of them", ("frequencies", index))
         if self.last is not None and self.periods is not None:
             raise fail("and last exclude each other", "keep one of the two", ("periods",))
 

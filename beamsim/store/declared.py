@@ -151,7 +151,10 @@ def _write_table(group: h5py.Group, declared: Table, rows: Sequence[Any], member
     size = len(rows)
     scale = None if declared.rows is None else _counted(home, declared.rows, size)
     for column in sorted(members_of(_item_of(member.annotation)), key=_rank):
-        cells = _column([getattr(row, column.name) for row in rows], column)
+        values = [getattr(row, column.name) for row in rows]
+        if column.optional and all(value is None for value in values):
+            continue
+        cells = _column(values, column)
         dataset = _put(home, column.stored_name, column.declaration, cells, names)
         if column.declaration.scale:
             scale = dataset

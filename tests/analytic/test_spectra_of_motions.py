@@ -189,3 +189,48 @@ def test_none_is_never_said_of_a_motion(case, expected):
     assert len(said) == 2
     assert not any(text.endswith("none") for text in said)
     assert all((expected in text) if expected else ("no motion" not in text) for text in said)
+
+
+def test_amplitudes_at_chosen_frequencies(tmp_path):
+    """A mass that swings at 5.3 Hz with an amplitude of 20 mm; nothing is at 9 Hz; 5.3 Hz is listed as it is given."""
+    case = {
+        "chain": {"masses": [1.0], "springs": [(2 * np.pi * 5.3) ** 2, 0.0]},
+        "run": {"duration": 7.7, "sample_rate": 11.0, "start": {"displacement": [0.02]},
+                "spectrum": {"frequencies": [5.3, 9.0]}},
+    }  # fmt: skip
+    result = run(case)
+    spectrum = next(s for s in result.spectra.values() if s.quantity == "displacement")
+    chosen = {line.frequency_hz: line.amplitude for line in spectrum.lines if line.kind == "chosen"}
+    assert chosen == pytest.approx({5.3: 0.02, 9.0: 0.0}, rel=1e-9, abs=1e-12)
+    assert not any(line.kind == "other" for line in spectrum.lines)
+    assert spectrum.frequency_hz[-1] >= 9.0 - 0.2
+    assert any("9 Hz" in text for _, text in table_rows("run", result))
+    stored = beamsim.open_run(beamsim.write_result(result, tmp_path / "run.h5"))
+    kept = stored.spectra[spectrum.probe, "displacement"].lines
+    assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [
+        (k.frequency_hz, k.amplitude, k.kind) for k in spectrum.lines
+    ]
+
+
+def test_a_chosen_order_of_the_excitation_is_that_line_and_others_are_found_beside():
+    plain, with_chosen = (run(BOUNCING, run__spectrum__frequencies=f) for f in ([], ["20 Hz", "33.3 Hz"]))
+    strong = {line.frequency_hz: line.kind for line in lines_of(with_chosen)}
+    assert strong[20.0] == "chosen"  # no line of the acceleration, which is listed all the same
+    a, b = ({line.frequency_hz: line for line in lines_of(r, "displacement")} for r in (plain, with_chosen))
+    assert b[20.0].kind == "fundamental"
+    assert b[20.0].amplitude == pytest.approx(a[20.0].amplitude, rel=0.02)  # one more sinusoid is projected on
+    assert b[33.3].kind == "chosen"
+    assert set(a) - set(b) <= {f for f in a if abs(f - 33.3) < 2.0}
+
+
+@pytest.mark.parametrize(
+    ("chosen", "more", "said"),
+    [
+        ([20, 21], {}, "cannot be told from"),
+        ([20, 20], {}, "given twice"),
+        ([900], {"run__method": "reference", "run__sample_rate": 1000}, "not below half"),
+    ],
+)
+def test_frequencies_that_cannot_be_known_are_refused(chosen, more, said):
+    with pytest.raises(beamsim.ScenarioError, match=said):
+        run(BOUNCING, run__spectrum__frequencies=chosen, **more)

@@ -13,7 +13,7 @@ RATE = 20_000.0
 
 
 def settings(last=None, periods=None, window="hann"):
-    return SimpleNamespace(last=last, periods=periods, window=window)
+    return SimpleNamespace(last=last, periods=periods, window=window, frequencies=())
 
 
 def clock(duration, rate=RATE):

@@ -57,7 +57,7 @@ REWORDED = {
     **{f"{text}, imag part": [f"{text}, imaginary part"] for text in _HARMONICS},
     **{text: ["frequency of the excitation, or of a free motion"] for text in _FREQUENCIES},
     "mean, fundamental, superharmonic, subharmonic or other": [
-        "mean, fundamental, superharmonic, subharmonic, other; residual: of no physical mode"
+        "mean, fundamental, superharmonic, subharmonic, other, chosen; residual: of no mode"
     ],
     "curve of the peak": ["name of the curve"],
     "probe of the peak": ["name of the probe"],

@@ -218,7 +218,7 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
             rms_change=change("rms_acceleration_g" if key[1] == MAIN_QUANTITY else "rms_displacement_m", key[0]),
             lines=tuple(
                 replace(line, relative_change=x)
-                for line, x in zip(s.lines, checked.lines.get(key, [math.nan] * len(s.lines)), strict=True)
+                for line, x in zip(s.lines, checked.lines.get(key, [None] * len(s.lines)), strict=True)
             ),
         )
         for key, s in result.spectra.items()

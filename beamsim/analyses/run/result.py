@@ -112,9 +112,9 @@ class SpectralLine:
     amplitude: float = dataset("{unit}", "amplitude of the line, zero to peak")
     amplitude_db: float = dataset("dB", "20 log10(amplitude / max |x|)")
     phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
-    kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other; residual: of no physical mode")
-    relative_change: float = dataset(  # nan where there is no comparison
-        "1", f"of the amplitude, or of the frequency if larger, {_WITH_FINER_MODEL}", default=float("nan")
+    kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other, chosen; residual: of no mode")
+    relative_change: float | None = dataset(  # nan of a line of no mode; None where there is no comparison
+        "1", f"of the amplitude, or of the frequency if larger, {_WITH_FINER_MODEL}", default=None
     )
 
 
@@ -198,13 +198,12 @@ class SignalStatistics:
     peaks_over_2_sigma: float = attribute("1", "share of the maxima more than 2 standard deviations above the mean")
     peaks_over_3_sigma: float = attribute("1", "share of the maxima more than 3 standard deviations above the mean")
     density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}", along=_FREQUENCY)
-    # nan of a sampled input, which is no process, and in files of earlier versions
-    rms_low: float = attribute(
-        "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input",
-        default=float("nan"),
-    )  # fmt: skip
-    rms_high: float = attribute("{unit}", "upper end of that interval", default=float("nan"))
-    degrees_of_freedom: float = attribute("1", "equivalent degrees of freedom of the mean square", default=float("nan"))
+    # None of a sampled input, which is no process, and in files of earlier versions
+    rms_low: float | None = attribute(
+        "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input", default=None
+    )
+    rms_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
+    degrees_of_freedom: float | None = attribute("1", "equivalent degrees of freedom of the mean square", default=None)
 
 
 @declared

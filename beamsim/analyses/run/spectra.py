@@ -63,7 +63,9 @@ def spectra_of_motion(
         window = settings.window or _suited_window(scenario, record.x)
         if window == "rectangular":
             record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
-        found[probe, quantity] = spectrum_of(record, window, excitation_hz, probe, quantity, unit, residual)
+        found[probe, quantity] = spectrum_of(
+            record, window, excitation_hz, probe, quantity, unit, residual, settings.frequencies
+        )
     return found
 
 
@@ -74,7 +76,7 @@ def records_of(
     assert scenario.run is not None
     duration = end - begin
     content = _highest_content(scenario, system, trajectory)
-    highest = scenario.run.spectrum.to or content
+    highest = max(scenario.run.spectrum.to or content, *scenario.run.spectrum.frequencies, 0.0)
     rate = SAMPLES_OF_A_PERIOD * max(highest, content)
     size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
     rate = size / duration

@@ -82,7 +82,9 @@ def spectrum(
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
     record = SampledRecord(time[-length:], x[-length:], rate)
-    return spectrum_of(record, settings.window or "hann", excitation_hz, probe, quantity, unit)
+    return spectrum_of(
+        record, settings.window or "hann", excitation_hz, probe, quantity, unit, chosen_hz=settings.frequencies
+    )
 
 
 def spectrum_of(
@@ -93,6 +95,7 @@ def spectrum_of(
     quantity: str,
     unit: str,
     residual_hz: tuple[float, ...] = (),
+    chosen_hz: tuple[float, ...] = (),
 ) -> Spectrum:
     r"""Single-sided peak-amplitude spectrum of a record, and its table of lines.
 
@@ -133,13 +136,15 @@ def spectrum_of(
     excitation_hz : Hz, nan where there is no single excitation frequency.
     probe, quantity, unit : labels carried into the result.
     residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
+    chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
+        excitation has this frequency; they replace what is nearer than a bin.
     """
     shape, x, rate = Window.named(window), record.x, record.rate
     peak = float(np.max(np.abs(x)))
     amplitude = _windowed_amplitude(x, shape)
     kept = record.band(amplitude.size)
     bound = record.folded(shape)
-    lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz) if np.isfinite(peak) else ()
+    lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz, chosen_hz) if np.isfinite(peak) else ()
     return Spectrum(
         probe=probe,
         quantity=quantity,
@@ -238,7 +243,12 @@ class _Candidate:
 
 
 def _lines(
-    record: Record, excitation_hz: float, peak: float, one_sided: bool, residual_hz: tuple[float, ...]
+    record: Record,
+    excitation_hz: float,
+    peak: float,
+    one_sided: bool,
+    residual_hz: tuple[float, ...],
+    chosen_hz: tuple[float, ...],
 ) -> tuple[SpectralLine, ...]:
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
     window = _examined(record, excitation_hz, one_sided)
@@ -247,10 +257,10 @@ def _lines(
         candidates = _orders_of_short_record(record, excitation_hz, peak) if periods >= 1 - _ROUND_OFF else []
     else:
         candidates = _peaks(record, window, excitation_hz, peak)
-        window = window if candidates else None
         if forced and candidates:
             candidates = _only_locked(record, candidates)
-    candidates = sorted(candidates, key=lambda c: c.frequency_hz)
+    candidates = sorted(_with_chosen(candidates, chosen_hz, record), key=lambda c: c.frequency_hz)
+    window = window if candidates else None
     mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
     near = 2.0 * record.rate / record.x.size
 
@@ -262,6 +272,8 @@ def _lines(
     def kind_of(candidate: _Candidate) -> str:
         if candidate.order is not None:
             return line_kind(candidate.order)
+        if candidate.frequency_hz in chosen_hz:
+            return "chosen"
         return "residual" if any(abs(candidate.frequency_hz - f) <= near for f in residual_hz) else "other"
 
     lines = [line(0.0 if forced else np.nan, 0.0, abs(mean), 180.0 if mean < 0 else 0.0, "mean")]
@@ -270,6 +282,18 @@ def _lines(
         amplitude, phase = float(np.abs(value)), float(np.degrees(np.angle(value)))
         lines.append(line(order, k.frequency_hz, amplitude, phase, kind_of(k)))
     return tuple(lines)
+
+
+def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: Record) -> list[_Candidate]:
+    """Chosen frequencies instead of what is nearer than a bin; an order that has one is that line."""
+    bin_hz = record.rate / record.x.size
+    added = [
+        _Candidate(None, f, f)
+        for f in chosen_hz
+        if not any(c.order is not None and abs(c.frequency_hz - f) <= _ROUND_OFF * f for c in candidates)
+    ]
+    apart = [c for c in candidates if all(abs(c.frequency_hz - other.frequency_hz) >= bin_hz for other in added)]
+    return apart + added
 
 
 def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
