@@ -117,6 +117,22 @@ def study(parameter: str, marches: float) -> Callable[[bool], tuple[Measurement,
     return prepare
 
 
+def ensemble(quick: bool) -> tuple[Measurement, float]:
+    """One of many draws of gap, stiffness and level of the README's case, for the peak force."""
+    scenario, rng = beamsim.load_scenario(CASE), np.random.default_rng(1)
+
+    def once(count: int) -> float:
+        draws = {
+            "snubbers.tip.gap": rng.normal(0.0, 2e-5, count),
+            "snubbers.tip.stiffness": rng.uniform(100e3, 200e3, count),
+            "excitation.level": rng.uniform(15.0, 25.0, count),
+        }
+        return processor_time(lambda: beamsim.ensemble(scenario, draws, ["peak_force"], workers=1)) / count
+
+    once(3)  # compiles
+    return lambda: once(20 if quick else 1000), 2.5
+
+
 @contextmanager
 def _temporary(*names: str) -> Iterator[dict[str, str]]:
     """Environment with variables set to empty folders."""
@@ -221,6 +237,7 @@ ROWS = (
     Row("run-convergence", "the same with the convergence of every figure", "ms", run(45.0)),
     Row("study-snubbers", "one case of a study that varies snubber numbers", "ms", study("snubbers", 2.0)),
     Row("study-beam", "one case of a study that varies beam numbers", "ms", study("beam", 6.0)),
+    Row("ensemble", "one of 1000 draws of gap, stiffness and level: peak force", "ms", ensemble, repeat=False),
     Row("plots", "`beamsim run` with its plots, warm cache", "s", cli(2.6, "run", CASE), IMPORT),
     Row("validate", "`beamsim validate`", "s", cli(0.75, "validate", CASE), IMPORT),
     Row("first", "first `beamsim run` after installation", "s", cli(12.5, "run", CASE, fresh=FRESH), IMPORT, False),
