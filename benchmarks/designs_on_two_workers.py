@@ -2,8 +2,8 @@
 
     python benchmarks/designs_on_two_workers.py [points per axis]
 
-The grid takes 20 s or more on one worker. The machine load before each measurement is printed as well. On a busy
-machine the ratio of wall times is not meaningful; the share of a processor that the workers got shows this.
+Workers are threads here. The machine load before each measurement is printed as well. On a busy machine the ratio of
+wall times is not meaningful; the share of a processor that the workers got shows this.
 """
 
 from __future__ import annotations
@@ -33,18 +33,17 @@ def main(points: int) -> None:
     for _ in range(REPEATS):
         for workers in WORKERS:
             load = os.getloadavg()[0]
-            children = os.times()
+            before = time.process_time()
             begin = time.perf_counter()
             result = design_study(plan, workers=workers)
             wall = time.perf_counter() - begin
-            now = os.times()
-            spent = now.children_user + now.children_system - children.children_user - children.children_system
+            spent = time.process_time() - before
             walls[workers].append(wall)
             tables[workers] = result
             assert result.complete, result.status
             print(
                 f"  {workers} worker{'s' * (workers > 1)}: wall {wall:6.2f} s, processor time of the cases "
-                f"{result.summary['processor_time_s']:6.2f} s, of the workers including start-up {spent:6.2f} s "
+                f"{result.summary['processor_time_s']:6.2f} s, of the process {spent:6.2f} s "
                 f"({spent / wall / workers:.0%} of a processor each), load before {load:.2f}"
             )
     one, two = (min(walls[workers]) for workers in WORKERS)
@@ -55,4 +54,4 @@ def main(points: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 12)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
