@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from beamsim.files import replacing
+from beamsim.plots.layout import lay_out
+from beamsim.plots.png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,10 +26,19 @@ def save_figures(
     ResultFileError
         If a file cannot be written.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     written = []
     for name, figure in figures.items():
         path = Path(folder) / f"{stem}_{name}.{form}"
         with replacing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=dots_per_inch)
+            figure.set_dpi(dots_per_inch)
+            canvas: Any = FigureCanvasAgg(figure)
+            lay_out(figure, canvas.get_renderer())
+            if form == "png":
+                canvas.draw()
+                write_png(temporary, np.asarray(canvas.buffer_rgba()), dots_per_inch)
+            else:
+                figure.savefig(temporary, format=form)
         written.append(path)
     return written

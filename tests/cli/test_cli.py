@@ -275,7 +275,7 @@ def test_interrupt_ends_with_130_and_leaves_nothing_half_written(where, call, he
     elif where == "writing":
         monkeypatch.setattr("beamsim.store.declared.write", interrupted)
     else:
-        monkeypatch.setattr("matplotlib.figure.Figure.savefig", interrupted)
+        monkeypatch.setattr("beamsim.plots.save.write_png", interrupted)
     done = call("run", "case.yaml")
     assert done.exit_code == 130
     assert "interrupted" in done.stderr

@@ -2,13 +2,20 @@
 
 import math
 import os
+from collections import Counter
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from beamsim.errors import ResultFileError
 from beamsim.plots import run as plots
+from beamsim.plots.layout import lay_out
+from beamsim.plots.png import write_png
+from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, thinned
 
 EVERYTHING = {"displacement", "acceleration", "contact_force", "spectrum", "phase_portrait", "deflected_shapes"}
@@ -80,14 +87,70 @@ def test_a_chain_has_no_deflected_shape(ax, fabricated_run):
 
 
 def test_interrupted_plot_leaves_no_file(fabricated_run, tmp_path, monkeypatch):
-    def interrupted(self, path, **_):
+    def interrupted(path, *_):
         path.write_bytes(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Figure, "savefig", interrupted)
+    monkeypatch.setattr("beamsim.plots.save.write_png", interrupted)
     with pytest.raises(KeyboardInterrupt):
         plots.save_run_plots(fabricated_run(), tmp_path, "case")
     assert os.listdir(tmp_path) == []
+
+
+def test_every_panel_is_measured_once_and_drawn_once(fabricated_run, tmp_path, monkeypatch):
+    counts = Counter()
+
+    def counting(name):
+        original = getattr(Axes, name)
+
+        def counted(ax, *arguments, **options):
+            counts[name, ax] += 1
+            return original(ax, *arguments, **options)
+
+        monkeypatch.setattr(Axes, name, counted)
+
+    counting("draw")
+    counting("get_tightbbox")
+    plots.save_run_plots(fabricated_run(), tmp_path, "case")
+    panels = {ax for _, ax in counts}
+    assert len(panels) == 10
+    assert set(counts.values()) == {1}
+    assert {name for name, _ in counts} == {"draw", "get_tightbbox"}
+
+
+@pytest.mark.parametrize("how", [{}, {"snubbers": tuple("abcdefgh")}, {"chain": True}])
+def test_labels_lie_in_the_figure_and_panels_do_not_overlap(how, fabricated_run):
+    for figure in plots.run_figures(fabricated_run(**how)).values():
+        canvas = FigureCanvasAgg(figure)
+        lay_out(figure, canvas.get_renderer())
+        boxes = [ax.get_tightbbox(canvas.get_renderer()) for ax in figure.axes if ax.get_visible()]
+        boxes += [text.get_window_extent(canvas.get_renderer()) for text in figure.texts]
+        assert all(box.height > 0.0 for box in boxes)
+        assert all(b.x0 >= -12 and b.y0 >= 0 and b.x1 <= figure.bbox.x1 + 12 and b.y1 <= figure.bbox.y1 for b in boxes)
+        for k, one in enumerate(boxes):
+            for other in boxes[:k]:
+                across = min(one.x1, other.x1) - max(one.x0, other.x0)
+                along = min(one.y1, other.y1) - max(one.y0, other.y0)
+                assert min(across, along) < 12  # pixels: a tick label at the corner of a panel
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_colour_bars_and_other_figures_get_their_places(form, tmp_path):
+    figure = Figure(figsize=(3.0, 2.0), layout="constrained")
+    ax = figure.subplots()
+    ax.set_position((0.0, 0.0, 1.0, 1.0))
+    figure.colorbar(ax.imshow(np.eye(3)), ax=ax)
+    save_figures({"map": figure}, tmp_path, "case", form)
+    assert (tmp_path / f"case_map.{form}").stat().st_size > 1000
+    assert figure.axes[1].get_position().x0 > 0.6
+
+
+def test_pictures_hold_the_pixels_that_were_drawn(tmp_path):
+    pixels = np.random.default_rng(1).integers(0, 256, (7, 5, 4), dtype=np.uint8)
+    write_png(tmp_path / "x.png", pixels, 150.0)
+    with Image.open(tmp_path / "x.png") as picture:
+        assert picture.info["dpi"] == pytest.approx((150.0, 150.0), rel=1e-3)
+        np.testing.assert_array_equal(np.asarray(picture), pixels[:, :, :3])
 
 
 def test_no_place_for_the_plots(fabricated_run, tmp_path):
