@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from dataclasses import field, replace
 from datetime import UTC, datetime
+from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from beamsim.fields import Entry, attribute, declared_base, ending, stored, summary_of
@@ -31,6 +32,7 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
+@cache
 def _versions() -> dict[str, str]:
     """Versions of Python and of the packages that the numbers depend on."""
     from importlib.metadata import version

@@ -195,10 +195,15 @@ def build_state(
 
 def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
     """Stiffness and damping (n, n) with the contacts in given phases; internal states apart."""
+    phi, k, c = _acting(system, phases)
+    return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
+
+
+def _acting(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats, Floats]:
+    """Shapes (a, n), stiffness (a,) and dashpots (a,) of the contacts that push in these phases."""
     row, _ = system.contacts.force_rows(phases)
     acting = np.flatnonzero(np.any(row[:, :2] != 0.0, axis=1))
-    phi, k, c = system.contacts.shape[acting], row[acting, 0], row[acting, 1]
-    return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
+    return system.contacts.shape[acting], row[acting, 0], row[acting, 1]
 
 
 def _diagonalise(
@@ -244,9 +249,10 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
     n, contacts = system.size, system.contacts
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
-    stiffness, damping = state_matrices(system, phases)
-    omega2, psi = _undamped_modes(system, stiffness, phases)
-    d = psi.T @ damping @ psi
+    stiffness, _ = state_matrices(system, phases)
+    omega2, psi, felt = _undamped_modes(system, stiffness, phases)
+    _, _, dashpot = _acting(system, phases)
+    d = psi.T @ system.damping @ psi + (felt.T * dashpot) @ felt
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
     if together:
@@ -281,7 +287,14 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
             A[2 * r :, 2 * r :] = internal
             out[2 * n :, 2 * r :] = np.eye(inside) / unit
             back[2 * r :, 2 * n :] = np.eye(inside) * unit
-        modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window), out, back)
+        inverse = None
+        if not together and omega2[g].min() > 0.0:
+            inverse = np.zeros_like(A)
+            compliance = scale / omega2[g]
+            inverse[:r, :r] = -compliance[:, None] * d[np.ix_(g, g)] / scale
+            inverse[:r, r:] = -np.diag(compliance)
+            inverse[r:, :r] = np.diag(1.0 / scale)
+        modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window, inverse), out, back)
     return modes, blocks
 
 
@@ -293,34 +306,41 @@ def _embedded(block: Block, size: int) -> Block:
     return Block(right, left, block.matrix, block.centre, block.weight)
 
 
-def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: Ints) -> tuple[Floats, Floats]:
-    """Squared frequencies (n,) and orthonormal modes (n, n); rigid-body motions that no contact feels stay exact."""
+def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: Ints) -> tuple[Floats, Floats, Floats]:
+    """Squared frequencies (n,), orthonormal modes (n, n), and what each acting contact feels of them (a, n).
+
+    Rigid-body motions that no contact feels stay exact.
+    """
     n = system.size
-    row, _ = system.contacts.force_rows(phases)
-    acting = np.any(row[:, :2] != 0.0, axis=1)
-    if not acting.any():
-        return system.stiffness, np.eye(n)
+    phi, k, _ = _acting(system, phases)
+    if not k.size:
+        return system.stiffness, np.eye(n), phi
     rigid = np.flatnonzero(system.stiffness == 0.0)
     basis = np.eye(n)
     free = 0
     if rigid.size:
-        felt = system.contacts.shape[acting][:, rigid]
-        _, singular, turned = np.linalg.svd(felt)
+        _, singular, turned = np.linalg.svd(phi[:, rigid])
         rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
         free = rigid.size - rank
         basis[np.ix_(rigid, rigid)] = turned.T
         basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
     held = basis[:, free:]
-    if np.any(row[acting, 0] < 0.0) or np.any(system.stiffness < 0.0):
+    if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
         omega2, psi = np.linalg.eigh(held.T @ stiffness @ held)
+        felt = phi @ held @ psi
     else:
         # of a factor of the stiffness: eigenvalues would have errors that the highest frequency makes in the lowest
-        springs = np.sqrt(row[acting, :1]) * system.contacts.shape[acting]
-        _, omega, turned = np.linalg.svd(
+        springs = np.sqrt(k)[:, None] * phi
+        stretched, omega, turned = np.linalg.svd(
             np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held, full_matrices=False
         )
         omega2, psi = omega[::-1] ** 2, turned[::-1].T
-    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), np.hstack([basis[:, :free], held @ psi])
+        # so are the stretches of the springs: a stiff one feels little of a low mode, less than phi @ psi can say
+        felt = phi @ held @ psi
+        elastic = k > 0.0
+        felt[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
+    modes = np.hstack([basis[:, :free], held @ psi])
+    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, np.pad(felt, ((0, 0), (free, 0)))
 
 
 def state_loads(

@@ -20,6 +20,7 @@ from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
 ACCEPTABLE_PROJECTOR = 1e6  # what is still taken where merging does not get below the former
+WIDE_GAP = 1e3  # ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
 SMALLEST_GAP = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
 
 
@@ -119,19 +120,40 @@ def second_order_blocks(
     return SimpleModes(X, Xi, lam), blocks
 
 
-def block_diagonalise(A: Floats, window: float = np.inf) -> tuple[SimpleModes, list[Block]]:
-    """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`."""
-    lam, X = np.linalg.eig(A)
-    lam = lam.astype(complex)
-    X = X.astype(complex)
+def block_diagonalise(
+    A: Floats, window: float = np.inf, inverse: Floats | None = None
+) -> tuple[SimpleModes, list[Block]]:
+    """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`.
+
+    ``inverse`` is that of A, written down rather than computed: it gives the eigenvalues far below the largest, which
+    A itself knows only to the round-off of the largest (a heavily overdamped contact).
+    """
+    lam, X = _eigenpairs(A, inverse)
     try:
-        Xi = np.linalg.inv(X)
+        Xi = np.linalg.inv(X).astype(complex)
     except np.linalg.LinAlgError:
         return _clusters(A, window)
     norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
     if not np.all(np.isfinite(norms)) or norms.max() > LARGEST_PROJECTOR:
         return _clusters(A, window)
     return SimpleModes(X, Xi, lam), []
+
+
+def _eigenpairs(A: Floats, inverse: Floats | None) -> tuple[Complexes, Complexes]:
+    """Eigenvalues and eigenvectors; those below the widest gap of the sizes from the inverse, if there is one."""
+    lam, X = (part.astype(complex) for part in np.linalg.eig(A))
+    size = np.sort(np.abs(lam))
+    if inverse is None or not size[0] > 0:
+        return lam, X
+    at = int(np.argmax(size[1:] / size[:-1]))
+    if size[at + 1] < WIDE_GAP * size[at]:
+        return lam, X
+    limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
+    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse))
+    fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
+    if fast.sum() + slow.sum() != lam.size:
+        return lam, X
+    return np.concatenate([lam[fast], 1.0 / mu[slow]]), np.concatenate([X[:, fast], Y[:, slow]], axis=1)
 
 
 def _clusters(A: Floats, window: float) -> tuple[SimpleModes, list[Block]]:

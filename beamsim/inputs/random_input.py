@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from beamsim.scenario.broadband import RandomInput
 
 SAMPLES_PER_CYCLE = 20  # of the highest frequency
+MARGIN = 32  # samples before and after the run: what a spline takes of its ends falls by 2 - sqrt(3) with each sample
 
 
 def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
@@ -62,7 +63,7 @@ def noise(
 
 
 def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Signal, Signal, Signal]:
-    """The noise as a smooth piecewise cubic over the run, and its integrals.
+    """The noise as a smooth piecewise cubic over the run, and its integrals; it does not depend on where the run ends.
 
     The integrals start at the values of the integrated sines, so that a base does not drift, or at 0 with a ramp.
     """
@@ -84,7 +85,8 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
     frequency, amplitude = _spectrum(at, value, period, count, generator, excitation.amplitudes == "random")
     one_period = np.fft.irfft(0.5 * count * amplitude, count)
     step = period / count
-    index = np.arange(int(np.ceil(total / step)) + 2)
+    pieces = int(np.ceil(total / step)) + 1
+    index = np.arange(-MARGIN, pieces + MARGIN)
     time, samples = np.asarray(index * step, dtype=float), np.asarray(one_period[index % count], dtype=float)
     velocity_0 = displacement_0 = 0.0
     if excitation.ramp > 0:
@@ -94,6 +96,7 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
         omega = 2 * np.pi * frequency[1:]
         velocity_0 = float(np.sum(amplitude[1:] / (1j * omega)).real)
         displacement_0 = float(np.sum(-amplitude[1:] / omega**2).real)
-    signal = interpolate(time, samples, "cubic")
+    wider, within = interpolate(time, samples, "cubic"), slice(MARGIN, MARGIN + pieces)
+    signal = Signal(wider.start[within], wider.exponent, wider.coefficient[within])
     velocity = signal.antiderivative(velocity_0)
     return signal, velocity, velocity.antiderivative(displacement_0)

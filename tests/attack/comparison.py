@@ -1,8 +1,9 @@
 """One random system: its motion by the package and by `own_model`, and what differs between them.
 
 Compared up to the round-off horizon, the last output before two integrations of our own, with other steps and with
-starts, loads and gaps that differ by 1e-10 of their values, tell different stories: times and contacts of all events,
-displacement of the probe, stored energy, peaks of displacement and of contact forces.
+numbers that differ by 1e-10 of their values, tell different stories: times and contacts of all events, displacement of
+the probe, stored energy, peaks of displacement and of contact forces. How far the two are apart is what the package may
+differ by, but for a factor; where it differs by more, the sensitivity is measured anew with more changed numbers.
 """
 
 import time as clock
@@ -15,7 +16,8 @@ from random_systems import PERIODS, random_case
 
 MOST_STEPS = 12_000
 OUTPUTS = 40
-PERTURBATION = 1e-10  # of start, loads and gaps, for the second integration
+PERTURBATION = 1e-10  # of all numbers, for the second integration
+OTHERS = (0.77, 0.85, 0.71, 0.93, 0.64)  # steps of the integrations with changed numbers; the first is the usual one
 STORY = 1e-5  # relative difference of our two integrations at which the horizon lies
 RESOLUTION = 1e-9  # of our own integration
 
@@ -25,7 +27,7 @@ class Finding:
     """What came of one system."""
 
     seed: int
-    features: set
+    features: list
     outcome: str  # agrees, differs, or why it was not compared
     differences: list = field(default_factory=list)
     events: int = 0
@@ -37,14 +39,15 @@ class Finding:
 
 @dataclass(frozen=True)
 class Own:
-    """Our equations and two motions, and by how much these differ."""
+    """Our equations and our motion, those with changed numbers, and by how much they differ."""
 
     equations: Equations
     motion: object
-    other: object
+    others: list
     outputs: np.ndarray  # (k,) indices of the stops that are outputs, up to the horizon
     apart: np.ndarray  # (nt,) largest difference so far, over the largest state
     whole: float  # s, intended
+    step: float  # s, the longest
 
     @property
     def size(self):
@@ -64,13 +67,18 @@ def compare(seed, folder, most_steps=MOST_STEPS):
     own = own_motion(case, most_steps)
     middle = clock.process_time()
     if isinstance(own, str):
-        return Finding(seed, features, own)
-    finding = _against_package(Finding(seed, features, "agrees"), case, own)
+        return Finding(seed, sorted(features), own)
+    finding = _against_package(Finding(seed, sorted(features), "agrees"), case, own)
+    if finding.differences:
+        own = own_motion(case, most_steps, OTHERS)
+        if isinstance(own, str):
+            return Finding(seed, sorted(features), own)
+        finding = _against_package(Finding(seed, sorted(features), "agrees"), case, own)
     finding.seconds = (middle - begin, clock.process_time() - middle)
     return finding
 
 
-def own_motion(case, most_steps=MOST_STEPS):
+def own_motion(case, most_steps=MOST_STEPS, others=OTHERS[:1]):
     """Our motion of a scenario, or why there is none."""
     spec = case["excitation"]
     model = model_of(case, spec["period"] / 1.1 if spec["kind"] == "random" else 1.0)
@@ -89,11 +97,14 @@ def own_motion(case, most_steps=MOST_STEPS):
         times = longest * np.arange(1, OUTPUTS + 1) / OUTPUTS
         stops = np.unique(np.concatenate([times, [b for b in model.inputs.breaks if 0 < b < longest]]))
         motion = equations.move(stops, step, most_steps)
-        other = equations.perturbed(PERTURBATION, motion).move(stops, 0.77 * step, 2 * most_steps)
-        end, apart = _horizon(motion, other, step)
+        changed = [equations.perturbed(PERTURBATION, motion, draw) for draw in range(len(others))]
+        moved = [c.move(stops, part * step, 2 * most_steps) for c, part in zip(changed, others, strict=True)]
+        ends, aparts = zip(*(_horizon(motion, other, step) for other in moved), strict=True)
+        end, count = min(ends), min(a.size for a in aparts)
+        apart = np.max([a[:count] for a in aparts], axis=0)
         outputs = np.flatnonzero(np.isin(stops[: apart.size], times) & (stops[: apart.size] <= end))
         if outputs.size > OUTPUTS // 4:
-            return Own(equations, motion, other, outputs, apart, whole)
+            return Own(equations, motion, moved, outputs, apart, whole, step)
         longest *= max(outputs.size, 1) / OUTPUTS
         step = min(step, longest / OUTPUTS)
     return "parts at once"
@@ -124,7 +135,7 @@ def _horizon(motion, other, step):
 
 def _against_package(finding, case, own):
     import beamsim
-    from beamsim.scenario import Run
+    from beamsim.outcomes import OutcomeCode
 
     time = own.motion.time
     end = float(time[own.outputs[-1]])
@@ -133,18 +144,21 @@ def _against_package(finding, case, own):
         [t["frequency"] for t in case["excitation"].get("tones", ())] + [case["excitation"].get("frequency", 0.0)]
     )
     finding.finer = int(np.ceil(max(2.5 * fastest * end / count, 1.0)))  # outputs of the package for each of ours
-    quiet = {"convergence": "off"} if "convergence" in Run.model_fields else {}  # not compared
-    run = {**case["run"], **quiet, "duration": end, "sample_rate": finding.finer * count / end}
+    not_compared = {"convergence": "off", "spectrum": {"last": end / 50}}
+    run = {**case["run"], **not_compared, "duration": end, "sample_rate": finding.finer * count / end}
     try:
         result = beamsim.run(beamsim.Scenario.model_validate({**case, "run": run}))
     except Exception as error:
         finding.outcome, finding.differences = "differs", [f"{type(error).__name__}: {error}"]
         return finding
+    if result.outcome.code is OutcomeCode.ENERGY_NOT_BALANCED:
+        finding.outcome = "not trusted by the package"
+        return finding
     finding.differences += [f"outcome: {result.status}"] if not result.complete else []
-    error = result.summary["energy_error"]
-    if not error < 1e-8:
-        finding.differences.append(f"energy error {error:.3g}")
     slack = 5 * own.apart[own.outputs] + RESOLUTION
+    error = result.summary["energy_error"]
+    if not error < max(1e-8, slack[-1]):
+        finding.differences.append(f"energy error {error:.3g}")
     finding.events = int(np.sum(own.motion.event_time < end))
     finding.differences += [
         *_events(own, result, end),
@@ -160,40 +174,82 @@ def _against_package(finding, case, own):
 def _events(own, result, end):
     """Contacts and times of the snubbers' events, and the number of bends passed; those at t = 0 do not count."""
     found = []
+    slack = 5 * own.apart[own.outputs[-1]] + RESOLUTION
     names = [c.name for c in own.equations.model.contacts]
     edge, begin = end * (1 - 1e-9), 1e-7 * end  # a motion that starts at zero gap closes at 0 or as soon as it is felt
     for j, name in enumerate(names):
-        ours, other = (
-            (m.event_time[m.event_contact == j], m.event_phase[m.event_contact == j]) for m in (own.motion, own.other)
-        )
-        keep = (ours[0] > begin) & (ours[0] < edge)
-        t, phase, perturbed = ours[0][keep], ours[1][keep], other[0][: keep.size][keep[: other[0].size]]
+        ours = own.motion.event_contact == j
+        t, phase = own.motion.event_time[ours], own.motion.event_phase[ours]
+        keep = (t > begin) & (t < edge)
+        others = [m.event_time[m.event_contact == j] for m in own.others]
+        late = [np.abs(o[: keep.size][keep[: o.size]] - t[: o.size][keep[: o.size]]) for o in others]
+        t, phase = t[keep], phase[keep]
         if name not in result.snubbers:
             continue
         mine = (result.events.snubber == list(result.snubbers).index(name)) & (result.events.time > begin)
         mine &= result.events.time < edge
         theirs, closing = result.events.time[mine], result.events.closing[mine]
-        if t.size != theirs.size or not np.array_equal(phase == 1, closing):
-            n = min(t.size, theirs.size)
-            apart = np.flatnonzero(np.abs(t[:n] - theirs[:n]) > 1e-6 * end)
-            first = apart[0] if apart.size else n
-            at = min([x[first] for x in (t, theirs) if first < x.size], default=end)
+        if t.size == theirs.size and np.array_equal(phase == 1, closing):
+            allowed = np.maximum.accumulate(5 * np.max(late, axis=0, initial=0.0) + 1e-7 * end)
+            if np.any(np.abs(t - theirs) > allowed):
+                k = int(np.argmax(np.abs(t - theirs) > allowed))
+                found.append(f"{name}: event {k + 1} of {t.size} at {t[k]:.12g} s is at {theirs[k]:.12g} s")
+        elif (at := _parting(own, j, (t, phase == 1), (theirs, closing), end, slack)) < edge:
             found.append(
                 f"{name}: {t.size} events of ours, {theirs.size} of the package; they part at {at:.9g} of {end:.6g} s"
             )
-        elif t.size:
-            allowed = np.maximum.accumulate(5 * np.abs(t - perturbed) + 1e-7 * end)
-            late = np.abs(t - theirs) / allowed
-            if late.max() > 1:
-                k = int(np.argmax(late > 1))
-                found.append(f"{name}: event {k + 1} of {t.size} at {t[k]:.12g} s is at {theirs[k]:.12g} s")
-    bends = {j for j, c in enumerate(own.equations.model.contacts) if c.slopes}
-    passed = sum(j in bends and t < edge for t, j in zip(own.motion.event_time, own.motion.event_contact, strict=True))
+    bends = [j for j, c in enumerate(own.equations.model.contacts) if c.slopes]
+    passed = np.isin(own.motion.event_contact, bends) & (own.motion.event_time < edge)
     listed = result.summary.get("breakpoints_passed", 0)
-    listed = sum(listed.values()) if isinstance(listed, dict) else listed
-    if passed != listed:
-        found.append(f"{passed} bends passed, {listed} by the package")
+    if passed.sum() != listed and not any(_at_a_bend(own, j, end, slack) for j in bends):
+        found.append(f"{passed.sum()} bends passed, {listed} by the package")
     return found
+
+
+def _parting(own, contact, ours, theirs, end, slack):
+    """Time of the first event that only one of two lists (times, closing) holds, inf for none.
+
+    Contacts and gaps so shallow that the motions cannot tell them from none do not count.
+    """
+    i = k = 0
+    while i < ours[0].size or k < theirs[0].size:
+        both = i < ours[0].size and k < theirs[0].size
+        if both and ours[1][i] == theirs[1][k] and abs(ours[0][i] - theirs[0][k]) < 1e-6 * end:
+            i, k = i + 1, k + 1
+            continue
+        first = i < ours[0].size and (not both or ours[0][i] < theirs[0][k])
+        times = (ours[0][i : i + 2] if first else theirs[0][k : k + 2]).tolist()
+        if _depth(own, contact, np.linspace(times[0], times[-1], 5), end).max() > slack:
+            return times[0]
+        i, k = (i + len(times), k) if first else (i, k + len(times))
+    return np.inf
+
+
+def _depth(own, contact, times, end):
+    """Distance from touching at some times, over the size of the motion at the place of the contact."""
+    equations = own.equations
+    moved = equations.move(np.unique([*times, *own.motion.time[own.motion.time < end]]), own.step, 2 * MOST_STEPS)
+    at = np.isin(moved.time, times)
+    row_y, row_u, _, _ = equations.penetration(equations.model.contacts[contact])
+    size = np.linalg.norm(equations.model.contacts[contact].row) * own.size
+    return np.abs(moved.y[at] @ row_y + equations.inputs_at(moved.time[at]) @ row_u) / size
+
+
+def _at_a_bend(own, contact, end, slack):
+    """Whether the stretch of a spring turns, starts or ends at one of its bends, as far as the motions can tell."""
+    equations = own.equations
+    law = equations.model.contacts[contact]
+    row_y, row_u, rate_y, rate_u = equations.penetration(law)
+    times = np.union1d(np.linspace(0.0, end, 20_000)[1:], own.motion.time[own.motion.time <= end])
+    moved = equations.move(times, own.step, times.size + 2 * MOST_STEPS)
+    u = equations.inputs_at(moved.time)
+    stretch, rate = moved.y @ row_y + u @ row_u, moved.y @ rate_y + u @ rate_u
+    turns = np.flatnonzero(rate[1:] * rate[:-1] <= 0.0)
+    farther = np.abs(np.diff(stretch))[turns]  # a turn between two samples is that much farther at most
+    near = slack * np.linalg.norm(law.row) * own.size
+    start = float(row_y @ equations.start() + row_u @ equations.inputs_at(np.zeros(1))[0])
+    ends = np.abs(np.subtract.outer([start, stretch[-1]], law.bends)).min() < near
+    return ends or np.any(np.abs(np.subtract.outer(stretch[turns], law.bends)) < near + farther[:, None])
 
 
 def _states(own, result, slack, finer):

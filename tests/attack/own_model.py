@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from dense_stepper import Inputs, Linear, integrate
+from dense_stepper import EPS, Inputs, Linear, integrate
 from independent import Beam
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
-ROUND_OFF = 2e-15  # of the size of a motion, in its penetrations
+ROUND_OFF = 64 * EPS  # of the size of a motion, in its penetrations: what the search for contacts allows
 
 
 @dataclass(frozen=True)
@@ -257,9 +258,7 @@ def contacts_of(case, structure):
         k, damping = snubber["stiffness"], snubber.get("damping", {})
         c = damping.get("coefficient", 0.0)
         if damping.get("kind") == "ratio":
-            squares = np.linalg.eigvalsh(np.diag(structure.omega**2) + k * np.outer(row, row))
-            restrained = structure.rigid - int(np.any(np.abs(row[: structure.rigid]) > 1e-9 * np.abs(row).max()))
-            c = 2 * damping["ratio"] * k / np.sqrt(squares[restrained])
+            c = 2 * damping["ratio"] * k / np.sqrt(lowest_square(structure.omega**2, row, k))
         law = snubber.get("law", "kelvin_voigt")
         name = snubber.get("name", f"snubber_{i + 1}")
         found.append(Contact(name, law, row, sign, felt, k, c, snubber.get("gap", 0.0)))
@@ -271,6 +270,30 @@ def contacts_of(case, structure):
             found.append(Contact(**{**vars(spring), "row": whole @ structure.shapes}))
             preloads.append(None)
     return found, preloads
+
+
+def lowest_square(squares, row, stiffness):
+    """Smallest positive eigenvalue of diag(squares) + stiffness row rowᵀ.
+
+    By the secular equation 1 / k + sum r_i^2 / (w_i^2 - x) = 0 between its first two poles: the eigenvalues of the
+    matrix itself are known to the round-off of the largest.
+    """
+    felt = np.abs(row) > 1e-9 * np.abs(row).max()
+    poles, at = np.unique(squares[felt], return_inverse=True)
+    weights = np.bincount(at, row[felt] ** 2)
+    others = squares[~felt & (squares > 0)]
+
+    def secular(x):
+        return 1 / stiffness + np.sum(weights / (poles - x))
+
+    if poles.size == 1:
+        root = poles[0] + stiffness * weights[0]
+    else:
+        low, high = poles[0] * (1 + 1e-15) + 1e-30 * poles[1], poles[1] * (1 - 1e-15)
+        root = low if secular(low) >= 0 else high
+        if secular(low) < 0 < secular(high):
+            root = brentq(secular, low, high, xtol=1e-300, rtol=1e-15)
+    return min([root, *others])
 
 
 def equilibrium(structure, contacts, load, pushes=None):
@@ -381,10 +404,11 @@ def inputs_of(case, duration):
         time, values = np.loadtxt(spec["file"], delimiter=",", skiprows=1).T
         return pieces(CubicSpline(time - time[0], values), quantity)
     omega, amplitude, phase, rate = random_lines(spec, duration)
-    time = np.arange(int(np.ceil(duration * rate)) + 2) / rate
+    time = np.arange(-40, int(np.ceil(duration * rate)) + 40) / rate  # the ends of a spline are felt by few samples
     values = np.cos(np.outer(time, omega) + phase) @ amplitude
+    whole = CubicSpline(time, values)
     start = (-np.sum(amplitude / omega * np.cos(phase + np.pi / 2)), -np.sum(amplitude / omega**2 * np.cos(phase)))
-    return pieces(CubicSpline(time, values), quantity, start)
+    return pieces(PPoly(whole.c[:, 40:], whole.x[40:]), quantity, start)
 
 
 # -- the whole ---------------------------------------------------------------------------------------------------------
@@ -548,7 +572,7 @@ class Equations:
 
     def starting_phases(self, longest):
         """From the penetration; where that is zero, from the motion a little later, the contact being open."""
-        from dense_stepper import FIT_MATRIX, NODES, Tables, _inputs, _step
+        from dense_stepper import ORDERS, Tables, _inputs, _step
 
         y, m = self.start(), self.model
         u, packed = np.empty(self.U), m.inputs.packed
@@ -584,8 +608,7 @@ class Equations:
         out = np.empty(self.N)
         level = int(tables.arrays["finest"][0])
         _step(
-            tables.arrays["F"], (*packed, NODES, FIT_MATRIX), 0, level, longest, 0.0, y, np.empty(self.U),
-            np.empty((self.U - 1, 8)), out,
+            tables.arrays["F"], packed, 0, level, longest, 0.0, y, np.empty((self.U - 1, ORDERS)), out,
         )  # fmt: skip
         _inputs(*packed, longest * 2.0**-level, u)
         after = phases_of(out, u, ())
@@ -598,23 +621,25 @@ class Equations:
         return integrate(
             self.linear, self.N, [c.phases for c in self.model.contacts], self.model.inputs, longest, self.start(),
             self.starting_phases(longest), stops, 2 * len(self.model.probes) + self.one_sided, most_steps,
+            self.stiffest(),
         )  # fmt: skip
 
-    def perturbed(self, size, motion):
-        """The same with start, loads and gaps changed by so much of their values, and contacts that change late.
+    def perturbed(self, size, motion, draw=1):
+        """The same with all numbers changed by so much of their values, and contacts that change late.
 
         They change where the penetration has passed zero by the round-off of the motion. What is zero stays zero.
         """
-        rng = np.random.default_rng(1)
+        rng = np.random.default_rng(draw)
 
         def changed(values):
             return values * (1 + size * rng.choice([-1.0, 1.0], np.shape(values)))
 
         m = self.model
         contacts = tuple(
-            replace(c, gap=float(changed(c.gap)), bends=tuple(changed(np.array(c.bends)))) for c in m.contacts
+            replace(c, gap=float(changed(c.gap)), bends=tuple(changed(np.array(c.bends))), row=changed(c.row))
+            for c in m.contacts
         )
-        numbers = {"constant": changed(m.constant), "loads": changed(m.loads), "start": changed(m.start)}
+        numbers = {name: changed(getattr(m, name)) for name in ("omega", "constant", "loads", "start")}
         largest = np.linalg.norm(motion.y[:, : self.n], axis=1).max(initial=0.0) / self.scale
         return Equations(replace(m, contacts=contacts, **numbers), late=ROUND_OFF * largest)
 

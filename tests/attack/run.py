@@ -2,7 +2,8 @@
 
     python tests/attack/run.py --systems 10000 --mutants 2500 --jobs 1 --seed 1
 
-Prints the counts for each feature and writes them to a file; exit code 1 where anything was found.
+Prints the counts for each feature and writes them to a file; exit code 1 where anything was found. What came of each
+system is written as it comes (`attack.systems.jsonl` beside `attack.json`); the same command goes on from there.
 """
 
 import argparse
@@ -33,16 +34,22 @@ def system(seed):
         try:
             finding = compare(seed, Path(folder))
         except Exception as error:
-            finding = Finding(seed, set(), f"our own failure: {type(error).__name__}", [str(error)[:200]])
+            finding = Finding(seed, [], f"our own failure: {type(error).__name__}", [str(error)[:200]])
     return finding
 
 
-def systems(first, count, jobs, say):
-    """Findings of ``count`` seeds from ``first`` on; where a system does not end, its process is replaced."""
+def systems(first, count, jobs, say, file):
+    """Findings of ``count`` seeds from ``first`` on, also appended to a file; those in the file are not sought anew.
+
+    Where a system does not end, its process is replaced.
+    """
     from comparison import Finding
 
-    seeds = iter(range(first, first + count))
-    findings, context = [], multiprocessing.get_context("spawn")
+    wanted = range(first, first + count)
+    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+    findings = [finding for finding in (Finding(**json.loads(line)) for line in lines) if finding.seed in wanted]
+    seeds = iter(sorted(set(wanted) - {finding.seed for finding in findings}))
+    context, fresh = multiprocessing.get_context("spawn"), 0
     pools = [context.Pool(1) for _ in range(jobs)]
     waiting = {}
     while True:
@@ -55,13 +62,16 @@ def systems(first, count, jobs, say):
             answer.wait(0.2 if jobs > 1 else None if answer.ready() else HANG)
             if answer.ready():
                 findings.append(answer.get())
-            elif time.monotonic() - begun > (HANG if len(findings) > jobs else FIRST):
-                findings.append(Finding(seed, set(), "does not end", [f"no end within {HANG} s"]))
+            elif time.monotonic() - begun > (HANG if fresh > jobs else FIRST):
+                findings.append(Finding(seed, [], "does not end", [f"no end within {HANG} s"]))
                 pools[j].terminate()
-                pools[j] = context.Pool(1)
+                pools[j], fresh = context.Pool(1), 0
             else:
                 continue
             del waiting[j]
+            fresh += 1
+            with file.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(vars(findings[-1])) + "\n")
             say("systems", len(findings), count)
     for pool in pools:
         pool.terminate()
@@ -120,7 +130,8 @@ def main():
         options.output.write_text(json.dumps(record, indent=1), encoding="utf-8")
 
     if options.systems:
-        findings = systems(options.seed * 1_000_000, options.systems, options.jobs, say)
+        file = options.output.with_suffix(".systems.jsonl")
+        findings = systems(options.seed * 1_000_000, options.systems, options.jobs, say, file)
         keep("systems", *report_systems(findings))
     if options.mutants:
         import yaml_mutants

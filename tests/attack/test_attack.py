@@ -8,16 +8,11 @@ from random_systems import random_case
 
 FAST = range(12)
 SLOW = range(12, 40)
-UNEXPLAINED = {
-    23: "a pair of events at a stop of no gap parts; the motions stay within 2e-9",
-    291: "one event of a pinned beam comes 1.4e-7 s later",
-}
-"""Differences that nobody has explained yet, by seed: the list only shrinks."""
 
 
 def assert_agreement(seeds, folder):
     findings = [compare(seed, folder) for seed in seeds]
-    assert {f.seed for f in findings if f.differences} == set(UNEXPLAINED) & set(seeds)
+    assert [(f.seed, f.differences) for f in findings if f.differences] == []
     return [f for f in findings if f.outcome == "agrees"]
 
 
@@ -33,13 +28,29 @@ def test_more_random_systems(tmp_path):
     assert len(agreeing) > 0.8 * len(SLOW)
 
 
+FOUND = {
+    23: "a pair of events at a stop of no gap, too shallow to tell from none",
+    1000019: "a peak that the search of our own passed over",
+    5000011: "the spline of a random input bent towards the end of the run",
+    5000043: "inputs fitted by polynomials, an ill-conditioned fit of our own",
+    5000229: "a heavily overdamped stop spoiled the slow motions of its contact state",
+    7000391: "a flight of a tenth of a step, passed over by our own search",
+    7000474: "a spring that turns at a bend",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", FOUND)
+def test_what_was_found_before(tmp_path, seed):
+    assert compare(seed, tmp_path).differences == []
+
+
 @pytest.mark.slow
 def test_the_same_contact_is_not_counted_twice(tmp_path):
     """A stop of 1.2 GN/m without dashpot: contacts ended and began anew in the same instant, by round-off."""
     finding = compare(291, tmp_path)
-    assert bool(finding.differences) == (291 in UNEXPLAINED)
+    assert finding.differences == []
     assert finding.events > 500
-    assert not any("events of ours" in text for text in finding.differences)
 
 
 def test_our_own_motion_has_the_accuracy_it_claims(tmp_path):

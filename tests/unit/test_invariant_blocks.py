@@ -1,10 +1,15 @@
 """Block-diagonal form against the matrix exponential, coincident and defective eigenvalues included."""
 
+from decimal import Decimal, getcontext
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from beamsim.analyses.run.analysis import exact_flow
 from beamsim.flow.invariant_blocks import block_diagonalise, second_order_blocks
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
 
 
 def exponential(simple, blocks, tau):
@@ -64,3 +69,47 @@ def test_undamped_eigenvalues_have_no_real_part():
     (_, _, lam), blocks = second_order_blocks(np.eye(2), np.array([1.0, 1e10]), np.zeros(2))
     assert not blocks
     assert np.all(lam.real == 0.0)
+
+
+def closed_form_exponents(masses, springs, stiffness, dashpot, guesses):
+    """Roots of the characteristic polynomial of two masses, the second on a stop, by Newton's method in 60 digits."""
+    getcontext().prec = 60
+    m1, m2, k1, k2, k, c = map(Decimal, (*masses, *springs, stiffness, dashpot))
+    coefficients = [m1 * m2, m1 * c, m1 * (k2 + k) + m2 * (k1 + k2), c * (k1 + k2), (k1 + k2) * (k2 + k) - k2 * k2]
+
+    def times(a, b):
+        return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
+
+    found = []
+    for guess in guesses:
+        x = Decimal(guess.real), Decimal(guess.imag)
+        for _ in range(12):
+            value, slope = (coefficients[0], Decimal(0)), (Decimal(0), Decimal(0))
+            for a in coefficients[1:]:
+                slope = tuple(p + q for p, q in zip(times(slope, x), value, strict=True))
+                value = tuple(p + q for p, q in zip(times(value, x), (a, Decimal(0)), strict=True))
+            size = slope[0] ** 2 + slope[1] ** 2
+            step = times(value, (slope[0] / size, -slope[1] / size))
+            x = x[0] - step[0], x[1] - step[1]
+        found.append(complex(*map(float, x)))
+    return np.array(found)
+
+
+def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions():
+    """Eigenvalues of the whole matrix have errors that -c / m makes in the others, here 1e-7 of the slowest."""
+    stop = {"name": "stop", "mass": 2, "side": "below", "stiffness": 4.6e8, "gap": -1e-6}
+    case = {
+        "chain": {
+            "masses": [0.2, 0.3],
+            "springs": [80.0, 30.0],
+            "snubbers": [{**stop, "damping": {"kind": "viscous", "coefficient": 1e8}}],
+        },
+        "run": {"duration": 1.0, "start": "rest"},
+    }
+    system = build_system(load_scenario(case))
+    flow = exact_flow(system, 1.0)
+    state = flow.states[flow.state_index(np.array([1]))]
+    found = state.exponent[np.unique(state.term_basis[state.term_source >= flow.sources.count])]
+    assert found.size == 3
+    exact = closed_form_exponents((0.2, 0.3), (80.0, 30.0), 4.6e8, 1e8, found)
+    np.testing.assert_allclose(found, exact, rtol=1e-13)

@@ -276,6 +276,20 @@ def test_noise_has_the_variance_of_its_density_and_the_seed_decides():
     assert np.abs(x - noise(*TABLE, 50.0, 2000.0, np.random.default_rng(4))).max() > 0.1
 
 
+@pytest.mark.parametrize("ramp", [0.0, 0.2])
+def test_random_input_does_not_depend_on_the_duration(ramp):
+    """A cubic spline of the samples of one run bent towards that run's end, by 1e-3 of the input."""
+    psd = [{"frequency": 20.0, "density": 1.0}, {"frequency": 60.0, "density": 1.0}]
+    given = {"kind": "random", "psd": psd, "seed": 2, "period": 1.0, "sample_rate": 400.0, "ramp": ramp}
+    excitation = load_scenario(case(**given)).excitation
+    short, long = (broadband_signals(excitation, duration) for duration in (0.5, 3.0))
+    t = np.linspace(0.0, 0.5, 999)
+    for one, other in zip(short, long, strict=True):
+        np.testing.assert_allclose(one(t), other(t), rtol=0, atol=1e-13 * np.abs(other(t)).max())
+    if not ramp:
+        np.testing.assert_allclose(long[0](t + 1.0), long[0](t), rtol=0, atol=1e-11 * np.abs(long[0](t)).max())
+
+
 def test_random_run_is_reproducible():
     psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g²/Hz"}]
     one, two, other = (
