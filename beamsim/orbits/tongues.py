@@ -110,9 +110,12 @@ class Tongues:
         u = a.u + at * (b.u - a.u)
         towards = np.copysign(1.0, self.amplitude(a.u, other) - self.amplitude(b.u, other))
         for sign in (towards, -towards):
-            points = self._entered(u, other, float(sign))
-            if points is not None:
-                return self._traced(points, other, float(u[-1]))
+            points = self._entered(u, other, float(sign)) or []
+            # a thinner tongue of a third mode may stop the path from one beginning and not from another
+            for begin in {len(points): points, 2: points[-2:]}.values():
+                tongue = self._traced(begin, other, float(u[-1])) if begin else None
+                if tongue is not None:
+                    return tongue
         return None
 
     def from_within(self, points: list[BranchPoint], other: int) -> OrbitBranch | None:
