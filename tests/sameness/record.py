@@ -78,7 +78,7 @@ MENDED: dict[str, str] = {
         "values are measures of round-off, or of motions that grow it",
     ),
     "* json/special_points/count": "folds and branch points of backbones are looked for, and listed in the summary",
-    "* run* file/beam/extreme_times": "the time of a flat extremum follows its value to the square root of round-off only",
+    "* run* file/beam/extreme_times": "times of flat extrema are exact to the square root of round-off",
     "* compare */start_s": "a comparison says which part of the run it uses",
     "* compare file/*@start_s": "the same in files",
     "* compare file/*lines/relative_change": "lines carry their change with a finer model",
