@@ -84,7 +84,7 @@ def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) ->
     shown = [line for k, line in enumerate(ranked) if k < LINES_SHOWN or line["kind"] == "chosen"]
     for line in sorted(shown, key=lambda line: float(line["frequency_hz"])):
         change = line.get("relative_change") or 0.0
-        doubt = f", {change_text(change, doubtful=False)}" if change > ALLOWED_CHANGE else ""
+        doubt = f", change {percent(change, 2 if change < 0.995 else 3)}" if change > ALLOWED_CHANGE else ""
         yield f"{_order(line)} ({line['amplitude_db']:.0f} dB{doubt})"
 
 

@@ -64,6 +64,9 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     assert result.summary["convergence"]["spectral_lines"][name] >= least / strongest * (1 - 1e-12) > ALLOWED_CHANGE
     rows = [text for _, text in table_rows("run", result)]
     assert any("NOT CONVERGED" in text and "tip absolute acceleration" in text for text in rows)
+    listed = next(text for text in rows if text.startswith("tip absolute acceleration"))
+    assert "dB, change" in listed
+    assert "scatter" not in listed.partition(";")[0]  # a line has none
     assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
     stored = beamsim.open_run(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra["tip", "absolute_acceleration"]
