@@ -74,6 +74,21 @@ def test_every_case_is_the_run_of_its_own_scenario(grid):
             )
 
 
+def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
+    result = design_study(load_scenario(BASE + GRID, {"vary.responses": ["contacts"]}), workers=2)
+    quantities = {response.quantity for response in result.responses.values()}
+    assert quantities == {
+        "contacts", "peak_force", "bending_stress", "largest_gap", "peak_displacement", "peak_acceleration"
+    }  # fmt: skip
+    for name, response in result.responses.items():
+        np.testing.assert_allclose(response.values, grid.responses[name].values, rtol=1e-10)
+    np.testing.assert_allclose(result.margins["peak_force"].values, grid.margins["peak_force"].values, rtol=1e-9)
+    with pytest.raises(
+        ScenarioError, match=r"vary.responses\[1\] = peak_forse is no response; did you mean peak_force"
+    ):
+        plan_designs(load_scenario(BASE + GRID, {"vary.responses": ["contacts", "peak_forse"]}))
+
+
 def test_margins_are_limit_over_value_less_one(grid):
     force = grid.responses["snubbers/tip/peak_force"].values
     np.testing.assert_allclose(grid.margins["peak_force"].values, 20.0 / force - 1.0, rtol=1e-14)
