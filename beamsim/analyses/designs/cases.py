@@ -117,10 +117,12 @@ _SOLVERS: dict[str, CaseSolver] = {}  # of the study that this worker is computi
 
 
 def _solver(study: Study) -> CaseSolver:
-    if study.fingerprint not in _SOLVERS:
+    solver = _SOLVERS.get(study.fingerprint)
+    if solver is None:  # threads of a cluster's worker may come here at once, each with a solver that gives the same
+        solver = CaseSolver(study)
         _SOLVERS.clear()
-        _SOLVERS[study.fingerprint] = CaseSolver(study)
-    return _SOLVERS[study.fingerprint]
+        _SOLVERS[study.fingerprint] = solver
+    return solver
 
 
 def warm_up(task: CaseTask | None) -> None:
