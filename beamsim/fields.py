@@ -24,6 +24,9 @@ groups around it.
 
 Fields that are None are left out of the file. A field that a file lacks gets its default, so that a file written before
 the field was added still opens. Fields without a declaration are not stored.
+
+An array that takes work to compute may be given as `later`: it is computed when the field is first read, and then kept.
+`changed` replaces other fields without reading it.
 """
 
 from __future__ import annotations
@@ -32,10 +35,11 @@ import dataclasses
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 _DECLARED = "declared"
+_Value = TypeVar("_Value")
 _REQUIRED: Any = dataclasses.MISSING
 
 
@@ -331,6 +335,63 @@ def table(path: str, rows: Counter | None = None, *, empty: bool = True, default
     return _field(Table(path=path, rows=rows, empty=empty), default, _REQUIRED)
 
 
+class _Later:
+    """The value of a field that is computed when it is first read; copies of the result share it."""
+
+    def __init__(self, compute: Callable[[], Any]) -> None:
+        self._compute = compute
+
+    @cached_property
+    def value(self) -> Any:
+        """The value."""
+        return self._compute()
+
+
+def later(compute: Callable[[], _Value]) -> _Value:
+    """An array for a declared field, computed when the field is first read."""
+    return _Later(compute)  # type: ignore[return-value]
+
+
+def is_computed(owner: Any, name: str) -> bool:
+    """Whether the value of a field is known, or still to be computed."""
+    value = vars(owner)[name]
+    return not isinstance(value, _Later) or "value" in vars(value)
+
+
+def changed(owner: _Value, **changes: Any) -> _Value:
+    """As `dataclasses.replace`, but what is to be computed later is not computed."""
+    kept = {f.name: vars(owner)[f.name] for f in dataclasses.fields(owner) if f.init}  # type: ignore[arg-type]
+    return type(owner)(**{**kept, **changes})
+
+
+class _Array:
+    """Attribute of a class that may be given as `later`."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, owner: Any, cls: type | None = None) -> Any:
+        values = {} if owner is None else vars(owner)
+        if self.name not in values:
+            raise AttributeError(self.name)
+        if isinstance(values[self.name], _Later):
+            values[self.name] = values[self.name].value
+        return values[self.name]
+
+    def __set__(self, owner: Any, value: Any) -> None:
+        vars(owner)[self.name] = value
+
+
+def _with_arrays(cls: Any) -> Any:
+    """A declared dataclass whose arrays may be given as `later`; they are computed before it is pickled."""
+    arrays = [f.name for f in dataclasses.fields(cls) if isinstance(f.metadata.get(_DECLARED), Dataset)]
+    for name in arrays:
+        setattr(cls, name, _Array(name))
+    if arrays:
+        cls.__getstate__ = lambda self: {name: getattr(self, name) for name in vars(self)}
+    return cls
+
+
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
@@ -340,13 +401,13 @@ def table(path: str, rows: Counter | None = None, *, empty: bool = True, default
 )  # fmt: skip
 def declared(cls: _Class) -> _Class:
     """A frozen dataclass whose fields are declared."""
-    return dataclasses.dataclass(frozen=True)(cls)  # type: ignore[return-value]
+    return _with_arrays(dataclasses.dataclass(frozen=True)(cls))  # type: ignore[no-any-return]
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(attribute, ending, dataclasses.field))
 def declared_base(cls: _Class) -> _Class:
     """The same with keywords only, so that classes derived from it may begin with fields without a default."""
-    return dataclasses.dataclass(frozen=True, kw_only=True)(cls)  # type: ignore[return-value]
+    return _with_arrays(dataclasses.dataclass(frozen=True, kw_only=True)(cls))  # type: ignore[no-any-return]
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:

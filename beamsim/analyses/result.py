@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import field, replace
+from dataclasses import field
 from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from beamsim.fields import Entry, attribute, declared_base, ending, stored, summary_of
+from beamsim.fields import Entry, attribute, changed, declared_base, ending, stored, summary_of
 from beamsim.outcomes import Outcome
 
 if TYPE_CHECKING:
@@ -35,10 +35,15 @@ def _now() -> str:
 @cache
 def _versions() -> dict[str, str]:
     """Versions of Python and of the packages that the numbers depend on."""
+    return dict(_known_versions())
+
+
+@cache
+def _known_versions() -> tuple[tuple[str, str], ...]:
     from importlib.metadata import version
 
-    packages = {name: version(name) for name in ("numpy", "scipy", "numba")}
-    return {"python": platform.python_version(), **packages}
+    packages = [(name, version(name)) for name in ("numpy", "scipy", "numba")]
+    return ("python", platform.python_version()), *packages
 
 
 @declared_base
@@ -66,7 +71,7 @@ class Result:
         KeyError
             If the summary does not declare a value.
         """
-        return replace(self, summary=summary_of(self, **computed))
+        return changed(self, summary=summary_of(self, **computed))
 
     @property
     def status(self) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis
+from beamsim.analyses.run import analysis, histories
 from beamsim.analyses.run.energy import energy_history
 from beamsim.flow import integral_kernels, kernels, march_kernels
 from beamsim.flow.exact import ExactFlow
@@ -104,7 +104,7 @@ def test_a_stopped_run_keeps_its_motion(monkeypatch):
     assert 0.0 < part.time[-1] < whole.time[-1]
     assert part.summary["energy_error"] < 1e-9  # short enough to be evaluated in time
     np.testing.assert_array_equal(part.probes["tip"].displacement, whole.probes["tip"].displacement[: part.time.size])
-    monkeypatch.setattr(analysis, "GRACE_S", 0.0)
+    monkeypatch.setattr(histories, "GRACE_S", 0.0)
     bare = beamsim.run(scenario, stop=lambda: True)
     assert np.isnan(bare.summary["energy_error"])
     assert any("interrupted during the evaluation" in warning for warning in bare.warnings)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,17 +20,19 @@ from beamsim.analyses.run.convergence import (
     with_convergence,
 )
 from beamsim.analyses.run.derived import DerivedFigures, OutputSamples
-from beamsim.analyses.run.energy import EnergyBalance, energy_history, stored_energy
+from beamsim.analyses.run.energy import EnergyBalance, energy_of_segments, stored_energy
 from beamsim.analyses.run.figures import (
+    SEEDS,
+    Extreme,
     Extremes,
     by_name,
     largest,
     largest_pulls,
     motion_figures,
     refine_extremes,
-    sampled_extremes,
     static_figures,
 )
+from beamsim.analyses.run.histories import Cut, ExactHistories, Grace, Histories, SampledHistories
 from beamsim.analyses.run.low_pass import filtered, filtered_samples
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.outputs import OutputSet, bending_stress, exact_flow, in_every_state, output_groups
@@ -48,6 +51,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.analyses.run.spectra import QUANTITIES, spectra_of_motion, spectra_of_samples
 from beamsim.errors import Problem, ScenarioError
+from beamsim.fields import changed, later
 from beamsim.flow.march import never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -62,29 +66,8 @@ if TYPE_CHECKING:
     from beamsim.scenario import Run, Scenario
 
 MOST_SAMPLES = 50_000_000
-GRACE_S = 0.5  # for the evaluation of a motion that is stopped
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
-SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress starts
-
-
-class _Cut(Exception):
-    """The evaluation of a motion was given up."""
-
-
-class _Grace:
-    """Time that is left for evaluating a motion once it is to be stopped."""
-
-    def __init__(self, stop: Callable[[], bool]) -> None:
-        self.stop = stop
-        self.since: float | None = None  # s, when that was first seen
-
-    def __call__(self) -> None:
-        """Raise `_Cut` once the time is over."""
-        if self.since is None and self.stop():
-            self.since = clock.perf_counter()
-        if self.since is not None and clock.perf_counter() - self.since >= GRACE_S:
-            raise _Cut
 
 
 def run(
@@ -127,12 +110,12 @@ def run(
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),
         springs=_springs(system, motion),
-        base_acceleration=_signal(system.base_acceleration, motion.time),
-        base_displacement=_signal(system.base_displacement, motion.time),
+        base_acceleration=later(lambda: _signal(system.base_acceleration, motion.time)),
+        base_displacement=later(lambda: _signal(system.base_displacement, motion.time)),
         events=motion.events,
         spectra=spectra,
         **_bodies(scenario, system, motion),
-        energy=motion.balance.history,
+        energy=_energy(motion.histories),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
@@ -149,7 +132,7 @@ def run(
         result = with_convergence(result, checked)
         summary |= checked.summary()
     result = result.with_summary(spectral_lines=_spectral_lines(result.spectra), **summary)
-    return replace(result, wall_time_s=clock.perf_counter() - begin)
+    return changed(result, wall_time_s=clock.perf_counter() - begin)
 
 
 def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
@@ -158,7 +141,7 @@ def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
 
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
-    return replace(result, random=random_response(result, force, stationary=stationary))
+    return changed(result, random=random_response(result, force, stationary=stationary))
 
 
 @dataclass(frozen=True)
@@ -168,12 +151,12 @@ class _RunMotion:
     method: str
     outcome: Outcome
     time: Floats
-    values: dict[str, Floats]  # by output group
-    closed: Bools
+    histories: Histories
     balance: EnergyBalance
     events: EventLog
     breakpoints: int  # of piecewise-linear springs that were passed, the start left out
     extremes: Extremes
+    station_extremes: Callable[[], Extreme]  # of the stress at every station
     extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
     extreme_states: Floats  # (2, 2n) there
     contact_share: Floats
@@ -181,6 +164,14 @@ class _RunMotion:
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form
     warnings: tuple[str, ...] = ()
+
+    def column(self, group: str, index: int) -> Floats:
+        """(nt,) one output, computed when it is read."""
+        return later(lambda: self.histories.values[group][:, index])
+
+    def closed(self, contact: int) -> Bools:
+        """(nt,) whether a contact touches, computed when it is read."""
+        return later(lambda: self.histories.closed[:, contact])
 
 
 def _checked(
@@ -201,13 +192,13 @@ def _checked(
 
     def check() -> None:
         if stop():
-            raise _Cut
+            raise Cut
 
     def solve(finer: StructuralSystem) -> Solution:
         if finer.cubic.count:
             again = _reference(finer, settings, motion.time, None, stop)
             check()
-            sampled = OutputSamples(again.time, again.values)
+            sampled = OutputSamples(again.time, again.histories.values)
             return Solution(finer, _figures(finer, again), float(again.time[-1]), sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
         return solve_exactly(finer, settings, seeds, motion.work, stop, check)
@@ -217,7 +208,7 @@ def _checked(
     first = Solution(system, kept, end, motion.trajectory)
     try:
         return check_convergence(scenario, first, derived, solve, check)
-    except _Cut:
+    except Cut:
         return Convergence({}, reason="interrupted")
 
 
@@ -249,45 +240,45 @@ def _exact(
 ) -> _RunMotion:
     flow = exact_flow(system, settings.duration, settings.most_contact_states)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress, stop=stop)
-    outcome, check = _with_limit(trajectory.outcome), _Grace(stop)
+    outcome, check = _with_limit(trajectory.outcome), Grace(stop)
     warnings: tuple[str, ...] = ()
     times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
     groups = output_groups(system, flow)
-    closed = flow.system.contacts.touching(trajectory.phases_at(times))
-    values = groups.split(trajectory.sample(times, groups), flow.system.contacts.start)
-    balance = EnergyBalance.unknown(times)
+    histories = ExactHistories(trajectory, groups, times, check)
+    balance = EnergyBalance.unknown()
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
-    seeds = {name: (times, values[name]) for name in searched}
     if system.stress is not None:
         searched["stress"] = in_every_state(bending_stress(flow, system.stress))
-        few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
-        seeds["stress"] = (few, trajectory.sample(few, searched["stress"]))
-    low_passed, extremes = None, {name: sampled_extremes(*seed) for name, seed in seeds.items()}
+    low_passed = filtered_acceleration = None
     if settings.low_pass is not None:
         del searched["acceleration"]
-        low_passed, extremes["acceleration"] = filtered(
+        low_passed, filtered_acceleration = filtered(
             trajectory, groups.groups["acceleration"], settings.low_pass, times
         )
     try:
-        balance = energy_history(trajectory, times, check)
+        check()
+        balance = energy_of_segments(trajectory, check)
         outcome = balance.checked(outcome)
-        refine_extremes(trajectory, searched, extremes, check)
-    except _Cut:
+        extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS), check)
+    except Cut:
         warnings = ("interrupted during the evaluation: the energy balance, or peaks between the samples, are missing",)
         if outcome.complete:
             outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
+        extremes = histories.extremes(searched)
+    if filtered_acceleration is not None:
+        extremes["acceleration"] = filtered_acceleration
     extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     order = np.argsort(extreme_times)
     return _RunMotion(
         method="exact",
         outcome=outcome,
         time=times,
-        values=values,
-        closed=closed,
+        histories=histories,
         balance=balance,
         events=_events(system, trajectory),
         breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
+        station_extremes=lambda: histories.station_extremes(searched["stress"]),
         extreme_times=extreme_times,
         extreme_states=trajectory.states_at(extreme_times[order])[order],
         contact_share=trajectory.contact_share(),
@@ -348,12 +339,12 @@ def _reference(
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=balance.checked(_with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         time=at,
-        values=values,
-        closed=flow.system.contacts.touching(trajectory.phases),
+        histories=SampledHistories(at, values, flow.system.contacts.touching(trajectory.phases), energy),
         balance=balance,
         events=_events(system, trajectory),
         breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
+        station_extremes=lambda: extremes["stress"],
         extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
         contact_share=trajectory.contact_share,
@@ -395,20 +386,30 @@ def _longest_step(system: StructuralSystem) -> float:
     return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
+def _energy(histories: Histories) -> EnergyHistory:
+    return EnergyHistory(
+        work_in=later(lambda: histories.energy.work_in),
+        dissipated=later(lambda: histories.energy.dissipated),
+        stored=later(lambda: histories.energy.stored),
+    )
+
+
 def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
 
 def _probes(system: StructuralSystem, motion: _RunMotion) -> dict[str, ProbeHistory]:
-    base = _signal(system.base_displacement, motion.time)
+    def absolute(i: int) -> Floats:
+        return motion.histories.values["displacement"][:, i] + _signal(system.base_displacement, motion.time)
+
     return {
         probe.name: ProbeHistory(
             name=probe.name,
             position=probe.position,
-            displacement=motion.values["displacement"][:, i],
-            absolute_displacement=motion.values["displacement"][:, i] + base,
-            velocity=motion.values["velocity"][:, i],
-            absolute_acceleration=motion.values["acceleration"][:, i],
+            displacement=motion.column("displacement", i),
+            absolute_displacement=later(partial(absolute, i)),
+            velocity=motion.column("velocity", i),
+            absolute_acceleration=motion.column("acceleration", i),
             low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[:, i],
         )
         for i, probe in enumerate(system.probes)
@@ -427,22 +428,24 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
             preload=s.preload,
             blocked_force=s.blocked_force,
             stiffness_ratio=s.stiffness_ratio,
-            force=motion.values["force"][:, j],
-            penetration=motion.values["penetration"][:, j],
-            closed=motion.closed[:, j],
-            displacement=motion.values["snubber_displacement"][:, j],
-            velocity=motion.values["snubber_velocity"][:, j],
+            force=motion.column("force", j),
+            penetration=motion.column("penetration", j),
+            closed=motion.closed(j),
+            displacement=motion.column("snubber_displacement", j),
+            velocity=motion.column("snubber_velocity", j),
         )
         for j, s in enumerate(system.snubbers)
     }
 
 
 def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHistory]:
-    histories = {}
-    for i, s in enumerate(system.springs):
-        stretch = motion.values["stretch"][:, i]
-        histories[s.name] = SpringHistory(s.name, s.kind, s.masses, stretch, s.force(stretch))
-    return histories
+    def force(i: int) -> Floats:
+        return system.springs[i].force(motion.histories.values["stretch"][:, i])
+
+    return {
+        s.name: SpringHistory(s.name, s.kind, s.masses, motion.column("stretch", i), later(partial(force, i)))
+        for i, s in enumerate(system.springs)
+    }
 
 
 def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
@@ -459,13 +462,15 @@ def _breakpoints(system: StructuralSystem, trajectory: Trajectory | ReferenceTra
 def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
     """Results along each body that has a continuous axis, as fields of the result."""
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
-    low, _, high, _ = motion.extremes.get("stress", (np.zeros(0),) * 4)
-    peak = np.maximum(np.abs(low), np.abs(high))
+
+    def peaks(of_body: slice) -> Floats:
+        return largest(motion.station_extremes())[of_body]
+
     equilibrium = system.static_equilibrium
     bodies = {
         body.body: BodyResult(
             position=body.position,
-            peak_bending_stress=peak[stress[body.body]] if body.body in stress else None,
+            peak_bending_stress=later(partial(peaks, stress[body.body])) if body.body in stress else None,
             extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
             extreme_times=motion.extreme_times,
             static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
@@ -480,7 +485,7 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
 
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.time, motion.values)
+        return spectra_of_samples(scenario, system, motion.time, motion.histories.values)
     groups = output_groups(system, motion.trajectory.flow).groups
     outputs = OutputSet({name: groups[name] for name in QUANTITIES})
     return spectra_of_motion(scenario, system, motion.trajectory, outputs)

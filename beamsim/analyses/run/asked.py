@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.energy import energy_of_segments
-from beamsim.analyses.run.figures import by_name, static_figures
+from beamsim.analyses.run.figures import SEEDS, by_name, static_figures
 from beamsim.analyses.run.outputs import (
     OutputOf,
     bending_stress,
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from beamsim.system.shared import SharedBuilds
     from beamsim.system.structural import StructuralSystem
 
-SEEDS = 256  # evenly spaced times from which the search for extremes starts
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
 
 _SEARCHED = {

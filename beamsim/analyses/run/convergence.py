@@ -19,11 +19,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples, SpectrumKey, line_changes
-from beamsim.analyses.run.figures import Extremes, motion_figures, refine_extremes, sampled_extremes, static_figures
+from beamsim.analyses.run.figures import (
+    SEEDS,
+    Extremes,
+    motion_figures,
+    refine_extremes,
+    sampled_extremes,
+    static_figures,
+)
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
+from beamsim.fields import changed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -39,7 +47,6 @@ MORE_MODES = 1.5
 SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 WINDOWS = 8  # parts of the motion after the sequences have parted
 SAMPLES = 512  # in each of them
-SEEDS = 256  # times from which the search for extremes starts, beside those of the first model's
 FREQUENCIES = 6  # natural frequencies that are compared
 ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is compared with
 TRANSIENT = ("none", "step", "half_sine")  # excitations that end, so that no statistics exist
@@ -186,8 +193,7 @@ def solution_figures(
     if settings.low_pass is not None:
         del searched["acceleration"]
     times = np.unique(np.concatenate([seeds[seeds <= trajectory.end], np.linspace(0.0, trajectory.end, SEEDS)]))
-    extremes = {name: sampled_extremes(times, trajectory.sample(times, of)) for name, of in searched.items()}
-    refine_extremes(trajectory, searched, extremes, check)
+    extremes = refine_extremes(trajectory, searched, times, check)
     if settings.low_pass is not None:
         _, extremes["acceleration"] = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
     figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory))
@@ -202,7 +208,7 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
         return changes.get(name) if isinstance(changes, dict) else changes
 
     probes = {
-        name: replace(
+        name: changed(
             probe,
             displacement_change=change("peak_displacement_m", name),
             acceleration_change=change("peak_acceleration_g", name),
@@ -210,10 +216,10 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
         for name, probe in result.probes.items()
     }
     snubbers = {
-        name: replace(snubber, force_change=change("peak_force_n", name)) for name, snubber in result.snubbers.items()
+        name: changed(snubber, force_change=change("peak_force_n", name)) for name, snubber in result.snubbers.items()
     }
     spectra = {
-        key: replace(
+        key: changed(
             s,
             rms_change=change("rms_acceleration_g" if key[1] == MAIN_QUANTITY else "rms_displacement_m", key[0]),
             lines=tuple(
@@ -223,19 +229,19 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
         )
         for key, s in result.spectra.items()
     }
-    result = replace(result, probes=probes, snubbers=snubbers, spectra=spectra)
+    result = changed(result, probes=probes, snubbers=snubbers, spectra=spectra)
     if not checked.doubtful:
         return result
-    changed = {name: change(*name.partition(".")[::2]) or 0.0 for name in checked.doubtful}
-    worst = sorted(changed, key=lambda name: -changed[name])
+    sizes = {name: change(*name.partition(".")[::2]) or 0.0 for name in checked.doubtful}
+    worst = sorted(sizes, key=lambda name: -sizes[name])
     automatic = result.scenario.reduction is None and checked.parted_s == math.inf
     worthless = automatic and checked.largest_displacement_change > WORTHLESS
     code = OutcomeCode.FIGURES_WORTHLESS if worthless else OutcomeCode.FIGURES_DOUBTFUL
     outcome = Outcome.of(
-        code, percent=100 * ALLOWED_CHANGE, figures=[f"{name} by {100 * changed[name]:.2g} %" for name in worst],
+        code, percent=100 * ALLOWED_CHANGE, figures=[f"{name} by {100 * sizes[name]:.2g} %" for name in worst],
         remedy=_remedy(result, checked.doubtful),
     )  # fmt: skip
-    return replace(result, outcome=outcome)
+    return changed(result, outcome=outcome)
 
 
 def _remedy(result: RunResult, doubtful: Sequence[str]) -> str:

@@ -39,19 +39,24 @@ def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints)
     )
 
 
+def unknown_energies(count: int) -> EnergyHistory:
+    """Of a motion that was not evaluated."""
+    missing = np.full(count, np.nan)
+    return EnergyHistory(missing, missing, missing)
+
+
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies at the output times, and how far they are from balance."""
+    """Energies at some times, and how far they are from balance."""
 
     history: EnergyHistory
     error: float  # largest imbalance over max(stored energy, integral of |power in|); 0 for a motionless structure
     lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
 
     @classmethod
-    def unknown(cls, times: Floats) -> EnergyBalance:
+    def unknown(cls) -> EnergyBalance:
         """Of a motion that was not evaluated."""
-        missing = np.full(times.size, np.nan)
-        return cls(EnergyHistory(missing, missing, missing), np.nan, None)
+        return cls(unknown_energies(0), np.nan, None)
 
     @classmethod
     def of(cls, times: Floats, history: EnergyHistory, exchanged: float) -> EnergyBalance:

@@ -2,40 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.outputs import OutputOf
+from beamsim.analyses.run.outputs import OutputOf, OutputSet, stack
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
-Extremes = dict[str, tuple[Floats, Floats, Floats, Floats]]  # by output group: lowest, its time, highest, its time
+Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
+Extremes = dict[str, Extreme]  # by output group
+SEEDS = 256  # evenly spaced times from which the search for extremes starts
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 
 
-def sampled_extremes(times: Floats, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def sampled_extremes(times: Floats, values: Floats) -> Extreme:
     """Lowest values (k,) of samples (nt, k), their times, highest values, their times."""
     return values.min(axis=0), times[values.argmin(axis=0)], values.max(axis=0), times[values.argmax(axis=0)]
 
 
 def refine_extremes(
-    trajectory: Trajectory, searched: Mapping[str, OutputOf], extremes: Extremes, check: Callable[[], None]
-) -> None:
-    """Replace extremes of samples by those of the continuous motion; ``check`` may raise an exception to end it."""
-    for name, output_of in searched.items():
-        low, when_low, high, when = extremes[name]
-        high, when, _ = trajectory.maxima(output_of, high, when, check)
-        low, when_low, _ = trajectory.maxima(_negative(output_of), -low, when_low, check)
-        extremes[name] = (-low, when_low, high, when)
+    trajectory: Trajectory,
+    searched: Mapping[str, OutputOf],
+    times: Floats,
+    check: Callable[[], None],
+    one_figure: Collection[str] = ("stress",),
+) -> Extremes:
+    """Extremes of the continuous motion, from one search for all of them; ``check`` may raise an exception to end it.
 
+    Of groups in ``one_figure`` only the largest magnitude of all outputs is sought: what is not larger keeps the
+    extremes of its samples.
 
-def _negative(output_of: OutputOf) -> Callable[[Ints], LinearOutput]:
-    return lambda phases: -output_of(phases)
+    Parameters
+    ----------
+    searched : outputs by group.
+    times : increasing, of the samples from which the search starts.
+    """
+    outputs = OutputSet(dict(searched))
+
+    def both_signs(phases: Ints) -> LinearOutput:
+        output = outputs(phases)
+        return stack(output, -output)
+
+    phases = trajectory.flow.system.contacts.start
+    sizes = [output_of(phases).row.shape[0] for output_of in searched.values()]
+    values = trajectory.sample(times, outputs)
+    low, when_low, high, when_high = sampled_extremes(times, values)
+    sampled, when = np.stack([high, -low]), np.stack([when_high, when_low])
+    known, first = sampled.copy(), 0
+    for name, size in zip(searched, sizes, strict=True):
+        if name in one_figure:
+            known[:, first : first + size] = sampled[:, first : first + size].max(initial=-np.inf)
+        first += size
+    found, at, _ = trajectory.maxima(both_signs, known.ravel(), when.ravel(), check)
+    better = found.reshape(2, -1) > known
+    highest = np.where(better, found.reshape(2, -1), sampled)
+    when = np.where(better, at.reshape(2, -1), when)
+    parts = np.split(np.stack([-highest[1], when[1], highest[0], when[0]]), np.cumsum(sizes)[:-1], axis=1)
+    return {name: (part[0], part[1], part[2], part[3]) for name, part in zip(searched, parts, strict=True)}
 
 
 def motion_figures(
@@ -74,7 +102,7 @@ def motion_figures(
     return figures
 
 
-def largest_pulls(forces: tuple[Floats, Floats, Floats, Floats]) -> Floats:
+def largest_pulls(forces: Extreme) -> Floats:
     """(m,) largest tension of each contact; 0 where it is the round-off of an opening."""
     low, _, high, _ = forces
     return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
@@ -90,7 +118,7 @@ def static_figures(system: StructuralSystem) -> dict[str, Any]:
     }
 
 
-def largest(extremes: tuple[Floats, Floats, Floats, Floats]) -> Floats:
+def largest(extremes: Extreme) -> Floats:
     """(k,) largest magnitudes."""
     low, _, high, _ = extremes
     return np.maximum(np.abs(low), np.abs(high))

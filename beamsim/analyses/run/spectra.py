@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +28,7 @@ DECAYED = 0.25  # rms of the last quarter of a free motion over that of the firs
 
 
 def spectra_of_samples(
-    scenario: Scenario, system: StructuralSystem, time: Floats, values: dict[str, Floats]
+    scenario: Scenario, system: StructuralSystem, time: Floats, values: Mapping[str, Floats]
 ) -> dict[tuple[str, str], Spectrum]:
     """Spectra of a motion that is known at the output times alone; ``values`` by group of outputs, (nt, probes)."""
     assert scenario.run is not None
