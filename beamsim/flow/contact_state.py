@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
-from beamsim.flow.neighbouring_modes import can_update, neighbouring_modes
+from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -118,6 +118,13 @@ class _Terms:
         self.terms[b, source] = vector if old is None else old + vector
         return b
 
+    def take(self) -> tuple[Ints, Ints, Complexes]:
+        """Basis functions, sources and vectors (T, N) of the terms so far, which are removed."""
+        keys = np.array(list(self.terms), dtype=np.int64).reshape(-1, 2)
+        vectors = np.array(list(self.terms.values()), dtype=complex).reshape(-1, self.size)
+        self.terms.clear()
+        return keys[:, 0], keys[:, 1], vectors
+
 
 def build_state(
     system: PiecewiseLinearSystem,
@@ -143,6 +150,7 @@ def build_state(
     window = min(horizon, sources.longest_piece)
 
     load, load_slope = state_loads(system, forcing, sources, base_channel, phases)
+    responding = simple.whole() if n < SMALLEST else simple  # few modes: faster with their conjugates
     terms = _Terms(2 * n + system.contacts.internal_states)
     basis_of_source = np.empty(F, dtype=np.int64)
     basis_below = np.full(F, -1, dtype=np.int64)
@@ -157,15 +165,15 @@ def build_state(
         if p > 0:
             polynomial[p - 1] += p * load_slope[f]
         if np.any(polynomial):
-            _forced_simple(terms, simple, polynomial, nu, f, window)
+            _forced_simple(terms, responding, polynomial, nu, f, window)
             for block in blocks:
                 _forced_block(terms, block, polynomial, nu, f, window)
 
+    forced = terms.take()
+    free_basis = [terms.basis_index(value, 0) for value in lam]
+    free_vectors = X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
     projector = [Xi]
-    source = F
-    for value, vector in zip(lam, X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None], strict=True):
-        terms.add(value, 0, source, vector)
-        source += 1
+    source = F + lam.size
     for block in blocks:
         projector.append(block.left)
         series = _series(block, window)
@@ -175,16 +183,16 @@ def build_state(
                     terms.add(block.centre, power, source, block.weight * (block.right @ matrix[:, column]))
             source += 1
 
-    basis = list(terms.basis)
+    of_blocks, basis = terms.take(), list(terms.basis)
     return ContactState(
         phases=phases.copy(),
         internal_states=system.contacts.internal_states,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
         projector=np.ascontiguousarray(np.concatenate(projector) if blocks else Xi),
-        term_basis=np.array([key[0] for key in terms.terms], dtype=np.int64),
-        term_source=np.array([key[1] for key in terms.terms], dtype=np.int64),
-        term_vector=np.ascontiguousarray(np.array(list(terms.terms.values()), dtype=complex).reshape(-1, terms.size)),
+        term_basis=np.concatenate([forced[0], np.array(free_basis, dtype=np.int64), of_blocks[0]]),
+        term_source=np.concatenate([forced[1], F + np.arange(lam.size), of_blocks[1]]),
+        term_vector=np.concatenate([forced[2], free_vectors, of_blocks[2]]),
         horizon=float(horizon),
         simple_count=lam.size,
         blocks=blocks,
@@ -376,11 +384,11 @@ def state_loads(
 def _forced_simple(
     terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float
 ) -> None:
-    """Response of the simple modes, and of their conjugates, to the load ``sum_p polynomial[p] tau^p e^{nu tau}``."""
+    """Response of the simple modes, and of conjugates that are not among them, to the load ``sum_p polynomial[p] tau^p e^{nu tau}``."""
     beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
     _respond(terms, modes.right, modes.eigenvalue, beta, nu, source, window)
     pair = modes.eigenvalue.imag > 0.0
-    if pair.any():
+    if np.all(modes.eigenvalue.imag >= 0.0) and pair.any():
         beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.conj().T
         beta[~pair] = 0.0
         _respond(terms, modes.right, modes.eigenvalue, beta, nu.conjugate(), source, window, conjugate=True)

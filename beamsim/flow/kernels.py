@@ -132,6 +132,7 @@ def _evaluate(exponent, power, nb, count, gamma, size, tau, H, out):  # type: ig
         slopes[j] = 0.0
         bounds[j] = 0.0
         noises[j] = 0.0
+    first_value, first_slope, first_bound, first_noise = 0.0, 0.0, 0.0, 0.0
     reach = H
     for b in range(nb):
         if power[b] > 2:
@@ -161,13 +162,20 @@ def _evaluate(exponent, power, nb, count, gamma, size, tau, H, out):  # type: ig
                 bound = (r2 * reach * reach + 2.0 * p * r * reach + p * (p - 1.0)) * rp * level
             noise = EPS * (8.0 + p + r * tau) * level * tp * tau
         vr, vi, sr, si = value.real, value.imag, slope.real, slope.imag
-        for j in range(count):
+        g = gamma[b, 0]
+        a = size[b, 0]
+        first_value += g.real * vr - g.imag * vi
+        first_slope += g.real * sr - g.imag * si
+        first_bound += a * bound
+        first_noise += a * noise
+        for j in range(1, count):
             g = gamma[b, j]
             a = size[b, j]
             values[j] += g.real * vr - g.imag * vi
             slopes[j] += g.real * sr - g.imag * si
             bounds[j] += a * bound
             noises[j] += a * noise
+    values[0], slopes[0], bounds[0], noises[0] = first_value, first_slope, first_bound, first_noise
     return reach
 
 

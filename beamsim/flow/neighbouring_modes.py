@@ -45,7 +45,7 @@ def neighbouring_modes(
     change = (new - old)[:, :2]
     upper = upper[np.argsort(known.eigenvalue[upper].imag)]
     pole, rows = known.eigenvalue[upper], known.left[upper, n : 2 * n]  # vectors, one a row
-    largest = np.argmax(np.abs(rows), axis=1)
+    largest = np.argmax(_squares(rows), axis=1)
     rows *= np.sqrt(known.right[largest, upper] / rows[np.arange(n), largest])[:, None]
     zero, weight, parts = np.empty(n, dtype=complex), np.empty((2 * n, 2 * n)), np.empty((2 * n, n))
     for j in np.flatnonzero(change.any(axis=1)):
@@ -58,9 +58,10 @@ def neighbouring_modes(
         moved = weight @ parts
         still = p == 0.0
         moved[:n][still], moved[n:][still] = rows.real[still], rows.imag[still]
-        order = np.argsort(zero.imag)
-        pole = zero[order]
-        rows.real, rows.imag = moved[order], moved[n + order]
+        rows.real, rows.imag = moved[:n], moved[n:]
+        pole, order = zero.copy(), np.argsort(zero.imag)
+        if np.any(np.diff(order) < 0):
+            pole, rows = pole[order], rows[order]
     acting = np.flatnonzero(new[:, :2].any(axis=1))
     k, c, shape = new[acting, 0], new[acting, 1], contacts.shape[acting]
     own = np.diag(system.damping)
@@ -85,13 +86,18 @@ def _refine_stiff(
     """
     z = k + c * pole[:, None]
     divisor = (pole[:, None] + damping) * pole[:, None] + stiffness
-    size = np.abs(divisor)
-    near = size < 0.5 * (np.abs(pole[:, None]) ** 2 + stiffness)
-    compliance = np.where(near, 0.0, 1.0 / size) @ (shape**2).T
+    square = _squares(divisor)
+    near = square < (0.5 * (_squares(pole)[:, None] + stiffness)) ** 2
+    compliance = np.where(near, 0.0, 1.0 / np.sqrt(square)) @ (shape**2).T
     stiff = np.flatnonzero(np.sum(np.abs(z) * compliance, axis=1) < 0.5)
     divisor[near] = 1.0
     refined = ((-z * (rows @ shape.T))[stiff] @ shape) / divisor[stiff]
     rows[stiff] = np.where(near[stiff], rows[stiff], refined)
+
+
+def _squares(z: Complexes) -> Floats:
+    """Squared sizes."""
+    return np.asarray(z.real**2 + z.imag**2)
 
 
 def _error(system: PiecewiseLinearSystem, k: Floats, c: Floats, shape: Floats, modes: SimpleModes) -> float:

@@ -51,8 +51,8 @@ class StateTables:
 
     def nearest(self, phases: Ints) -> int | None:
         """Number of a state that differs in fewest contacts, None where there is none yet."""
-        if not self.count:
-            return None
+        if self.count < 2:
+            return 0 if self.count else None
         return int(np.argmin(np.count_nonzero(self._arrays["phase"][: self.count] != phases, axis=1)))
 
     def following(self, state: int, guard: int) -> Ints:
