@@ -93,9 +93,11 @@ class ContactState:
         """
         n = (self.term_vector.shape[1] - self.internal_states) // 2
         size = np.abs(coefficients)
-        for part in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
-            row = np.linalg.norm(output.row[:, part], axis=1)
-            size = np.maximum(size, np.linalg.norm(self.term_vector[:, part], axis=1)[:, None] * row)
+        parts = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
+        for part in parts if self.internal_states else parts[:2]:
+            vector, row = self.term_vector[:, part], output.row[:, part]
+            length = np.sqrt((vector.real**2 + vector.imag**2).sum(axis=1))
+            size = np.maximum(size, length[:, None] * np.sqrt((row**2).sum(axis=1)))
         return np.ascontiguousarray(size)
 
 
@@ -384,7 +386,7 @@ def state_loads(
 def _forced_simple(
     terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float
 ) -> None:
-    """Response of the simple modes, and of conjugates that are not among them, to the load ``sum_p polynomial[p] tau^p e^{nu tau}``."""
+    """Response of simple modes, and of conjugates not among them, to ``sum_p polynomial[p] tau^p e^{nu tau}``."""
     beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
     _respond(terms, modes.right, modes.eigenvalue, beta, nu, source, window)
     pair = modes.eigenvalue.imag > 0.0
