@@ -1,6 +1,5 @@
 """Kills at random moments, full and read-only disks, damaged result files: what is left is whole, or nothing is."""
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import numpy as np
 from workers import Worker, invoke
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+LONG = 600.0  # s for a command; kernels may be compiled
 PROGRAM = [sys.executable, "-c", "from beamsim.cli import main; main()"]
 JOBS = {
     "run": ["run", str(CONFIGS / "one_sided_65hz.yaml")],
@@ -58,16 +58,18 @@ def kills(count, seed):
             begin = time.monotonic()
             process = _run([*JOBS[name], "-o", "case.h5", "--no-plots", "-q"], folder)
             if name not in usual:  # how long it takes by itself
-                process.wait(timeout=120)
+                process.communicate(timeout=LONG)
                 usual[name] = time.monotonic() - begin
                 faults += [f"{name}: {fault}" for fault in _left(folder)]
                 codes[f"{name} ended with {process.returncode}"] += 1
                 continue
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(timeout=float(rng.uniform(0.3, 1.0)) * usual[name])
-            ended = process.poll() is not None
-            process.send_signal(number)
-            _, errors = process.communicate(timeout=60)
+            try:
+                _, errors = process.communicate(timeout=float(rng.uniform(0.3, 1.0)) * usual[name])
+                ended = True
+            except subprocess.TimeoutExpired:
+                ended = False
+                process.send_signal(number)
+                _, errors = process.communicate(timeout=LONG)
             codes["ended before" if ended else f"{number.name}: {process.returncode}"] += 1
             if not ended and number != signal.SIGKILL and process.returncode not in (0, 3, 128 + number, -number):
                 faults.append(f"{name} after {number.name}: code {process.returncode}: {errors[-300:]}")
@@ -95,20 +97,32 @@ def disks(count, seed):
         size = int(10 ** rng.uniform(0, 5.3))
         with tempfile.TemporaryDirectory() as folder:
             process = _run([*JOBS[name], "-o", "case.h5", "-q"], folder, preexec_fn=_limited(size))
-            _, errors = process.communicate(timeout=120)
+            _, errors = process.communicate(timeout=LONG)
             codes[f"full: {process.returncode}"] += 1
             if process.returncode not in (0, 2) or "Traceback" in errors or "internal error" in errors:
                 faults.append(f"{name} on a disk with {size} bytes: code {process.returncode}: {errors[-300:]}")
             faults += [f"{name} on a disk with {size} bytes: {fault}" for fault in _left(folder)]
             if process.returncode == 2 and [p for p in os.listdir(folder) if p.endswith((".tmp", ".part"))]:
                 faults.append(f"{name} on a disk with {size} bytes left {os.listdir(folder)}")
-    for target in ("/proc/case.h5", "/sys/case.h5", "/nowhere/case.h5", "."):
+    codes_of, faults_of = unwritable()
+    return codes + codes_of, faults + faults_of
+
+
+def unwritable():
+    """Places where nobody can write a file, and a folder without permission, which does not stop the superuser."""
+    codes, faults = Counter(), []
+    targets = ["file/case.h5", "/proc/case.h5"]
+    if os.geteuid() != 0:
+        targets.append("locked/case.h5")
+    for target in targets:
         with tempfile.TemporaryDirectory() as folder:
-            process = _run([*JOBS["run"], "-o", target, "-q"], folder)
-            _, errors = process.communicate(timeout=120)
+            Path(folder, "file").touch()
+            Path(folder, "locked").mkdir(mode=0o500)
+            _, errors = (process := _run([*JOBS["run"], "-o", target, "-q"], folder)).communicate(timeout=LONG)
             codes[f"not writable: {process.returncode}"] += 1
             if process.returncode != 2 or "Traceback" in errors or not errors.strip():
                 faults.append(f"-o {target}: code {process.returncode}: {errors[-300:]}")
+            faults += [f"-o {target}: {fault}" for fault in _left(folder)]
     return codes, faults
 
 
@@ -121,7 +135,7 @@ def damaged(count, seed):
         for name in ("run", "sweep", "nnm"):
             path = Path(folder) / f"{name}.h5"
             process = _run([*JOBS[name], "-o", str(path), "--no-plots", "-q"], folder)
-            process.communicate(timeout=120)
+            process.communicate(timeout=LONG)
             files.append(path)
         with Worker(_read) as reader:
             for k in range(count):

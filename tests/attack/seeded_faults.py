@@ -1,7 +1,7 @@
 """Faults seeded into a copy of the event search: each must be caught by the random systems.
 
-A copy of the package with one change runs in a process of its own, with its kernels as plain Python, so that nothing is
-compiled anew; events and states of its motions are compared as in `comparison`.
+A copy of the package with one change compiles its kernels and runs in a process of its own; events and states of its
+motions are compared as in `comparison`.
 """
 
 import os
@@ -71,11 +71,7 @@ NONE = (KERNELS, "EPS = ", "EPS = ")  # the twin: nothing is changed, and nothin
 CHILD = """
 import sys
 from pathlib import Path
-import numba
-from comparison import caught, own_motion
-from random_systems import random_case
-own_motion(random_case(0, Path(sys.argv[3]))[0])  # compiles kernels of our own
-numba.config.DISABLE_JIT = True
+from comparison import caught
 print(caught(range(int(sys.argv[1]), int(sys.argv[2])), Path(sys.argv[3])))
 """
 
@@ -92,7 +88,7 @@ def catch(name, first, last):
         (copy / file).write_text(source.replace(text, instead), encoding="utf-8")
         paths = [str(copy), str(ROOT / "tests/attack"), str(ROOT / "tests/helpers")]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        environment = {k: v for k, v in environment.items() if not k.startswith("COVERAGE_")}
+        environment = {k: v for k, v in environment.items() if not k.startswith(("COVERAGE_", "NUMBA_CACHE_DIR"))}
         done = subprocess.run(
             [sys.executable, "-W", "ignore", "-c", CHILD, str(first), str(last), folder],
             cwd=folder,

@@ -1,7 +1,10 @@
 """A slice of the attack (`python -m tests.attack` runs all of it), and the cases that it found."""
 
+import sys
+
 import adversity
 import pytest
+import seeded_faults
 import yaml_mutants
 from comparison import compare, own_motion
 from random_systems import random_case
@@ -93,3 +96,26 @@ def test_more_mutated_scenarios():
 @pytest.mark.slow
 def test_damaged_files():
     assert adversity.damaged(40, 1)[1] == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_killed_commands():
+    codes, faults = adversity.kills(8, 2)  # four whole ones, four killed
+    assert faults == []
+    assert sum(codes.values()) == 8
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="limits on the size of files")
+def test_full_disks_and_places_that_cannot_be_written():
+    codes, faults = adversity.disks(4, 3)
+    assert faults == []
+    assert codes["not writable: 2"] >= 2
+    assert codes["full: 2"] > 0
+
+
+@pytest.mark.slow
+def test_a_seeded_fault_is_caught():
+    """The others, and the twin without a fault, by `python -m tests.attack`."""
+    assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith("seed 0: stop_1: event 1 of 1")
