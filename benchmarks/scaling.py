@@ -104,7 +104,7 @@ def _run(at: float, changes: dict[str, Any]) -> Point:
 CURVES: dict[str, tuple[Callable[[float], Point], tuple[float, ...]]] = {
     "modes": (by_modes, (6, 12, 25, 50, 100, 200, 400)),
     "snubbers": (by_snubbers, (1, 3, 10, 30, 100)),
-    "elements": (by_elements, (20, 60, 200, 600, 2000)),
+    "elements": (by_elements, (20, 60, 200, 400, 900, 2000)),
     "events": (by_events, (1e2, 1e3, 1e4, 1e5, 1e6)),
     "duration, s": (by_duration, (0.4, 0.8, 3.2, 12.8, 51.2)),
     "sample rate, Hz": (by_sample_rate, (1e3, 4e3, 16e3, 64e3, 256e3)),
@@ -120,7 +120,7 @@ def draw(curves: dict[str, list[Point]], target: Path) -> None:
     """One picture of all curves."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
+    figure = Figure(figsize=(11, 7.0), layout="constrained")
     for axes, (name, points) in zip(figure.subplots(2, 3).flat, curves.items(), strict=True):
         at = np.array([point.at for point in points])
         for label in points[0].seconds:
@@ -129,7 +129,7 @@ def draw(curves: dict[str, list[Point]], target: Path) -> None:
         axes.set_xlabel(name)
         axes.set_ylabel("processor time, ms")
         axes.grid(visible=True, which="major", alpha=0.4)
-        axes.legend()
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
     figure.savefig(target, dpi=110)
 
 
