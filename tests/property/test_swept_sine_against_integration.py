@@ -168,8 +168,12 @@ def test_laws_and_profiles(make_system, legs):
 
 @pytest.mark.parametrize(
     "legs",
-    [[Leg(0.05, 1.0, 0.1, False), Leg(1.0, 0.05, 0.05, False)], [Leg(1.0, 0.05, 0.2, False)]],
-    ids=["up and down", "down, fast"],
+    [
+        pytest.param(
+            [Leg(0.05, 1.0, 0.1, False), Leg(1.0, 0.05, 0.05, False)], id="up and down", marks=pytest.mark.slow
+        ),
+        pytest.param([Leg(1.0, 0.05, 0.2, False)], id="down, fast"),
+    ],
 )
 def test_base_motion_with_corners_and_notches(make_system, legs):
     """A stop on the ground feels the base's displacement, the integral of the applied acceleration."""

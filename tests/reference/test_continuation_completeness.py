@@ -162,6 +162,7 @@ def test_side_branches_can_be_left_out():
     assert left.numbers["bifurcations"] == sum(e.kind == "period_doubling" for b in result.branches for e in b.special)
 
 
+@pytest.mark.slow
 def test_harmonic_balance_seeks_coexisting_motions(levels):
     """It begins from what shooting finds; with cubic springs it does not, and says so."""
     balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 31}")

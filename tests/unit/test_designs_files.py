@@ -234,7 +234,7 @@ def test_a_journal_cut_anywhere_keeps_every_whole_line(tmp_path):
             journal.add(item)
     whole = path.read_bytes()
     ends = [k + 1 for k, byte in enumerate(whole) if byte == ord("\n")]
-    for cut in range(0, len(whole) + 1, 7):
+    for cut in sorted({*range(0, len(whole) + 1, 41), *ends, *(end - 1 for end in ends)}):
         path.write_bytes(whole[:cut])
         with Journal(path, "print", resume=True) as journal:
             expected = max(0, sum(end <= cut for end in ends) - 1)

@@ -38,6 +38,7 @@ def written(tmp_path_factory):
     return folder, files(folder)
 
 
+@pytest.mark.slow
 def test_a_stop_moves_along_one_of_two_bodies(written):
     _, curve = written
     (branch,) = curve.branches
@@ -47,6 +48,7 @@ def test_a_stop_moves_along_one_of_two_bodies(written):
     assert branch.parameter.size < 60  # small steps would mean that Newton's method does not converge
 
 
+@pytest.mark.slow
 def test_the_last_motion_is_that_of_a_stop_built_there(written):
     _, curve = written
     (branch,) = curve.branches
@@ -63,6 +65,7 @@ def test_the_last_motion_is_that_of_a_stop_built_there(written):
         assert branch.peak_displacement[probe][-1] == pytest.approx(other.peak_displacement[probe][0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_groups_name_their_bodies(written):
     folder, _ = written
     with h5py.File(folder / "run.h5") as run, h5py.File(folder / "curve.h5") as curve:
