@@ -205,7 +205,7 @@ Direction = ContactDirection | StructureDirection
 Parameter = Frequency | Level | Direction | SpringFactor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Passage:
     """One carried state: where it ended, what happened, and the derivatives."""
 

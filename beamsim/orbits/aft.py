@@ -63,13 +63,11 @@ def _samples(D: Complexes, count: int) -> Floats:
     return np.asarray(np.fft.irfft(two_sided, count))
 
 
-def _polish(D: Complexes, low: Floats, high: Floats, derivative: bool = False) -> Floats:
-    """Zeros of a polynomial (or of its derivative) in brackets: Newton's method kept inside by bisection."""
-    if derivative:
-        D = 1j * np.arange(D.size) * D
-    f_low, _ = _value(D, low)
+def _polish(D: Complexes, low: Floats, high: Floats, f_low: Floats, f_high: Floats) -> Floats:
+    """Zeros of a polynomial in brackets, given its values there: Newton's method from the secant, kept inside by
+    bisection."""
     low, high = low.copy(), high.copy()
-    x = 0.5 * (low + high)
+    x = low + (high - low) * np.clip(f_low / (f_low - f_high), 0.01, 0.99)
     floor = 4e-16 * float(np.abs(D).sum())
     for _ in range(POLISHING):
         f, slope = _value(D, x)
@@ -89,8 +87,7 @@ def close_intervals(D: Complexes) -> Floats:
     """(c, 2) the intervals of angle in which ``Re sum D_h e^{ih tau}`` is positive.
 
     Samples bracket the zeros; between samples that come close to zero the extreme is looked up as well, so a contact
-    shorter than
-    a sample is seen.
+    shorter than a sample is seen.
     """
     count = max(LEAST_SAMPLES, 1 << int(np.ceil(np.log2(max(SAMPLES_A_HARMONIC * D.size, 2)))))
     values = _samples(D, count)
@@ -103,24 +100,26 @@ def close_intervals(D: Complexes) -> Floats:
         (positive == (before > 0)) & (positive == (after > 0)) & (np.abs(values) <= np.abs(before))
         & (np.abs(values) < np.abs(after)) & (np.abs(values) < np.abs(before - 2 * values + after))
     )  # fmt: skip
-    points, signs = angle, positive
+    points, heights = angle, values
     if np.any(near):
         a: Floats = np.asarray(angle[near] - step, dtype=float)
         slopes = _value(D, a)[1], _value(D, a + 2 * step)[1]
         turns = slopes[0] * slopes[1] < 0
-        extreme = _polish(D, a[turns], np.asarray(a[turns] + 2 * step), derivative=True)
-        crossed = (_value(D, extreme)[0] > 0) != positive[near][turns]
+        rate = 1j * np.arange(D.size) * D
+        extreme = _polish(rate, a[turns], a[turns] + 2 * step, slopes[0][turns], slopes[1][turns])
+        height = _value(D, extreme)[0]
+        crossed = (height > 0) != positive[near][turns]
         if np.any(crossed):
-            order = np.concatenate([angle, extreme[crossed]])
-            sorting = np.argsort(order % (2 * np.pi), kind="stable")
-            points = (order % (2 * np.pi))[sorting]
-            signs = np.concatenate([positive, ~positive[near][turns][crossed]])[sorting]
-    following = np.roll(signs, -1)
-    change = np.flatnonzero(signs != following)
+            order = np.concatenate([angle, extreme[crossed] % (2 * np.pi)])
+            sorting = np.argsort(order, kind="stable")
+            points, heights = order[sorting], np.concatenate([values, height[crossed]])[sorting]
+    signs = heights > 0
+    change = np.flatnonzero(signs != np.roll(signs, -1))
     if change.size == 0:
         return np.array([[0.0, 2 * np.pi]]) if signs[0] else np.zeros((0, 2))
     ends = np.append(points[1:], points[0] + 2 * np.pi)
-    zeros = _polish(D, np.asarray(points[change], dtype=float), np.asarray(ends[change], dtype=float))
+    after_change = np.roll(heights, -1)[change]
+    zeros = _polish(D, np.asarray(points[change], dtype=float), ends[change], heights[change], after_change)
     opening = signs[change]  # positive before the zero
     if opening[0]:
         zeros = np.append(zeros[1:], zeros[0] + 2 * np.pi)

@@ -4,7 +4,8 @@ Stability is that of a structure reduced for it: modes far above the motion's hi
 statically, so that the modes below and the residual vector of every spring are enough; the compliance that the springs
 see stays as it is. Hill's method (:mod:`beamsim.orbits.hill`) then gives the multipliers. Where its eigenvalue problem
 is large, the motion is handed to shooting, whose multipliers are exact; Hill's method remains where shooting comes to
-no motion beside it (close to a fold).
+no motion beside it. At a fold, where the two branches end at slightly different values, shooting is corrected across
+its branch instead of at the same value.
 
 The product of matrix exponentials between the instants of contact would be cheaper still, but is worth little: at 21
 harmonics those instants are good to 1e-3 and the multipliers of a stiff stop wrong by a factor of two, where Hill's,
@@ -13,9 +14,10 @@ consistent with the balance, are right to 1e-3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import Passage, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
-from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.continuation import Settings, correct_across, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.hill import hill_multipliers
 from beamsim.orbits.shooting import STABLE, ForcedOrbits
@@ -37,7 +39,6 @@ Finder = Callable[[ForcedOrbits], BranchPoint | None]
 
 MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept
 SMALL = 8  # coordinates that are kept as they are
-REMEMBERED = 4  # motions whose multipliers are kept
 LARGEST_HILL = 40  # coordinates times harmonics up to which Hill's method is used at once
 NEAR = 0.2  # how far the motion of shooting may be from that of the balance, against its size
 
@@ -71,7 +72,9 @@ class BalancedOrbits(ForcedBalance):
     """Harmonic balance with what :func:`beamsim.orbits.shooting.special_points` asks of a problem."""
 
     _reduced: tuple[float, ForcedOrbits, Floats] | None = field(default=None, init=False, repr=False)
-    _spectra: list[tuple[HarmonicMotion, Complexes]] = field(default_factory=list, init=False, repr=False)
+    _spectra: MutableMapping[HarmonicMotion, Complexes] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
 
     def with_harmonics(self, harmonics: int) -> ForcedBalance:
         """A plain balance with another number of harmonics."""
@@ -80,13 +83,11 @@ class BalancedOrbits(ForcedBalance):
         )
 
     def multipliers(self, point: BranchPoint) -> Complexes:
-        """Floquet multipliers, the largest first."""
+        """Floquet multipliers, the largest first; computed once for each motion."""
         motion: HarmonicMotion = point.data
-        for known, values in self._spectra:
-            if known is motion:
-                return values
-        values = self._multipliers(point, motion)
-        self._spectra = [(motion, values), *self._spectra[: REMEMBERED - 1]]
+        values = self._spectra.get(motion)
+        if values is None:
+            values = self._spectra[motion] = self._multipliers(point, motion)
         return values
 
     def _multipliers(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes:
@@ -116,11 +117,11 @@ class BalancedOrbits(ForcedBalance):
         n = self.system.size
         state = motion.states(np.zeros(1))[0]
         guess = np.append(np.concatenate([state[:n] @ basis, state[n:] @ basis]), omega)
-        point_of_shooting = solve_at(orbits, guess, Settings(), omega)
-        if point_of_shooting is None:
-            return None
-        off = float(np.max(np.abs((point_of_shooting.u - guess) / point_of_shooting.scale)))
-        return orbits.multipliers(point_of_shooting) if off < NEAR else None
+        for correct in (solve_at, correct_across):
+            beside = correct(orbits, guess, Settings())
+            if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < NEAR:
+                return orbits.multipliers(beside)
+        return None
 
     def first_motion(self, value: float, forward: float, find: Finder) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.

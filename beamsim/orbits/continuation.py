@@ -195,6 +195,17 @@ def solve_at(
     return None if point is None else point.towards(forward)
 
 
+def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settings) -> BranchPoint | None:
+    """The solution beside a guess, across the branch: a fold close by is no obstacle."""
+    scale, size = problem.scale(guess)
+    try:
+        J = problem.residual(guess)[1]
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return None
+    along, _ = _null_vector(J * scale / size[:, None], None)
+    return correct(problem, guess, along, float(along @ (guess / scale)), scale, settings, along)
+
+
 def _hermite(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
     """A guess between two points, s in [0, 1] of the way: cubic with both tangents."""
     wa, wb = a.u / a.scale, b.u / a.scale

@@ -13,6 +13,7 @@ the model's size. Problems are those of :mod:`beamsim.orbits.continuation`; the 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -29,17 +30,22 @@ if TYPE_CHECKING:
     from beamsim.system.equations import PiecewiseLinearSystem
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HarmonicMotion:
     """A periodic motion as a sum of harmonics; what a balance keeps with each point."""
 
     fundamental: float  # rad/s
-    coordinates: Complexes  # (H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}
+    structure: Condensation
+    load: Complexes  # (H + 1, n) on the structure, its springs' forces excepted
     deflections: Complexes  # (H + 1, r) of the springs, one-sided ones first
     forces: Complexes  # (H + 1, r) their forces on the structure
     closed: tuple[Floats, ...]  # (c, 2) of every one-sided spring, the phases during which it is closed, rad
     tangent: Complexes  # (r, 2H + 1) two-sided coefficients of the contact's indicator, or of a cubic spring's 3 w²
-    energy: float  # J, averaged over the period, springs included; less the rest energy given
+
+    @cached_property
+    def coordinates(self) -> Complexes:
+        """(H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}; of the model's size, so only on request."""
+        return self.structure.coordinates(self.fundamental, self.load, self.forces, self.deflections)
 
     @property
     def period(self) -> float:
@@ -49,7 +55,7 @@ class HarmonicMotion:
     @property
     def highest(self) -> int:
         """H."""
-        return int(self.coordinates.shape[0]) - 1
+        return int(self.deflections.shape[0]) - 1
 
     def states(self, times: Floats) -> Floats:
         """(nt, 2n) displacements and velocities."""
@@ -84,7 +90,6 @@ class _Forces:
     by_frequency: Complexes  # (H + 1, r) by the fundamental frequency
     by_level: Complexes  # (H + 1, r) through the base's motion
     tangent: Complexes  # (r, 2H + 1)
-    potential: float  # J, mean over the period
     closed: tuple[Floats, ...]
 
 
@@ -116,7 +121,7 @@ class _Springs:
         by_x = np.zeros((self.count, H + 1, 2 * H + 1), dtype=complex)
         tangent = np.zeros((self.count, 2 * H + 1), dtype=complex)
         h = np.arange(H + 1)
-        potential, closed = 0.0, []
+        closed = []
         for j in range(c.count):
             s = float(c.sign[j])
             D = -s * (W[:, j] + base if c.on_ground[j] else W[:, j])
@@ -132,7 +137,6 @@ class _Springs:
             if c.on_ground[j]:
                 by_w[:, j] += by_x[j] @ to_real(base_w)
                 by_l[:, j] = by_x[j] @ to_real(base_l)
-            potential += 0.5 * c.stiffness[j] * _mean(contact.positive, D)
         for i, k in enumerate(self.cubic):
             j = c.count + i
             absolute = W[:, j] + self.felt[i] * base
@@ -143,13 +147,7 @@ class _Springs:
             value[:, j] = -k * third
             by_w[:, j] = self.felt[i] * (by_x[j] @ to_real(base_w))
             by_l[:, j] = self.felt[i] * (by_x[j] @ to_real(base_l))
-            potential += 0.25 * k * _mean(third, absolute)
-        return _Forces(value, by_x, by_w, by_l, tangent, potential, tuple(closed))
-
-
-def _mean(a: Complexes, b: Complexes) -> float:
-    """Mean over a period of the product of two real functions given by their harmonics."""
-    return float(a[0].real * b[0].real + 0.5 * np.sum((a[1:] * np.conj(b[1:])).real))
+        return _Forces(value, by_x, by_w, by_l, tangent, tuple(closed))
 
 
 def _rows_real(R: Complexes) -> Floats:
@@ -270,9 +268,7 @@ class ForcedBalance:
         else:
             by_load = structure.at(w, lF, np.zeros_like(lF)).response
             J[:, -1] = -_rows_real(by_load + (receptances.receptance @ forces.by_level[:, :, None])[:, :, 0])
-        Q = structure.coordinates(w, F, forces.value, W)
-        energy = _linear_energy(self.system, w, Q) + forces.potential
-        motion = HarmonicMotion(w, Q, W, forces.value, forces.closed, forces.tangent, energy)
+        motion = HarmonicMotion(w, structure, F, W, forces.value, forces.closed, forces.tangent)
         return _residual(W, receptances, S, forces.value), J, motion
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
@@ -298,14 +294,6 @@ class ForcedBalance:
     def guess(self, coordinates: Floats, value: float) -> Floats:
         """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates."""
         return np.append(_rows_real(_harmonics(coordinates @ self.rows.T, self.harmonics)), value)
-
-
-def _linear_energy(system: PiecewiseLinearSystem, w: float, Q: Complexes) -> float:
-    """Mean energy of the linear structure, dead loads included."""
-    h = np.arange(1, Q.shape[0])[:, None]
-    moving = 0.25 * np.sum((system.stiffness + (h * w) ** 2) * np.abs(Q[1:]) ** 2)
-    still = 0.5 * np.sum(system.stiffness * Q[0].real ** 2) - system.constant_load @ Q[0].real
-    return float(moving + still)
 
 
 def _sizes(x: Floats, system: PiecewiseLinearSystem) -> Floats:

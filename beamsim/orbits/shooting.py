@@ -8,9 +8,10 @@ with the contacts' internal states. The Jacobian is the monodromy matrix less on
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field
 from typing import Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -38,7 +39,6 @@ NEAR_CIRCLE = 0.02  # the same for complex multipliers and two Neimark–Sacker 
 EARLY = 30  # periods of a transient before the path of falling damping is tried
 MOST_DAMPED = 400  # points of that path
 GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
-REMEMBERED = 4  # points whose multipliers are kept: neighbours ask for the same
 
 
 @dataclass
@@ -57,7 +57,7 @@ class ForcedOrbits:
     parameter: Literal["frequency", "level"] | Callable[[float], tuple[PeriodicFlow, Direction]] = "frequency"
     multiple: int = 1
     _moved: tuple[float, PeriodicFlow, Direction] | None = field(default=None, repr=False)
-    _spectra: list[tuple[Passage, Complexes]] = field(default_factory=list, repr=False)
+    _spectra: MutableMapping[Passage, Complexes] = field(default_factory=WeakKeyDictionary, repr=False)
 
     def __post_init__(self) -> None:
         self._one = np.eye(self.flow.size)
@@ -121,12 +121,10 @@ class ForcedOrbits:
         return scale, residual
 
     def multipliers(self, point: BranchPoint) -> Complexes:
-        """Floquet multipliers, the largest first."""
-        for known, values in self._spectra:
-            if known is point.data:
-                return values
-        values = floquet_multipliers(self.monodromy(point))
-        self._spectra = [(point.data, values), *self._spectra[: REMEMBERED - 1]]
+        """Floquet multipliers, the largest first; computed once for each motion."""
+        values = self._spectra.get(point.data)
+        if values is None:
+            values = self._spectra[point.data] = floquet_multipliers(self.monodromy(point))
         return values
 
     def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:

@@ -8,12 +8,11 @@ from typing import Literal
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.orbits.aft import to_complex, to_real
+from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real
 from beamsim.orbits.harmonic_balance import (
     HarmonicMotion,
     _Forces,
     _jacobian,
-    _linear_energy,
     _residual,
     _rows_real,
     _sizes,
@@ -22,6 +21,38 @@ from beamsim.orbits.harmonic_balance import (
 )
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotion(HarmonicMotion):
+    """A free motion with its energy."""
+
+    energy: float  # J, averaged over the period, springs included; less the rest energy given
+
+
+def _mean(a: Complexes, b: Complexes) -> float:
+    """Mean over a period of the product of two real functions given by their harmonics."""
+    return float(a[0].real * b[0].real + 0.5 * np.sum((a[1:] * np.conj(b[1:])).real))
+
+
+def _potential(springs: _Springs, W: Complexes) -> float:
+    """Mean energy of the springs over a base at rest, for a factor of one."""
+    c, energy = springs.system.contacts, 0.0
+    for j in range(c.count):
+        D = -float(c.sign[j]) * W[:, j]
+        D[0] = D[0].real - c.gap[j]
+        energy += 0.5 * c.stiffness[j] * _mean(one_sided(D).positive, D)
+    for j, k in enumerate(springs.cubic.tolist(), c.count):
+        energy += 0.25 * k * _mean(cubic(W[:, j])[0], W[:, j])
+    return energy
+
+
+def _linear_energy(system: PiecewiseLinearSystem, w: float, Q: Complexes) -> float:
+    """Mean energy of the linear structure, dead loads included."""
+    h = np.arange(1, Q.shape[0])[:, None]
+    moving = 0.25 * np.sum((system.stiffness + (h * w) ** 2) * np.abs(Q[1:]) ** 2)
+    still = 0.5 * np.sum(system.stiffness * Q[0].real ** 2) - system.constant_load @ Q[0].real
+    return float(moving + still)
 
 
 @dataclass
@@ -107,7 +138,7 @@ class FreeBalance:
         S = structure.shifts(H)
         found = structure.at(w, F, np.zeros_like(F))
         forces = self._springs.forces(W, w, none, none, none)
-        value = factor * forces.value
+        value, potential = factor * forces.value, _potential(self._springs, W)
         R = _residual(W, found, S, value)
         by_frequency = found.response_slope + (found.receptance_slope @ (value + S * W)[:, :, None])[:, :, 0]
         columns = [
@@ -120,7 +151,7 @@ class FreeBalance:
             columns.append(np.zeros((R.size, 1)))
         equations, rows = [R], [np.hstack(columns)]
         if self.parameter != "frequency":
-            own, gradient, by_w, by_f = self._energy(W, F, w, factor, forces)
+            own, gradient, by_w, by_f = self._energy(W, F, w, factor, forces, potential)
             last = by_f if self.parameter == "stiffness_factor" else -energy
             equations.append(np.array([own - energy]))
             rows.append(np.concatenate([gradient[self._kept], [by_w, last]])[None, :])
@@ -131,19 +162,19 @@ class FreeBalance:
             equations.append(np.array([float(row @ _rows_real(W))]))
             rows.append(np.concatenate([row[self._kept], np.zeros(self._tail)])[None, :])
         Q = structure.coordinates(w, F, value, W)
-        mean = _linear_energy(self._springs.system, w, Q) + factor * forces.potential - self.rest_energy
-        motion = HarmonicMotion(w, Q, W, value, forces.closed, forces.tangent, mean)
+        mean = _linear_energy(self._springs.system, w, Q) + factor * potential - self.rest_energy
+        motion = FreeMotion(w, structure, F, W, value, forces.closed, forces.tangent, mean)
         return np.concatenate(equations), np.vstack(rows), motion
 
     def _energy(
-        self, W: Complexes, F: Complexes, w: float, factor: float, forces: _Forces
+        self, W: Complexes, F: Complexes, w: float, factor: float, forces: _Forces, potential: float
     ) -> tuple[float, Floats, float, float]:
         """Mean energy with its derivatives by all real coefficients, the frequency and the factor."""
         structure, system = self._springs.structure, self._springs.system
         H, r = self.harmonics, self._springs.count
         S, K = structure.shifts(H), system.stiffness
         carried = np.empty((H + 1, r), dtype=complex)
-        energy, by_w = factor * forces.potential - self.rest_energy, 0.0
+        energy, by_w = factor * potential - self.rest_energy, 0.0
         right = F + (factor * forces.value + S * W) @ self.rows
         for k in range(H + 1):
             inertia = (k * w) ** 2
@@ -164,7 +195,7 @@ class FreeBalance:
         gradient[0] -= factor * forces.value[0].real
         gradient[1::2] -= 0.5 * factor * forces.value[1:].real
         gradient[2::2] -= 0.5 * factor * forces.value[1:].imag
-        by_factor = float(np.sum(carried * forces.value).real) + forces.potential
+        by_factor = float(np.sum(carried * forces.value).real) + potential
         return energy, gradient.ravel(), by_w, by_factor
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:

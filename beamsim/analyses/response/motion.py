@@ -113,14 +113,21 @@ def sampled_motion(
     times = np.concatenate([even, edge, edge])
     d, dv = loads.base_motion(omega, level, times)
     iw = 1j * w * np.arange(motion.highest + 1)
-    turn = np.exp(np.multiply.outer(times, iw))
+    at_edges = np.exp(np.multiply.outer(edge, iw))
+
+    def summed(harmonics: Complexes) -> Floats:
+        """(S + E, k) values of harmonics (H + 1, k): by one transform, and at the edges by summation."""
+        two_sided = (0.5 * SAMPLES) * harmonics
+        two_sided[0] = SAMPLES * harmonics[0]
+        inside = (at_edges @ harmonics).real
+        return np.vstack([np.fft.irfft(two_sided, SAMPLES, axis=0), inside, inside])
 
     # projected before they are summed, so that the cost does not grow with the model
     def q(rows: Floats) -> Floats:
-        return np.asarray((turn @ (motion.coordinates @ rows.T)).real)
+        return summed(motion.coordinates @ rows.T)
 
     def v(rows: Floats) -> Floats:
-        return np.asarray((turn @ (iw[:, None] * (motion.coordinates @ rows.T))).real)
+        return summed(iw[:, None] * (motion.coordinates @ rows.T))
 
     ground = contacts.on_ground
     delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
