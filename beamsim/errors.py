@@ -21,6 +21,7 @@ class ExitCode(IntEnum):
     LIMIT_EXCEEDED = 4  # under --check
     INTERRUPTED = 130  # from the keyboard
     BROKEN_PIPE = 141
+    TERMINATED = 143  # by SIGTERM
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Interruption on request: an analysis checks between points and keeps the points it has.
+"""Interruption on request: an analysis keeps the points it has.
 
-An exception during a point could leave a flow with the parameter of another point; outputs computed later for the
-earlier points would then be wrong.
+A search heeds the request between passages, and its last point is given up; what is computed for the points that are
+kept is not interrupted. A flow may be left with the parameter of another point: outputs set it again.
 """
 
 from __future__ import annotations
@@ -9,22 +9,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
+from beamsim.flow.stopping import Stopped, heeding, never
+
+__all__ = ["Stop", "Stopped", "heeding", "never", "until"]
+
 Stop = Callable[[], bool]  # whether to stop
 Point = TypeVar("Point")
 
 
-def never() -> bool:
-    """Do not stop early."""
-    return False
-
-
 def until(points: Iterable[Point], stop: Stop) -> Iterator[Point]:
-    """The points, at least one, until `stop` is true.
+    """The points until `stop` is true, which the search for each heeds too.
 
     >>> list(until("abc", lambda: True))
     ['a']
     """
-    for point in points:
+    search = iter(points)
+    while True:
+        try:
+            with heeding(stop):
+                point = next(search)
+        except (StopIteration, Stopped):
+            return
         yield point
         if stop():
             return

@@ -17,6 +17,8 @@ from beamsim.errors import BeamsimError, ExitCode, ScenarioError
 
 Parameters = ParamSpec("Parameters")
 
+NOTHING_INCOMPLETE = "beamsim: interrupted; no incomplete file was left"
+
 # errors of print when the disk is full; not every system defines all of them
 OUTPUT_REFUSED = [getattr(errno, name) for name in ("ENOSPC", "EIO", "EFBIG", "EDQUOT") if hasattr(errno, name)]
 
@@ -24,7 +26,7 @@ OUTPUT_REFUSED = [getattr(errno, name) for name in ("ENOSPC", "EIO", "EFBIG", "E
 def verdict(error: BaseException) -> tuple[int, str]:
     """Exit code and message for an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return ExitCode.INTERRUPTED, "beamsim: interrupted; no incomplete file was left"
+        return ExitCode.INTERRUPTED, NOTHING_INCOMPLETE
     if isinstance(error, ScenarioError):
         return error.exit_code, "\n".join(
             str(problem) if problem.file else f"beamsim: {problem}" for problem in error.problems
@@ -70,6 +72,10 @@ def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
             if sys.stdout is not None:
                 sys.stdout.flush()  # here, where a full disk can be reported
         except typer.Exit:
+            raise
+        except SystemExit as end:
+            if end.code == ExitCode.TERMINATED:
+                say(NOTHING_INCOMPLETE)
             raise
         except (Exception, KeyboardInterrupt) as error:
             if broken_pipe(error):

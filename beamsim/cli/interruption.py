@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from beamsim.cli.failures import say
+from beamsim.errors import ExitCode
 
 
 class Interruption:
@@ -48,5 +50,9 @@ def interruptible() -> Iterator[Interruption]:
             before[number] = signal.signal(number, request)
     try:
         yield interruption
+    except KeyboardInterrupt:  # nothing was found that could be kept
+        if interruption.signal == signal.SIGTERM:
+            sys.exit(ExitCode.TERMINATED)
+        raise
     finally:
         restore()

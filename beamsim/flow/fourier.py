@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
+
+EXPONENTIALS_A_CALL = 2_000_000  # of a kernel; about a tenth of a second
+FEWEST_FREQUENCIES = 64  # of a call, where one segment has many basis functions
 
 
 def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
@@ -100,10 +104,27 @@ class MotionPart:
         from beamsim.flow.fourier_kernels import fourier_integrals
 
         m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)
-        fourier_integrals(
-            m.flow.tables(), m.flow.inputs(), self.table, m.time, m.length, m.state, m.piece, m.y, omega, out
-        )
+        logged = (m.flow.tables(), m.flow.inputs(), self.table, m.time, m.length, m.state, m.piece, m.y)
+        columns = max(EXPONENTIALS_A_CALL // self._terms, FEWEST_FREQUENCIES)
+        for begin in range(0, omega.size, columns):
+            some = np.ascontiguousarray(omega[begin : begin + columns])
+            part = np.zeros((out.shape[0], some.size), dtype=complex)
+            for first, last in self._ranges(m.time.size, some.size):
+                fourier_integrals(*logged, some, first, last, part)
+            out[:, begin : begin + columns] = part
         return out
+
+    @property
+    def _terms(self) -> int:
+        """Basis functions of a segment times outputs."""
+        return int(self.motion.flow.tables().exponent.shape[1] * self.table.shape[2])
+
+    def _ranges(self, count: int, frequencies: int) -> Iterator[tuple[int, int]]:
+        """Numbers 0 to ``count`` in parts for a call each, with a check before each."""
+        rows = max(EXPONENTIALS_A_CALL // (self._terms * frequencies), 1)
+        for first in range(0, count, rows):
+            check_stop()
+            yield first, min(first + rows, count)
 
     def folded(self, step: float, reach: float, *, open_ends: bool) -> Floats:
         """(k,) bound on the difference between Fourier sums of samples and `integrals`, and on what is left out.
@@ -114,11 +135,13 @@ class MotionPart:
         reach : rad/s, highest angular frequency for which it holds; below the ``cut`` of the part.
         open_ends : whether the window of the analysis is not zero at both ends.
         """
-        from beamsim.flow.fourier_kernels import folded
+        from beamsim.flow.fourier_kernels import ORDERS, folded
 
         m, out = self.motion, np.zeros(self.table.shape[2])
-        folded(
-            m.flow.tables(), m.flow.inputs(), self.table, self.dropped, m.time, m.length, m.state, m.piece, m.y,
-            step, reach, open_ends, out,
-        )  # fmt: skip
+        before, beyond = np.zeros((out.size, ORDERS)), np.zeros(out.size)
+        for first, until in self._ranges(m.time.size + 1, 2 * ORDERS):
+            folded(
+                m.flow.tables(), m.flow.inputs(), self.table, self.dropped, m.time, m.length, m.state, m.piece, m.y,
+                step, reach, open_ends, first, until, before, beyond, out,
+            )  # fmt: skip
         return out

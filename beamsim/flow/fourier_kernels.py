@@ -40,11 +40,11 @@ def _exponential_integral(s, T, e):  # type: ignore[no-untyped-def]
 
 @kernel
 def fourier_integrals(  # type: ignore[no-untyped-def]
-    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, omega, out
+    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, omega, first, last, out
 ):
-    """``out[j, w] += int x_j(t) e^{-i omega_w (t - t_0)} dt`` over all segments, t_0 being the start of the first one.
+    """``out[j, w] += int x_j(t) e^{-i omega_w (t - t_0)} dt`` over segments, t_0 being the start of the first of all.
 
-    ``table`` is (S, T, k), ``omega`` (W,) rad/s, ``out`` (k, W).
+    ``table`` is (S, T, k), ``omega`` (W,) rad/s, ``out`` (k, W); the segments are those from ``first`` up to ``last``.
     """
     k, count = table.shape[2], omega.size
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
@@ -53,7 +53,7 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
     shift = np.zeros(count, dtype=np.complex128)
     turn = np.zeros(count, dtype=np.complex128)
     moment = np.zeros(1 + (tables.power.max() if tables.power.size else 0), dtype=np.complex128)
-    for g in range(seg_time.size):
+    for g in range(first, last):
         s, T = seg_state[g], seg_length[g]
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         _coefficients(tables, s, table, zeta, k, gamma)
@@ -122,7 +122,23 @@ def _jets(exponent, power, nb, gamma, tau, step, reach, out):  # type: ignore[no
 
 @kernel
 def folded(  # type: ignore[no-untyped-def]
-    tables, inputs, table, dropped, seg_time, seg_length, seg_state, seg_piece, seg_y, step, reach, open_ends, out
+    tables,
+    inputs,
+    table,
+    dropped,
+    seg_time,
+    seg_length,
+    seg_state,
+    seg_piece,
+    seg_y,
+    step,
+    reach,
+    open_ends,
+    first,
+    until,
+    before,
+    beyond,
+    out,
 ):
     r"""Bound, per output, on the difference between samples' Fourier sum and the integral, at \|omega\| <= ``reach``.
 
@@ -137,6 +153,9 @@ def folded(  # type: ignore[no-untyped-def]
         own integrals are bounded.
     step : s, between samples. reach : rad/s.
     open_ends : whether the ends of the first and of the last segment count, where the window is not zero.
+    first, until : the ends of segments that are looked at, of 0 up to the number of segments: one call goes on where
+        the one before it ended.
+    before, beyond : (k, ORDERS) and (k,) of the segment before, zero at first; replaced.
     out : (k,) added to; unit of the output times s.
     """
     k = table.shape[2]
@@ -145,10 +164,10 @@ def folded(  # type: ignore[no-untyped-def]
     rest = np.empty(tables.projector.shape[2])
     gamma = np.zeros((B, k), dtype=np.complex128)
     missing = np.zeros((B, k), dtype=np.complex128)
-    before, after = np.zeros((k, ORDERS)), np.zeros((k, ORDERS))
-    beyond = np.zeros(k)  # of the side before
+    after = np.zeros((k, ORDERS))
     last = seg_time.size - 1
-    for g in range(seg_time.size + 1):
+    s = seg_state[last]
+    for g in range(first, until):
         if g <= last:
             s, T = seg_state[g], seg_length[g]
             nb = tables.n_basis[s]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from beamsim.flow.stopping import check_stop, never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
@@ -18,11 +19,6 @@ if TYPE_CHECKING:
 FIRST_LOG = 64
 LONGEST_LOG = 2048  # segments between two reports of progress
 EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which signals are handled: less than half a second
-
-
-def never() -> bool:
-    """No request to stop."""
-    return False
 
 
 class Log(NamedTuple):
@@ -140,6 +136,7 @@ def carry(
         while outcome.complete:
             log = Log.room(room, motion.y.size, max_events + 1 - events)
             most = min(max_evaluations - evaluations, EVALUATIONS_A_CALL)
+            check_stop()
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
             segments, events, evaluations = segments + n_seg, events + n_ev, evaluations + n_eval
             if keep:

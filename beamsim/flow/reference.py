@@ -17,7 +17,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import Guard
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import never
+from beamsim.flow.stopping import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 

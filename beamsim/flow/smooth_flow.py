@@ -25,6 +25,7 @@ from beamsim.flow.passage import (
     WorkExceeded,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.stopping import check_stop
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats, Ints
 
@@ -133,6 +134,7 @@ class SmoothFlow(PeriodicFlow):
         end, toggled, smallest, steps = t + duration, -1, np.inf, 0
         parts: list[tuple[NDArray[np.generic], ...]] = []
         while True:
+            check_stop()
             log = self._log
             code, t, toggled, count, events, speed = taylor_kernels.carry_smooth(
                 arrays, t, end, toggled, closed, y, sens, P, self._longest, *log, slope

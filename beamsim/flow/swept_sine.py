@@ -12,8 +12,9 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block, SimpleModes
-from beamsim.flow.march import Log, Motion, carry, never
+from beamsim.flow.march import Log, Motion, carry
 from beamsim.flow.state_tables import pad
+from beamsim.flow.stopping import never
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
 from beamsim.outcomes import Outcome, OutcomeCode

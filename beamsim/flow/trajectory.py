@@ -11,6 +11,7 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.state_tables import pad
+from beamsim.flow.stopping import check_stop
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -18,7 +19,7 @@ EVEN = 16  # samples, from which on equal steps are exploited
 PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
-VALUES_A_CALL = 50_000_000  # of terms times outputs, in sampling
+VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
 # rule's error on exp(i 2 turn t), the product's fastest part, is then below 2e-13
 GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))
@@ -96,6 +97,7 @@ class Trajectory:
         evenly = even.size > 0 and np.abs(times - even).max() <= 4.0 * np.finfo(float).eps * abs(times[-1])
         rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
         for first in range(0, times.size, rows):
+            check_stop()
             part = slice(first, first + rows)
             logged = (self.time, self.state, self.piece, self.y, in_a_row[part])
             if evenly:
@@ -194,6 +196,7 @@ class Trajectory:
             )  # fmt: skip
             done = False
             while not done:
+                check_stop()
                 check()
                 used, done = kernels.extremes(*arguments, EVALUATIONS_A_CALL)
                 evaluations += int(used)
@@ -239,6 +242,7 @@ class Trajectory:
         )  # fmt: skip
         check()
         while not product_integrals(*arguments, WORK_A_CALL):
+            check_stop()
             check()
         return out
 

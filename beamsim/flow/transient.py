@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Log, Motion, carry, never
+from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.stopping import never
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats

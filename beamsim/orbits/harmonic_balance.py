@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from beamsim.errors import MethodError
+from beamsim.flow.stopping import check_stop
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.condensation import Condensation, Receptances
 from beamsim.typing import Complexes, Floats
@@ -245,6 +246,7 @@ class ForcedBalance:
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, HarmonicMotion]:
         """The balance, its exact Jacobian, and the motion."""
+        check_stop()
         omega, level = self.at(float(u[-1]))
         if not (np.isfinite(omega) and omega > 0):
             raise ArithmeticError("the frequency became negative")

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
-from beamsim.flow.march import Motion, carry, never
+from beamsim.flow.march import Motion, carry
+from beamsim.flow.stopping import never
 from beamsim.flow.swept_sine import CycleMarch, SweptFlow
 from beamsim.inputs.swept import SweepWindows
 from beamsim.typing import Complexes, Floats, Ints

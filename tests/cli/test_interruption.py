@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +25,19 @@ MODE, RESPONSE = CONFIGS / "nnm_chain_mass_5.yaml", CONFIGS / "chain_two_dof.yam
 POINTS = 5
 
 
-def after(points):
-    """Ask for the end once so many points are there."""
-    asked = count(1)
-    return lambda: next(asked) >= points
+class After:
+    """Progress and a request to stop once it was reported so many times, and some passages later."""
+
+    def __init__(self, reports, passages=0):
+        self.reports, self.passages = reports, passages
+
+    def __call__(self, fraction):
+        self.reports -= 1
+
+    def stop(self):
+        if self.reports <= 0:
+            self.passages -= 1
+        return self.reports <= 0 and self.passages < 0
 
 
 # --- from Python ------------------------------------------------------------------------------------------------------
@@ -47,7 +55,8 @@ def response():
 
 @pytest.mark.parametrize("points", [1, 20])
 def test_a_mode_keeps_the_points_it_has(mode, points):
-    part = nnm(load_scenario(MODE), stop=after(points))
+    request = After(points)
+    part = nnm(load_scenario(MODE), request, stop=request.stop)
     assert mode.complete  # the twin that is not stopped
     assert part.status == f"interrupted at stiffness factor {part.backbone.parameter[-1]:.6g}"
     assert part.summary["status"] == part.status
@@ -58,7 +67,8 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
 
 @pytest.mark.parametrize("points", [1, 20])
 def test_a_response_keeps_the_points_it_has(response, points):
-    part = frequency_response(load_scenario(RESPONSE), stop=after(points))
+    request = After(points)
+    part = frequency_response(load_scenario(RESPONSE), request, request.stop)
     assert response.complete
     assert part.status.startswith("interrupted; range not covered: 0.0795")
     (branch,) = part.branches
@@ -69,14 +79,50 @@ def test_a_response_keeps_the_points_it_has(response, points):
 
 
 def test_what_was_not_begun_is_named():
-    part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), stop=after(2))
+    request = After(2)
+    part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
     assert part.status.startswith("interrupted; not started: level 0.2, level 0.3")
     scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
     points = nnm(scenario).backbone.parameter.size
-    assert nnm(scenario, stop=after(points + 1)).status == "interrupted before relaxed minimisation"
-    part = nnm(scenario, stop=after(points + 4))
+    request = After(points)
+    assert nnm(scenario, request, stop=request.stop).status == "interrupted at stiffness factor 1"
+    request = After(points + 4)
+    part = nnm(scenario, request, stop=request.stop)
     assert part.status.endswith("during relaxed minimisation")
     assert 1 <= part.relaxed.factor.size < scenario.nnm.solver.steps
+
+
+def test_the_search_for_a_point_is_given_up_within_it(monkeypatch):
+    """The end is asked for before every passage of a motion; the point before it is the last."""
+    from beamsim.flow.variational import VariationalFlow
+
+    carry, begun = VariationalFlow.carry, []
+    monkeypatch.setattr(VariationalFlow, "carry", lambda self, *a, **k: begun.append(1) or carry(self, *a, **k))
+    whole = nnm(load_scenario(MODE)).backbone.parameter
+    for passages in (1, 2):
+        request, at_report, at_end = After(20, passages), [], []
+
+        def report(fraction, request=request, at_report=at_report):
+            request(fraction)
+            at_report.append(len(begun))
+
+        def stop(request=request, at_end=at_end):
+            ends = request.stop()
+            at_end.extend([len(begun)] if ends else [])
+            return ends
+
+        part = nnm(load_scenario(MODE), report, stop=stop)
+        np.testing.assert_array_equal(part.backbone.parameter, whole[:20])
+        assert part.outcome.interrupted
+        assert at_end[0] - at_report[19] == passages
+    begun.clear()
+    with pytest.raises(KeyboardInterrupt):
+        nnm(load_scenario(MODE), stop=lambda: True)
+    assert len(begun) == 1
+    begun.clear()
+    with pytest.raises(KeyboardInterrupt):
+        frequency_response(load_scenario(RESPONSE), stop=lambda: True)
+    assert len(begun) == 1
 
 
 def test_nothing_found_is_nothing_kept(monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run import analysis, histories
 from beamsim.analyses.run.energy import energy_history
-from beamsim.flow import integral_kernels, kernels, march_kernels
+from beamsim.flow import fourier, fourier_kernels, integral_kernels, kernels, march_kernels
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import EVALUATIONS_A_CALL
 from beamsim.flow.trajectory import WORK_A_CALL
@@ -115,3 +115,49 @@ def test_a_stopped_run_keeps_its_motion(monkeypatch):
                             stop=lambda: next(asked) >= 300)  # fmt: skip
     assert reference.outcome.code is OutcomeCode.INTERRUPTED
     assert 0.0 < reference.time[-1] <= reference.outcome.numbers["parameter"] < 0.8
+
+
+def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
+    system = build_system(load_scenario(CONFIGS / "one_sided_65hz.yaml"))
+    motion = simulate(analysis.exact_flow(system, 0.8), system.initial_state)
+    acceleration = analysis.output_groups(system, motion.flow).groups["acceleration"]
+    part = fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf).one(0)
+    omega = 2 * np.pi * np.linspace(0.0, 2000.0, 700)
+    calls = []
+    for name in ("fourier_integrals", "folded"):
+        kernel = getattr(fourier_kernels, name)
+        monkeypatch.setattr(fourier_kernels, name, lambda *a, kernel=kernel: calls.append(kernel) or kernel(*a))
+    whole = part.integrals(omega), part.folded(1e-4, 1e4, open_ends=True)
+    assert len(calls) == 2
+    monkeypatch.setattr(fourier, "EXPONENTIALS_A_CALL", 3000)
+    pieces = part.integrals(omega), part.folded(1e-4, 1e4, open_ends=True)
+    assert len(calls) > 50
+    np.testing.assert_allclose(pieces[0], whole[0], rtol=1e-12, atol=1e-13 * np.abs(whole[0]).max())
+    np.testing.assert_allclose(pieces[1], whole[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kernel", ["fourier_integrals", "folded"])
+def test_a_run_that_is_stopped_during_its_spectra_has_those_of_its_samples(kernel, monkeypatch):
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
+    whole, compiled, asked = beamsim.run(scenario), getattr(fourier_kernels, kernel), []
+    monkeypatch.setattr(fourier_kernels, kernel, lambda *arguments: asked.append(1) or compiled(*arguments))
+    part = beamsim.run(scenario, stop=lambda: bool(asked))
+    assert len(asked) == 1  # nothing compiled is called again
+    assert part.outcome.code is OutcomeCode.INTERRUPTED
+    np.testing.assert_array_equal(part.time, whole.time)
+    assert part.summary["energy_error"] == whole.summary["energy_error"]
+    for key, spectrum in part.spectra.items():
+        assert spectrum.rms == pytest.approx(whole.spectra[key].rms, rel=0.05)
+
+
+def test_a_stopped_run_with_many_samples_keeps_some_of_its_whole_motion(monkeypatch):
+    monkeypatch.setattr(analysis, "SAMPLES_OF_A_STOPPED_RUN", 50)
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
+    whole = beamsim.run(scenario, stop=lambda: False)
+    part = beamsim.run(scenario, stop=lambda: True)
+    step = round((part.time[1] - part.time[0]) * scenario.run.output_rate)
+    assert part.time.size <= 50
+    assert any(f"of {step} output times one is kept" in warning for warning in part.warnings)
+    assert part.outcome.numbers["parameter"] - part.time[-1] < 1.01 * (part.time[1] - part.time[0])
+    displacement = whole.probes["tip"].displacement[::step][: part.time.size]
+    np.testing.assert_allclose(part.probes["tip"].displacement, displacement, rtol=1e-12)  # other sample steps

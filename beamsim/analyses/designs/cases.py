@@ -22,7 +22,7 @@ from beamsim.analyses.designs.responses import (
 )
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
-from beamsim.flow.march import never
+from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.draws import Draws
 from beamsim.system.shared import SharedBuilds

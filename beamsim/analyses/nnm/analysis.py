@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult, SpecialPointResult
-from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
@@ -87,13 +88,15 @@ def nnm(
     scenario : with a section ``nnm``.
     progress : called with the completed fraction of the path.
     compare : other methods to compare with it: any of :data:`COMPARISONS`.
-    stop : called after every point; once it returns True the result holds the points so far, with the outcome
-        "interrupted".
+    stop : called after every passage of a motion; once it returns True the result holds the points so far, with the
+        outcome "interrupted".
 
     Raises
     ------
     ScenarioError
         Where the scenario asks for no mode, or for one that doesn't exist.
+    KeyboardInterrupt
+        Where it was time to stop before there was a point.
     """
     begin = clock.perf_counter()
     if scenario.nnm is None:
@@ -104,7 +107,9 @@ def nnm(
     job = mode_path(scenario, system)
     work = _followed(scenario, system, job, compare, progress, stop)
     followed, full = work.followed, work.full_period
-    special, failed = special_points(system, job, followed)
+    special, failed, given_up = special_points(system, job, followed, stop)
+    if given_up and not followed.backbone.outcome.interrupted:
+        work.left_out.append("the search for special points")
     branches = _branches(system, job, followed, full, special)
     shown, point = _shown(branches)
     branch = branches[shown]
@@ -113,9 +118,10 @@ def nnm(
     branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
-        resonance = hold_mode(
-            scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
-        )
+        with work.given_up("nnm.phase_resonance"):
+            resonance = hold_mode(
+                scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
+            )
     outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
     outcome = balanced(outcome, branches, branch.unit)
     result = NormalModeResult(
@@ -160,6 +166,14 @@ class _MethodResults:
             self.left_out.append(to)
             return False
         return True
+
+    @contextmanager
+    def given_up(self, step: str) -> Iterator[None]:
+        """Record the step as left out where an interruption ends it before there is anything to keep."""
+        try:
+            yield
+        except Stopped:
+            self.left_out.append(step)
 
     def flow_of(self, branch: int, point: int) -> Any:
         """The flow of a point of the result's branches."""
@@ -208,21 +222,26 @@ def _followed(
         relaxing = solver
     elif "relaxed_minimisation" in compare:
         relaxing = RelaxedMinimisationMethod()
-    followed, requested = _with_points(scenario, job, job.follow(progress, stop))
+    followed, requested = job.follow(progress, stop), list[tuple[int, RequestedPoint]]()
+    with suppress(Stopped), heeding(stop):
+        followed, requested = _with_points(scenario, job, followed)
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
-        work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
+        with work.given_up("full-period shooting"):
+            work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
     work.processor_time_s = clock.process_time() - begin
     if relaxing is not None and work.goes_on("relaxed minimisation", stop):
-        work.relaxed = compare_relaxed(
-            job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
-        )  # fmt: skip
+        with work.given_up("relaxed minimisation"):
+            work.relaxed = compare_relaxed(
+                job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
+            )
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
-        path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
-        work.expansion = compare_expansion(
-            system, path, modes_of(system, path, *exact_points(system, path, work.followed))
-        )
+        with work.given_up("the expansion"), heeding(stop):
+            path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
+            work.expansion = compare_expansion(
+                system, path, modes_of(system, path, *exact_points(system, path, work.followed))
+            )
     return work
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, never, until
+from beamsim.analyses.interruption import Stop, Stopped, never, until
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits
@@ -64,9 +64,11 @@ def follow_full_period(
         reached.append(point)
         if progress is not None:
             progress(len(reached) / len(points))
+    if not reached and stop():
+        raise Stopped
     if not reached:
         raise NotTrustedError(f"full-period shooting found no motion to begin with: {path.outcome}")
-    breakings = list(_breakings(branches, gaps)) if settings.branches and not stop() else []
+    breakings = list(until(_breakings(branches, gaps), stop)) if settings.branches and not stop() else []
     low, high = sorted((points[0].parameter, points[-1].parameter))
     non_brake: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)

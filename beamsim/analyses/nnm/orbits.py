@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult, OrbitMotion, SpecialPointResult
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
@@ -85,9 +86,12 @@ def branch_result(
 
 
 def special_points(
-    system: StructuralSystem, job: ModePath, branches: ModeBranches
-) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch]]:
-    """Folds, branch points and grazings along a backbone, but not across its jumps; and the searches that failed."""
+    system: StructuralSystem, job: ModePath, branches: ModeBranches, stop: Stop = never
+) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch], bool]:
+    """Folds, branch points and grazings along a backbone, but not across its jumps; the searches that failed.
+
+    The last value says whether ``stop`` ended the search.
+    """
     special: list[SpecialPointResult] = []
     failed: list[FailedSearch] = []
     names, orbits = system.contact_names, branches.problem
@@ -95,13 +99,18 @@ def special_points(
     for a, b in pairwise(branches.backbone.points):
         if job.shown(a.parameter) in cut:
             continue
-        for located in mode_points(orbits, a, b, settings, failed):
+        try:
+            with heeding(stop):
+                points = list(mode_points(orbits, a, b, settings, failed))
+        except Stopped:
+            return tuple(special), failed, True
+        for located in points:
             period = orbits.split(located.point.u)[1]
             name = names[located.contact] if located.contact >= 0 else ""
             special.append(
                 SpecialPointResult(located.kind, job.shown(located.parameter), 1.0 / period, name, located.time)
             )
-    return tuple(special), failed
+    return tuple(special), failed, False
 
 
 def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, never, until
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.nnm.result import UNITS, BranchJump
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
@@ -89,12 +89,18 @@ class ModePath:
         ------
         ScenarioError
             Where it has nowhere to begin.
+        KeyboardInterrupt
+            Where it was time to stop before it began.
         """
-        if self.parameter == "stiffness_factor":
-            return self._in_factor(progress, stop)
-        if self.parameter == "energy":
-            return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
-        return self._in_frequency(progress, stop)
+        try:
+            with heeding(stop):
+                if self.parameter == "stiffness_factor":
+                    return self._in_factor(progress, stop)
+                if self.parameter == "energy":
+                    return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
+                return self._in_frequency(progress, stop)
+        except Stopped:  # before the first point
+            raise KeyboardInterrupt from None
 
     def _in_factor(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:
         orbits = BrakeOrbits(self.family, energy=self.energy)

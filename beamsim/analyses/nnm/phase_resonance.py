@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -230,18 +230,25 @@ def hold_mode(
     loads, unit = periodic_forcing(scenario, damped), UNITS[str(excitation.quantity)]
     held = _Levels(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
-    predicted, probe = _predicted(held, levels)
+    with heeding(stop):
+        predicted, probe = _predicted(held, levels)
     motions = []
     for index, level in enumerate(levels):
         at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
-        motion = held.at(level, lambda m: m.level)
-        if motion is None:
-            raise ScenarioError(_beyond(held, predicted, level, at))
-        motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
+        try:
+            with heeding(stop):
+                motion = held.at(level, lambda m: m.level)
+                if motion is None:
+                    raise ScenarioError(_beyond(held, predicted, level, at))
+                motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
+        except Stopped:
+            break
         if progress is not None:
             progress((index + 1) / len(levels))
         if stop():
             break
+    if not motions:
+        raise Stopped
     missing = [m.level for m in motions if not m.found]
     outcome = COMPLETE
     if len(motions) < len(levels):

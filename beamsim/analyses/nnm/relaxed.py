@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import RelaxedComparison
 from beamsim.orbits.branch import BranchPoint
@@ -47,21 +47,23 @@ def compare_relaxed(
     orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
     begin = clock.process_time()
-    exact = [branches.at_factor(float(factor)) for factor in factors]
+    with heeding(stop):
+        exact = [branches.at_factor(float(factor)) for factor in factors]
     shooting_passages = orbits.family.passages
     shooting_time_s += clock.process_time() - begin
     steps: list[RelaxedStep] = []
     outcome = COMPLETE
-    for step in relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations):
+    for step in until(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations), stop):
         steps.append(step)
         if progress is not None:
             progress(len(steps) / settings.steps)
         if not step.reached:
             outcome = _why(step, settings)
             break
-        if stop() and len(steps) < settings.steps:
-            outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="relaxed minimisation", **_place(step))
-            break
+    if not steps:
+        raise Stopped
+    if outcome.complete and len(steps) < settings.steps:
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="relaxed minimisation", **_place(steps[-1]))
     return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult, SpecialPointResult
-from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.response.branches import (
     COVERED,
@@ -54,7 +54,8 @@ def frequency_response(
     ----------
     scenario : with a ``sweep`` section of kind continuation and a harmonic excitation.
     progress : called with the fraction that is done, which never falls.
-    stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
+    stop : asked after every passage of a motion; once it says so, the result holds what there is, and its status
+        "interrupted".
 
     Raises
     ------
@@ -91,7 +92,7 @@ def frequency_response(
 
             folds += follow_folds(model, traced, level, budget)
         halted = stop()
-        branches += [_response(model, t, level) for t in traced]
+        branches += [_response(model, t, level, stop) for t in traced]
     if not branches:
         raise KeyboardInterrupt
     outcome = _combined(outcomes)
@@ -105,7 +106,10 @@ def frequency_response(
     elif settings.overlay is not None:
         from beamsim.analyses.response.overlay import swept_overlay
 
-        overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY))
+        try:
+            overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY), stop)
+        except (Stopped, KeyboardInterrupt):
+            left.append("sweep.overlay")
     if halted or left:
         parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=left)
@@ -262,7 +266,7 @@ def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: 
     return doubt.but(*outcome.parts) if outcome.code is COMPLETE.code else outcome.but(doubt)
 
 
-def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> BranchResult:
+def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> BranchResult:
     """Peaks, harmonics, forces and stability along a branch."""
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.scenario.sweep, model.scenario.limits
@@ -278,7 +282,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float) -> Branch
             motion = sampled_orbit(problem, point)
         return measure(system, model.loads, model.base, motion, limited, settings.stored_harmonics)
 
-    traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model))
+    traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model), stop)
     spectra = [problem.multipliers(point) for point in traced.points]
     n = system.dynamics.size
     states = np.array([orbit.state for orbit in traced.orbits])

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, never
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
     BranchPoint,
@@ -222,7 +222,11 @@ def trace_range(
     begin = first
     for count in range(MOST_BEGINNINGS):
         tried.append(begin)
-        start = tracer.begin(begin, last - first if count == 0 else first - last)
+        try:
+            with heeding(budget.stop):
+                start = tracer.begin(begin, last - first if count == 0 else first - last)
+        except Stopped:
+            break
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
             directions = [1.0] if begin in (first, last) else [1.0, -1.0]
@@ -315,14 +319,19 @@ def walk(
     special: list[SpecialPoint] = []
     failed: list[FailedSearch] = []
     outcome = None
-    for point in branch:
+    for point in until(branch, budget.stop):
         if points and np.array_equal(point.u, points[-1].u):  # it begins on the end of its reach
             continue
         outcome = ends(point)
         if outcome is not None and outcome.code is OutcomeCode.BACK_TO_PERIOD:
             break
         if points:
-            between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
+            try:
+                with heeding(budget.stop):
+                    between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
+            except Stopped:  # special points of this step are not known: it is left out
+                outcome = INTERRUPTED.but(parameter=points[-1].parameter)
+                break
             special += between
             points += [s.point for s in between]
         points.append(point)

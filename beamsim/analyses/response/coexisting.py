@@ -15,6 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
+from beamsim.analyses.interruption import until
 from beamsim.analyses.response.branches import Budget, ShootingTracer, Tracer, coincides, follow, joined
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
@@ -51,7 +52,9 @@ def coexisting_branches(
     """
     found: list[OrbitBranch] = []
     for value in values:
-        for start in tracer.sought(value):
+        if budget.stop():
+            return found
+        for start in until(tracer.sought(value), budget.stop):
             if not budget.allows_another(len(known) + len(found)):
                 return found
             if start is None or coincides(start, [*known, *found]):

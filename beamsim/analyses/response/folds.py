@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.interruption import until
 from beamsim.analyses.response.motion import measure, sampled_orbit
-from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
@@ -160,7 +161,7 @@ def _follow(
     branch: Branch, omega: float, budget: Budget, second: FollowedParameter
 ) -> tuple[list[BranchPoint], Outcome]:
     points: list[BranchPoint] = []
-    for point in branch:
+    for point in until(branch, budget.stop):
         points.append(point)
         budget.used += 1
         at = float(point.u[-2])
@@ -171,4 +172,5 @@ def _follow(
             spent = Outcome.of(OutcomeCode.POINT_LIMIT, points=MOST_POINTS)
         if spent is not None:
             return points, second.shown(spent.but(parameter=point.parameter))
-    return points, second.shown(branch.outcome)
+    outcome = branch.outcome
+    return points, second.shown(outcome.but(parameter=points[-1].parameter) if outcome is INTERRUPTED else outcome)

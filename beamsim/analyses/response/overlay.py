@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
+from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import Problem, ScenarioError
@@ -17,13 +18,17 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 
-def swept_overlay(scenario: Scenario, progress: Callable[[float], None] | None = None) -> dict[str, OverlayCurve]:
+def swept_overlay(
+    scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
+) -> dict[str, OverlayCurve]:
     """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
 
     Raises
     ------
     ScenarioError
         Where the structure or the rate cannot be swept.
+    Stopped, KeyboardInterrupt
+        Once ``stop`` says so.
     """
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
@@ -33,7 +38,9 @@ def swept_overlay(scenario: Scenario, progress: Callable[[float], None] | None =
     swept = SweptSine.model_construct(
         from_=low, to=high, levels=settings.levels, rate=settings.overlay.rate, direction=settings.overlay.direction
     )
-    result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress)
+    result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress, stop=stop)
+    if result.outcome.interrupted:
+        raise Stopped
     if not result.complete:
         raise ScenarioError(Problem("sweep.overlay", f"was not computed: {result.status}", "leave it out"))
     return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.response.motion import MeasuredMotion
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, between
@@ -74,9 +75,12 @@ def with_points_at(branch: OrbitBranch, values: Sequence[float]) -> OrbitBranch:
 
 
 def with_maxima(
-    branch: OrbitBranch, measure: Measure, quantities: Iterable[ReportedMaximum]
+    branch: OrbitBranch, measure: Measure, quantities: Iterable[ReportedMaximum], stop: Stop = never
 ) -> tuple[OrbitBranch, list[MeasuredMotion]]:
-    """The branch with a point at the largest value of each quantity, and all points measured."""
+    """The branch with a point at the largest value of each quantity, and all points measured.
+
+    Once ``stop`` says so, no more maxima are located.
+    """
     points, measured = list(branch.points), [measure(point) for point in branch.points]
     for quantity in quantities:
         values = [
@@ -85,7 +89,11 @@ def with_maxima(
         ]
         k = int(np.argmax(values))
         if np.isfinite(values[k]):
-            _insert_maximum(branch.problem, points, measured, k, measure, quantity)
+            try:
+                with heeding(stop):
+                    _insert_maximum(branch.problem, points, measured, k, measure, quantity)
+            except Stopped:
+                break
     return replace(branch, points=tuple(points)), measured
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,7 @@ from beamsim.analyses.run.figures import (
     refine_extremes,
     static_figures,
 )
-from beamsim.analyses.run.histories import Cut, ExactHistories, Grace, Histories, SampledHistories
+from beamsim.analyses.run.histories import ExactHistories, Grace, Histories, SampledHistories
 from beamsim.analyses.run.low_pass import filtered, filtered_samples
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.outputs import OutputSet, bending_stress, exact_flow, in_every_state, output_groups
@@ -52,7 +52,7 @@ from beamsim.analyses.run.result import (
 from beamsim.analyses.run.spectra import QUANTITIES, spectra_of_motion, spectra_of_samples
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed, later
-from beamsim.flow.march import never
+from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart
@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Run, Scenario
 
 MOST_SAMPLES = 50_000_000
+SAMPLES_OF_A_STOPPED_RUN = 20_000
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
 
@@ -79,8 +80,9 @@ def run(
     ----------
     scenario : with a ``run`` section.
     progress : called from time to time with the fraction of the duration that is done.
-    stop : asked several times a second whether to end; the result then holds the motion up to there. What of its
-        evaluation takes longer than half a second is left out: energies are nan and peaks those of the samples.
+    stop : asked several times a second whether to end; the result then holds the motion up to there. Where
+        there are many output times, evenly spaced ones of them are kept. What of its evaluation takes longer than a
+        third of a second is left out: energies are nan and peaks those of the samples.
 
     Raises
     ------
@@ -101,7 +103,12 @@ def run(
     times = _output_times(settings)
     solve = _reference if _steps_in_time(system, settings) else _exact
     motion = solve(system, settings, times, progress, stop)
-    spectra = _spectra(scenario, system, motion)
+    try:
+        with heeding(stop):
+            spectra = _spectra(scenario, system, motion)
+    except Stopped:
+        motion = replace(motion, trajectory=None, outcome=Outcome.of(OutcomeCode.INTERRUPTED, during="the spectra"))
+        spectra = _spectra(scenario, system, motion)  # of the samples
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -190,25 +197,22 @@ def _checked(
     if isinstance(settings.start, OrbitStart):
         return Convergence({}, reason="the run starts from a state of this model, which a finer one does not share")
 
-    def check() -> None:
-        if stop():
-            raise Cut
-
     def solve(finer: StructuralSystem) -> Solution:
         if finer.cubic.count:
             again = _reference(finer, settings, motion.time, None, stop)
-            check()
+            check_stop()
             sampled = OutputSamples(again.time, again.histories.values)
             return Solution(finer, _figures(finer, again), float(again.time[-1]), sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
-        return solve_exactly(finer, settings, seeds, motion.work, stop, check)
+        return solve_exactly(finer, settings, seeds, motion.work, stop, check_stop)
 
     kept = {name: figures[name] for name in _figures(system, motion)}
     end = float(motion.time[-1]) if motion.trajectory is None else motion.trajectory.end
     first = Solution(system, kept, end, motion.trajectory)
     try:
-        return check_convergence(scenario, first, derived, solve, check)
-    except Cut:
+        with heeding(stop):
+            return check_convergence(scenario, first, derived, solve, check_stop)
+    except Stopped:
         return Convergence({}, reason="interrupted")
 
 
@@ -240,28 +244,35 @@ def _exact(
 ) -> _RunMotion:
     flow = exact_flow(system, settings.duration, settings.most_contact_states)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress, stop=stop)
-    outcome, check = _with_limit(trajectory.outcome), Grace(stop)
+    outcome, grace = _with_limit(trajectory.outcome), Grace(stop)
     warnings: tuple[str, ...] = ()
     times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
     groups = output_groups(system, flow)
-    histories = ExactHistories(trajectory, groups, times, check)
+    if stop():
+        times, warnings = _few(times)
+    histories = ExactHistories(trajectory, groups, times, grace)
     balance = EnergyBalance.unknown()
     searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
     if system.stress is not None:
         searched["stress"] = in_every_state(bending_stress(flow, system.stress))
     low_passed = filtered_acceleration = None
-    if settings.low_pass is not None:
-        del searched["acceleration"]
-        low_passed, filtered_acceleration = filtered(
-            trajectory, groups.groups["acceleration"], settings.low_pass, times
-        )
+    acceleration = searched.pop("acceleration") if settings.low_pass is not None else None
     try:
-        check()
-        balance = energy_of_segments(trajectory, check)
-        outcome = balance.checked(outcome)
-        extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS), check)
-    except Cut:
-        warnings = ("interrupted during the evaluation: the energy balance, or peaks between the samples, are missing",)
+        with heeding(grace):
+            check_stop()
+            balance = energy_of_segments(trajectory)
+            outcome = balance.checked(outcome)
+            extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS), check_stop)
+            if acceleration is not None and settings.low_pass is not None:
+                low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times)
+    except Stopped:
+        missing = "the energy balance, or peaks between the samples, are missing"
+        if acceleration is not None:
+            searched["acceleration"] = acceleration
+            missing += "; accelerations are unfiltered"
+        times, thinned = _few(times)
+        warnings = (*warnings, *thinned, f"interrupted during the evaluation: {missing}")
+        histories = ExactHistories(trajectory, groups, times, grace)
         if outcome.complete:
             outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
         extremes = histories.extremes(searched)
@@ -293,6 +304,12 @@ def _exact(
         trajectory=None if outcome.interrupted else trajectory,
         warnings=warnings,
     )
+
+
+def _few(times: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """Of many output times those that are quickly sampled and written, with a warning."""
+    step = max(-(-times.size // SAMPLES_OF_A_STOPPED_RUN), 1)
+    return times[::step], (f"interrupted: of {step} output times one is kept",) if step > 1 else ()
 
 
 def _reference(

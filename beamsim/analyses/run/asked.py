@@ -21,7 +21,7 @@ from beamsim.analyses.run.outputs import (
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES, SKIPPED
 from beamsim.errors import NotTrustedError
-from beamsim.flow.march import never
+from beamsim.flow.stopping import never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart

@@ -17,7 +17,8 @@ from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
 from beamsim.flow.state_tables import pad
-from beamsim.flow.trajectory import Trajectory, no_check
+from beamsim.flow.stopping import check_stop
+from beamsim.flow.trajectory import WORK_A_CALL, Trajectory, no_check
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -111,7 +112,7 @@ def energy_of_segments(trajectory: Trajectory, check: Callable[[], None] = no_ch
 
     The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
     segment by segment. Motions of few segments, with powers of time, or of states that are not kept, are evaluated at
-    `FEW_TIMES`; an exception that ``check`` raises there ends the work.
+    `FEW_TIMES`; an exception that ``check`` raises ends the work.
     """
     flow, count = trajectory.flow, trajectory.time.size
     if count < LEAST_SEGMENTS or flow.dropped or any(np.any(state.power > 0) for state in flow.states):
@@ -121,10 +122,15 @@ def energy_of_segments(trajectory: Trajectory, check: Callable[[], None] = no_ch
     plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
     integrals = np.empty((count, 2))
     with np.errstate(over="ignore", invalid="ignore"):
-        form_integrals(
-            flow.tables(), flow.inputs(), plus, minus, trajectory.time, trajectory.length, trajectory.state,
-            trajectory.piece, trajectory.y, integrals,
-        )  # fmt: skip
+        rows = max(WORK_A_CALL // plus[0].size, 1)
+        for first in range(0, count, rows):
+            check_stop()
+            check()
+            part = slice(first, first + rows)
+            form_integrals(
+                flow.tables(), flow.inputs(), plus, minus, trajectory.time[part], trajectory.length[part],
+                trajectory.state[part], trajectory.piece[part], trajectory.y[part], integrals[part],
+            )  # fmt: skip
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         times = np.append(trajectory.time, trajectory.end)
         y = np.vstack([trajectory.y, trajectory.final_y])

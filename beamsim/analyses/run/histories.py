@@ -12,15 +12,12 @@ from beamsim.analyses.run.energy import energy_history, unknown_energies
 from beamsim.analyses.run.figures import Extreme, Extremes, refine_extremes, sampled_extremes
 from beamsim.analyses.run.outputs import OutputOf, OutputSet
 from beamsim.analyses.run.result import EnergyHistory
+from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Floats
 
-GRACE_S = 0.5  # for the evaluation of a motion that is stopped
+GRACE_S = 0.3  # of processor time, for the evaluation of a motion that is stopped
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
-
-
-class Cut(Exception):
-    """The evaluation of a motion was given up."""
 
 
 class Grace:
@@ -28,14 +25,13 @@ class Grace:
 
     def __init__(self, stop: Callable[[], bool]) -> None:
         self.stop = stop
-        self.since: float | None = None  # s, when that was first seen
+        self.since: float | None = None  # s of processor time, when that was first seen
 
-    def __call__(self) -> None:
-        """Raise `Cut` once the time is over."""
+    def __call__(self) -> bool:
+        """Whether the time is over."""
         if self.since is None and self.stop():
-            self.since = clock.perf_counter()
-        if self.since is not None and clock.perf_counter() - self.since >= GRACE_S:
-            raise Cut
+            self.since = clock.process_time()
+        return self.since is not None and clock.process_time() - self.since >= GRACE_S
 
 
 class Histories(Protocol):
@@ -75,11 +71,11 @@ class ExactHistories:
     ----------
     groups : the outputs.
     time : (nt,) s, output times.
-    check : called several times a second while energies and peaks are computed; it may raise `Cut`.
+    stop : asked several times a second whether to give up the energies and peaks.
     """
 
-    def __init__(self, trajectory: Trajectory, groups: OutputSet, time: Floats, check: Callable[[], None]) -> None:
-        self._trajectory, self._groups, self._check, self.time = trajectory, groups, check, time
+    def __init__(self, trajectory: Trajectory, groups: OutputSet, time: Floats, stop: Callable[[], bool]) -> None:
+        self._trajectory, self._groups, self._stop, self.time = trajectory, groups, stop, time
 
     @cached_property
     def values(self) -> Mapping[str, Floats]:
@@ -96,8 +92,9 @@ class ExactHistories:
     def energy(self) -> EnergyHistory:
         """Energies, nan where their computation was interrupted."""
         try:
-            return energy_history(self._trajectory, self.time, self._check).history
-        except Cut:
+            with heeding(self._stop):
+                return energy_history(self._trajectory, self.time).history
+        except Stopped:
             return unknown_energies(self.time.size)
 
     def extremes(self, searched: Mapping[str, OutputOf]) -> Extremes:
@@ -111,6 +108,9 @@ class ExactHistories:
         """Extremes of the stress at every station; those of samples where the search was interrupted."""
         few = self.time[:: max(1, self.time.size // SAMPLES_TO_SEED_STRESS)]
         try:
-            return refine_extremes(self._trajectory, {"stress": stress_of}, few, self._check, one_figure=())["stress"]
-        except Cut:
+            with heeding(self._stop):
+                return refine_extremes(self._trajectory, {"stress": stress_of}, few, check_stop, one_figure=())[
+                    "stress"
+                ]
+        except Stopped:
             return sampled_extremes(few, self._trajectory.sample(few, stress_of))

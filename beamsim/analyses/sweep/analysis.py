@@ -13,7 +13,7 @@ from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.march import never
+from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.sweep import SteppedSine, SweptSine

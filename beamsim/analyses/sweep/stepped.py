@@ -13,7 +13,8 @@ import numpy as np
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.analyses.sweep.swept_sine import swept_flow
-from beamsim.flow.march import Motion, never
+from beamsim.flow.march import Motion
+from beamsim.flow.stopping import never
 from beamsim.inputs.broadband import phase_of_acceleration
 from beamsim.inputs.profiles import acceleration_amplitude
 from beamsim.inputs.swept import constant_windows

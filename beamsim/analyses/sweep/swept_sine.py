@@ -9,7 +9,7 @@ import numpy as np
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.march import never
+from beamsim.flow.stopping import never
 from beamsim.flow.swept_sine import CycleRecord, SweptFlow, sweep
 from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.drift import CorrectionSize, jumps
