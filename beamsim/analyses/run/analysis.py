@@ -107,7 +107,9 @@ def run(
         with heeding(stop):
             spectra = _spectra(scenario, system, motion)
     except Stopped:
-        motion = replace(motion, trajectory=None, outcome=Outcome.of(OutcomeCode.INTERRUPTED, during="the spectra"))
+        whole = not motion.outcome.interrupted  # else the outcome says where in time the motion ends
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the spectra") if whole else motion.outcome
+        motion = replace(motion, trajectory=None, outcome=outcome)
         spectra = _spectra(scenario, system, motion)  # of the samples
     result = RunResult(
         scenario=scenario,
