@@ -31,6 +31,7 @@ def main() -> None:
         sys.exit(128 + number)  # an exception, so that temporary files are removed
 
     signal.signal(signal.SIGTERM, stop)
+    show_notices()
     warnings.showwarning = show_warning
     if sys.platform == "win32":
         use_utf8(sys.stdout, sys.stderr)
@@ -40,6 +41,21 @@ def main() -> None:
         app(prog_name="beamsim")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def show_notices() -> None:
+    """Print on standard error what the package logs, one line each."""
+    import logging
+    import sys
+
+    class Notices(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            print(f"beamsim: {record.getMessage()}", file=sys.stderr, flush=True)
+
+    logger = logging.getLogger("beamsim")
+    if not logger.handlers:
+        logger.addHandler(Notices())
+    logger.setLevel(logging.INFO)
 
 
 def show_warning(

@@ -7,6 +7,7 @@ Then it goes to a temporary folder of the user, else nowhere: every process comp
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import stat
 import tempfile
@@ -20,6 +21,7 @@ import numba
 
 from beamsim.errors import CacheWarning
 
+_LOG = logging.getLogger(__name__)
 _REMEDY = "set NUMBA_CACHE_DIR to a folder that can be written"
 
 
@@ -98,6 +100,12 @@ def _warn(place: str) -> None:
 
 
 @cache
+def _announce() -> None:
+    """Log, before the first compilation of a process, why it takes a while."""
+    _LOG.info("compiling the numerical kernels for this processor; that is done once and takes up to half a minute")
+
+
+@cache
 def _warn_once(reason: str) -> None:
     warnings.warn(f"compiled code cannot be kept ({reason}); {_REMEDY}", CacheWarning, stacklevel=2)
 
@@ -139,9 +147,12 @@ def _tolerate_failures(dispatcher: Any) -> None:
 
     def load_overload(*arguments: Any) -> Any:
         try:
-            return load(*arguments)
+            loaded = load(*arguments)
         except Exception:  # a damaged file may raise anything
-            return None
+            loaded = None
+        if loaded is None:
+            _announce()
+        return loaded
 
     def save_overload(*arguments: Any) -> None:
         try:

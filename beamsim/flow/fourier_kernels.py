@@ -52,7 +52,11 @@ def fourier_integrals(  # type: ignore[no-untyped-def]
     gamma = np.zeros((tables.exponent.shape[1], k), dtype=np.complex128)
     shift = np.zeros(count, dtype=np.complex128)
     turn = np.zeros(count, dtype=np.complex128)
-    moment = np.zeros(1 + (tables.power.max() if tables.power.size else 0), dtype=np.complex128)
+    most = 0
+    for s in range(tables.power.shape[0]):
+        for b in range(tables.power.shape[1]):
+            most = max(most, tables.power[s, b])
+    moment = np.zeros(1 + most, dtype=np.complex128)
     for g in range(first, last):
         s, T = seg_state[g], seg_length[g]
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
@@ -90,7 +94,8 @@ def _jets(exponent, power, nb, gamma, tau, step, reach, out):  # type: ignore[no
 
     Exponentials too fast for the series are left out of the derivatives and bounded by their size.
     """
-    out[:] = 0.0
+    for i in range(ORDERS):
+        out[i] = 0.0
     beyond = 0.0
     for b in range(nb):
         if gamma[b] == 0.0:

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from beamsim.flow.compiled import inner, kernel
-from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _outputs, _rows
+from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _outputs, _parts, _rows
 
 DEAD = 45.0  # decay, in powers of e, after which an exponential no longer counts
 LONG_TURN = 60.0  # rad of the fastest motion alive: from here on the closed form is cheaper than panels
@@ -164,11 +164,14 @@ def product_integrals(  # type: ignore[no-untyped-def]
     K = K2 // 2
     Q = weight.shape[1]
     B, G = tables.exponent.shape[1], degree.shape[1]
-    R = 2 * degree.max() + 1 if degree.size > 0 else 1
+    R = 1
+    for s in range(degree.shape[0]):
+        for b in range(G):
+            R = max(R, 2 * degree[s, b] + 1)
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     rows = np.zeros((2, B, K2))
-    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+    real, imag = _parts(table)
     basis, e = np.zeros(B, dtype=np.complex128), np.zeros(G, dtype=np.complex128)
     exponents = np.zeros(G, dtype=np.complex128)
     plus = np.zeros((Q, G, G, R), dtype=np.complex128)
@@ -187,7 +190,7 @@ def product_integrals(  # type: ignore[no-untyped-def]
         at[0], at[2] = g, 0.0
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         _rows(tables, s, real, imag, zeta, rows[0], rows[1])
-        groups = 0
+        groups = int(nb > 0)  # for a literal the callees would be compiled once more
         longest = 0
         for b in range(nb):
             exponents[group[s, b]] = exponent[b]

@@ -22,8 +22,10 @@ from beamsim.flow.kernels import (
     _fill_floors,
     _fill_least,
     _fill_sources,
+    _first_internal,
     _next_step,
     _outputs,
+    _parts,
     _reset,
     _rows,
     _state_at,
@@ -122,7 +124,8 @@ def march(  # type: ignore[no-untyped-def]
 
             tau = 0.0
             hit = -1
-            floors[:] = 0.0
+            for j in range(floors.size):
+                floors[j] = 0.0
             most_here = n_eval + most_evaluations
             while guards > 0:
                 reach = _evaluate(exponent, power, nb, guards, gamma, size, tau, H, out)
@@ -170,7 +173,7 @@ def march(  # type: ignore[no-untyped-def]
                 contact = tables.guard_contact[state, hit]
                 column = tables.reset[state, hit]
                 internal = response.watch[column : column + tables.states[contact]]
-                first = y.size - tables.states.sum() + tables.first[contact]
+                first = _first_internal(tables, contact, y.size)
                 add_forced(internal, used, omega, tau, first, y)
         following = tables.follower[state, guard]
         if following < 0:
@@ -214,7 +217,7 @@ def sample(  # type: ignore[no-untyped-def]
     B = tables.exponent.shape[1]
     rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
     basis = np.zeros(B, dtype=np.complex128)
-    real, imag = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+    real, imag = _parts(table)
     response = make_response(swept, tables, seg_y.shape[1])
     used = 0
     current = -1
@@ -278,7 +281,9 @@ def sample_evenly(  # type: ignore[no-untyped-def]
         s = seg_state[g]
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         _coefficients(tables, s, table, zeta, k, gamma)
-        out[i:stop] = 0.0
+        for n in range(i, stop):
+            for j in range(k):
+                out[n, j] = 0.0
         for b in range(tables.n_basis[s]):
             largest = 0.0
             for j in range(k):

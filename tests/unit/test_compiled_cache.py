@@ -1,5 +1,6 @@
 """Where compiled code is kept if neither the package's folder nor the home folder can be written."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -101,6 +102,61 @@ def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installe
         assert done.returncode == 0, done.stderr
         values.append(done.stdout.split())
     assert values == [["21", "0"], ["21", "1"], ["31", "0"]]
+
+
+TWO_KERNELS = """
+from beamsim.flow.compiled import kernel
+@kernel
+def f(x):
+    return 2 * x
+@kernel
+def g(x):
+    return 3 * x
+"""
+
+
+def test_the_first_compilation_is_announced_on_standard_error(installed, tmp_path):
+    (installed / "beamsim/flow/two_kernels.py").write_text(TWO_KERNELS)
+    code = (
+        "from beamsim.cli import show_notices; show_notices(); "
+        "from beamsim.flow.two_kernels import f, g; print(f(1) + g(1))"
+    )
+    first, second = (python(installed, code, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
+    assert (first.stdout, second.stdout, second.stderr) == ("5\n", "5\n", "")
+    (line,) = first.stderr.splitlines()
+    assert line.startswith("beamsim: compiling the numerical kernels")
+
+
+RUN_AND_COUNT = """
+import gc, sys
+from numba.core.dispatcher import Dispatcher
+from beamsim.cli import main
+sys.argv = ["beamsim", "run", {case!r}, "--no-plots", "--json", "-o", {folder!r}]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+ours = [x for x in gc.get_objects() if isinstance(x, Dispatcher) and x.py_func.__module__.startswith("beamsim")]
+compiled = {{f"{{x.py_func.__module__}}.{{x.py_func.__name__}}": len(x.signatures) for x in ours if x.signatures}}
+print(len(compiled), [name for name, count in compiled.items() if count > 1], file=sys.stderr)
+"""
+
+
+@pytest.mark.slow
+def test_a_first_run_compiles_every_kernel_for_one_type(tmp_path):
+    case = PACKAGE.parent / "configs/one_sided_65hz.yaml"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(PACKAGE.parent)}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN_AND_COUNT.format(case=str(case), folder=str(tmp_path))],
+        env=environment, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["status"] == "complete"
+    notice, *_, counts = done.stderr.splitlines()
+    assert notice.startswith("beamsim: compiling the numerical kernels")
+    number, _, several = counts.partition(" ")
+    assert int(number) <= 37
+    assert several == "[]"
 
 
 def test_an_index_that_names_a_class_of_an_older_version_is_written_anew(installed, tmp_path):
