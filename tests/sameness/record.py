@@ -49,60 +49,7 @@ MARGIN = 100.0  # from the measured change to the tolerance
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-MENDED: dict[str, str] = {
-    **dict.fromkeys(
-        ("* json/spectral_lines/*", "* run* file/spectra/*", "* compare* file/*_spectrum@r*"),
-        "spectra of motions in closed form: lines by integrals, curves up to the highest mode kept at a rate of their "
-        "own; samples at the output rate folded modes above half of it",
-    ),
-    **dict.fromkeys(("* json/largest_pull_n/*", "* file/summary@largest_pull_n*"), "pulls are new in the summary"),
-    **dict.fromkeys(
-        ("* json/warnings/count", "* file/@warnings/count"), "a snubber whose dashpot pulls gives a warning"
-    ),
-    **dict.fromkeys(("* json/rms_*", "* file/summary@rms_*"), "root mean squares are new in the summary"),
-    "* file/*@outcome_numbers/*": "files keep the numbers of an outcome beside its text",
-    "* file/work@evaluations": "contacts are phases now: round-off of the watched functions, which the count follows",
-    "* file/level_*@evaluations": "the same in sweeps",
-    "one_sided_65hz run reference json/peak_acceleration_g/tip": "time stepping: the state no longer holds a zero for "
-    "each contact, which counted in the step control's norm",
-    **dict.fromkeys(
-        (
-            "design_stiffness_gap sweep json/responses/energy_error/*_at/*",
-            "point_force_122hz run file/beam/extreme_shapes",
-            "prestressed_220hz_8g run json/min_displacement_m/middle",
-            "sweep_backlash sweep */peaks/frequency_hz",
-            "two_panels run file/spectra/inner_tip/lines/amplitude_db",
-            "one_sided_65hz run swept_sine file/beam/extreme_*",
-        ),
-        "low modes of a state with contact no longer take the round-off of the highest (3e-11 of their squares): these "
-        "values are measures of round-off, or of motions that grow it",
-    ),
-    "* json/special_points/count": "folds and branch points of backbones are looked for, and listed in the summary",
-    "* run* file/beam/extreme_times": "times of flat extrema are exact to the square root of round-off",
-    "* compare */start_s": "a comparison says which part of the run it uses",
-    "* compare file/*@start_s": "the same in files",
-    "* compare file/*lines/relative_change": "lines carry their change with a finer model",
-    "one_sided_65hz sweep varied */stable_*": "continuation: coexisting motions, branches cut at the ends of the range",
-    "nnm_* nnm compare */multiple_scales/*": "exact motions are those of the backbone, at all factors",
-    **dict.fromkeys(
-        (
-            "* sweep* json/energy_error",
-            "* nnm* json/energy_error",
-            "* sweep* file/*energy_error",
-            "* nnm* file/*energy_error",
-        ),
-        "periodic motions are held to their energy balance: its error is new in summaries and branches",
-    ),
-    "two_panels * file/*@body": "groups of probes and snubbers name their body",
-    **dict.fromkeys(
-        ("* */convergence/*", "* */convergence_model/*", "* */doubtful*", "* file/*@relative_change"),
-        "runs compare their figures with those of a finer model; their other numbers are the same",
-    ),
-    **dict.fromkeys(
-        ("* */random/*rms_low", "* */random/*rms_high", "* */random/*degrees_of_freedom"),
-        "a random run states the interval of its root mean squares",
-    ),
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
