@@ -367,7 +367,7 @@ def segment_coefficients(tables, inputs, table, state, piece, t, y):  # type: ig
 @inner
 def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
     """A local maximum near tau: secant steps on the slope, kept inside [0, H]; returns (time, value)."""
-    _evaluate(exponent, power, nb, 1, gamma, size, tau, H, out)
+    _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, tau, H, out)
     best, best_tau = out[0, 0], tau
     left, slope_left = tau, out[1, 0]
     if slope_left <= 0.0:
@@ -376,7 +376,7 @@ def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-un
     right, slope_right = left, slope_left
     for _ in range(200):
         right = min(left + step, H)
-        _evaluate(exponent, power, nb, 1, gamma, size, right, H, out)
+        _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, right, H, out)
         slope_right = out[1, 0]
         if out[0, 0] > best:
             best, best_tau = out[0, 0], right
@@ -391,7 +391,7 @@ def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-un
         middle = left + slope_left / (slope_left - slope_right) * (right - left)
         if not (left < middle < right):
             break
-        _evaluate(exponent, power, nb, 1, gamma, size, middle, H, out)
+        _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, middle, H, out)
         if out[0, 0] > best:
             best, best_tau = out[0, 0], middle
         if out[1, 0] > 0.0:
@@ -518,7 +518,7 @@ def extremes(  # type: ignore[no-untyped-def]
                 if evaluations > most:
                     at[2] = tau
                     return evaluations, False
-                reach = _evaluate(exponent, power, nb, 1, gamma, size, tau, H, out)
+                reach = _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, tau, H, out)
                 evaluations += 1
                 f, slope, bound, noise = out[0, 0], out[1, 0], out[2, 0], out[3, 0]
                 if f > highest[j]:

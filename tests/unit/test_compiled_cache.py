@@ -155,7 +155,7 @@ def test_a_first_run_compiles_every_kernel_for_one_type(tmp_path):
     notice, *_, counts = done.stderr.splitlines()
     assert notice.startswith("beamsim: compiling the numerical kernels")
     number, _, several = counts.partition(" ")
-    assert int(number) <= 37
+    assert int(number) <= 45  # of about 100: those of other commands are left alone
     assert several == "[]"
 
 
