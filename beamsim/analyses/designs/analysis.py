@@ -7,7 +7,7 @@ import json
 import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Event
 from typing import TYPE_CHECKING, Any, overload
 
@@ -56,32 +56,7 @@ class CaseTasks(Sequence[CaseTask]):
     study: Study
     columns: tuple[Sequence[Value], ...]  # of values, one a parameter
     grid: bool  # every combination, the last column varying fastest; else row by row
-
-    def __len__(self) -> int:
-        return math.prod(len(column) for column in self.columns) if self.grid else len(self.columns[0])
-
-    @overload
-    def __getitem__(self, index: int) -> CaseTask: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[CaseTask]: ...
-    def __getitem__(self, index: int | slice) -> CaseTask | Sequence[CaseTask]:
-        if isinstance(index, slice):
-            return [self[k] for k in range(*index.indices(len(self)))]
-        if not 0 <= index < len(self):
-            raise IndexError(index)
-        rest, values = index, []
-        for column in reversed(self.columns):
-            rest, k = divmod(rest, len(column)) if self.grid else (rest, index)
-            values.append(column[k])
-        return CaseTask(index, self.study, tuple(reversed(values)))
-
-
-@dataclass(frozen=True)
-class Remaining(Sequence[CaseTask]):
-    """Some of the cases."""
-
-    tasks: CaseTasks
-    cases: Ints  # their numbers
+    cases: Ints  # numbers of those that are meant, all or some
 
     def __len__(self) -> int:
         return int(self.cases.size)
@@ -92,8 +67,13 @@ class Remaining(Sequence[CaseTask]):
     def __getitem__(self, index: slice) -> Sequence[CaseTask]: ...
     def __getitem__(self, index: int | slice) -> CaseTask | Sequence[CaseTask]:
         if isinstance(index, slice):
-            return Remaining(self.tasks, self.cases[index])
-        return self.tasks[int(self.cases[index])]
+            return replace(self, cases=self.cases[index])
+        case, values = int(self.cases[index]), []
+        rest = case
+        for column in reversed(self.columns):
+            rest, k = divmod(rest, len(column)) if self.grid else (rest, case)
+            values.append(column[k])
+        return CaseTask(case, self.study, tuple(reversed(values)))
 
 
 @dataclass(frozen=True)
@@ -188,6 +168,7 @@ def _plan(
     fingerprint = _fingerprint(base, places, columns, kind, analysis, asked)
     study = Study(analysis, _with_whole_paths(base, scenario), places, asked, fingerprint)
     grid = kind == "grid"
+    shape = tuple(len(c) for c in columns) if grid else (len(columns[0]),)
     return DesignPlan(
         scenario=scenario,
         kind=kind,
@@ -195,8 +176,8 @@ def _plan(
             Coordinate(parameter.path, _array(column), parameter.unit)
             for parameter, column in zip(varied, columns, strict=True)
         ),
-        shape=tuple(len(c) for c in columns) if grid else (len(columns[0]),),
-        tasks=CaseTasks(study, tuple(columns), grid),
+        shape=shape,
+        tasks=CaseTasks(study, tuple(columns), grid, np.arange(math.prod(shape))),
     )
 
 
@@ -311,7 +292,7 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
 
 def _solved(plan: DesignPlan, table: CaseTable, workers: int | None, scheduler: str | None) -> Iterator[CaseOutcome]:
     """The cases that are not in the table yet, in the order of completion."""
-    tasks = Remaining(plan.tasks, np.flatnonzero(~table.known))
+    tasks = replace(plan.tasks, cases=np.flatnonzero(~table.known))
     if not tasks:
         return iter(())
     if scheduler is not None:
