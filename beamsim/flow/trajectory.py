@@ -25,10 +25,6 @@ VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
 GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))
 
 
-def no_check() -> None:
-    """No check between two parts of a computation."""
-
-
 @dataclass(frozen=True)
 class Trajectory:
     """Segments of closed-form motion in order of time."""
@@ -176,14 +172,12 @@ class Trajectory:
         output_of: Callable[[Ints], LinearOutput],
         seed: Floats,
         when: Floats,
-        check: Callable[[], None] = no_check,
     ) -> tuple[Floats, Floats, int]:
         """Largest values (k,) of outputs over the whole continuous motion, with their times.
 
         ``seed`` and ``when`` are values that are known to be reached; the better they are, the less the work.
         The result is within 1e-10 of the true maximum, relatively: the march skips only what its
-        curvature bound proves to be lower. Also returned: the number of evaluations. ``check`` is called several times
-        a second; an exception that it raises ends the search.
+        curvature bound proves to be lower. Also returned: the number of evaluations.
         """
         from beamsim.flow import kernels
 
@@ -197,7 +191,6 @@ class Trajectory:
             done = False
             while not done:
                 check_stop()
-                check()
                 used, done = kernels.extremes(*arguments, EVALUATIONS_A_CALL)
                 evaluations += int(used)
         return highest, at, evaluations
@@ -208,28 +201,25 @@ class Trajectory:
         left_of: Callable[[Ints], LinearOutput],
         right_of: Callable[[Ints], LinearOutput],
         weight: Floats,
-        check: Callable[[], None] = no_check,
     ) -> Floats:
         """(nt, Q) integrals from 0 to ``times`` of ``sum_k weight[k, q] left_k right_k``.
 
         In closed form; where polynomials in time are long and the times close together (sampled inputs), by
-        Gauss-Legendre panels short against the motion. ``check`` is called as by :meth:`maxima`.
+        Gauss-Legendre panels short against the motion.
         """
         parts, first, before = [], 0, np.zeros(weight.shape[1])
         for part in self.parts():
             table = np.concatenate([part.flow.output_table(left_of), part.flow.output_table(right_of)], axis=2)
             last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
             ends = times[first:last] if last == times.size else np.append(times[first:last], part.end)
-            found = before + part.integrals(ends, table, weight, check)
+            found = before + part.integrals(ends, table, weight)
             parts.append(found[: last - first])
             first = last
             if last < times.size:
                 before = found[-1]
         return np.concatenate(parts)
 
-    def integrals(
-        self, times: Floats, table: Complexes, weight: Floats, check: Callable[[], None] = no_check
-    ) -> Floats:
+    def integrals(self, times: Floats, table: Complexes, weight: Floats) -> Floats:
         """The same of outputs in a table (S, T, 2 K), the left factors first."""
         from beamsim.flow.integral_kernels import product_integrals
 
@@ -240,10 +230,9 @@ class Trajectory:
             flow.tables(), flow.inputs(), table, weight, self.time, self.length, self.state, self.piece, self.y,
             np.ascontiguousarray(times), pad(list(group)), pad(list(degree)), *_gauss_rules(), at, total, lost, out,
         )  # fmt: skip
-        check()
+        check_stop()
         while not product_integrals(*arguments, WORK_A_CALL):
             check_stop()
-            check()
         return out
 
 

@@ -206,14 +206,14 @@ def _checked(
             sampled = OutputSamples(again.time, again.histories.values)
             return Solution(finer, _figures(finer, again), float(again.time[-1]), sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
-        return solve_exactly(finer, settings, seeds, motion.work, stop, check_stop)
+        return solve_exactly(finer, settings, seeds, motion.work, stop)
 
     kept = {name: figures[name] for name in _figures(system, motion)}
     end = float(motion.time[-1]) if motion.trajectory is None else motion.trajectory.end
     first = Solution(system, kept, end, motion.trajectory)
     try:
         with heeding(stop):
-            return check_convergence(scenario, first, derived, solve, check_stop)
+            return check_convergence(scenario, first, derived, solve)
     except Stopped:
         return Convergence({}, reason="interrupted")
 
@@ -264,7 +264,7 @@ def _exact(
             check_stop()
             balance = energy_of_segments(trajectory)
             outcome = balance.checked(outcome)
-            extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS), check_stop)
+            extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS))
             if acceleration is not None and settings.low_pass is not None:
                 low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times)
     except Stopped:

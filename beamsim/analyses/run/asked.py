@@ -21,7 +21,7 @@ from beamsim.analyses.run.outputs import (
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES, SKIPPED
 from beamsim.errors import NotTrustedError
-from beamsim.flow.stopping import never
+from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart
@@ -97,13 +97,18 @@ def asked_figures(
     """
     flow = exact_flow(system, settings.duration, settings.most_contact_states, shared)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
+    try:
+        with heeding(stop):
+            return _evaluated(system, settings, trajectory, asked)
+    except Stopped:
+        raise NotTrustedError("interrupted") from None
 
-    def check() -> None:
-        if stop():
-            raise NotTrustedError("interrupted")
 
-    check()
-    balance = energy_of_segments(trajectory, check)
+def _evaluated(
+    system: StructuralSystem, settings: Run, trajectory: Trajectory, asked: Collection[str]
+) -> tuple[dict[str, Any], Outcome]:
+    check_stop()
+    balance = energy_of_segments(trajectory)
     outcome = balance.checked(trajectory.outcome)
     if outcome.code is OutcomeCode.EVENT_LIMIT:
         outcome = outcome.but(limit="run.max_events")
@@ -118,7 +123,7 @@ def asked_figures(
         closings = trajectory.event_contact[trajectory.event_closing]
         figures["contacts"] = dict(zip(snubbers, np.bincount(closings, minlength=len(snubbers)).tolist(), strict=False))
     if outcome.complete:
-        figures |= _extremes(system, trajectory, asked, check)
+        figures |= _extremes(system, trajectory, asked)
         figures |= _root_mean_squares(system, settings, trajectory, asked)
     return figures, outcome
 
@@ -156,9 +161,7 @@ class _Search(NamedTuple):
     group: Ints  # (k,) of each output; where only the largest value of a group is asked for, its outputs share one
 
 
-def _extremes(
-    system: StructuralSystem, trajectory: Trajectory, asked: Collection[str], check: Callable[[], None]
-) -> dict[str, Any]:
+def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collection[str]) -> dict[str, Any]:
     """The entries that are extremes, from one search for all of them."""
     searches = _searches(system, trajectory, asked)
     if not searches:
@@ -175,7 +178,7 @@ def _extremes(
     sampled = values.max(axis=0)
     largest = np.full(int(offsets[-1]), -np.inf)
     np.maximum.at(largest, group, sampled)
-    highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)], check)
+    highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)])
     highest = np.where(highest > largest[group], highest, sampled)
     parts = np.split(highest, np.cumsum(sizes)[:-1])
     return _named(system, asked, dict(zip(searches, parts, strict=True)))

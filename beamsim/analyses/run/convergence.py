@@ -32,6 +32,7 @@ from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_st
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed
+from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -98,7 +99,6 @@ def check_convergence(
     first: Solution,
     derived: DerivedFigures,
     solve: Callable[[StructuralSystem], Solution],
-    check: Callable[[], None],
 ) -> Convergence:
     """Solve the case again with a finer model and compare the figures.
 
@@ -107,7 +107,6 @@ def check_convergence(
     first : the solution whose figures are reported.
     derived : its spectra and statistics.
     solve : solves the finer model.
-    check : called several times a second; an exception that it raises ends the comparison.
     """
     modes = first.system.modes.kept_modes
     counts = [body.mode_count for body in scenario.all_bodies.values()]
@@ -126,12 +125,12 @@ def check_convergence(
     end = min(first.end, second.end)
     scatter: Changes = {}
     if parted < end and scenario.excitation.kind not in TRANSIENT:
-        changes, scatter = _statistical(scenario, first, second, parted, end, check)
+        changes, scatter = _statistical(scenario, first, second, parted, end)
         assert first.trajectory is not None
         assert second.trajectory is not None
         parts = derived.parts(WINDOWS)
         one, other = (derived.again(s.system, s.trajectory, parts) for s in (first, second) if s.trajectory)
-        check()
+        check_stop()
         changes |= _changes(one, other)
         if parts > 1:
             scatter |= _with_lines(derived, _changes(one, other, scatter=True))[0]
@@ -139,7 +138,7 @@ def check_convergence(
         changes = _changes([_compared(first.figures)], [_compared(second.figures)])
         if (motion := second.trajectory or second.sampled) is not None:
             changes |= _changes([derived.reported()], derived.again(second.system, motion))
-    check()
+    check_stop()
     changes, lines = _with_lines(derived, changes)
     return Convergence(
         changes, tuple(_doubtful(changes, scatter)), second.system.modes.kept_modes, parted,
@@ -162,7 +161,6 @@ def solve_exactly(
     seeds: Floats,
     work: Work,
     stop: Callable[[], bool],
-    check: Callable[[], None],
 ) -> Solution:
     """The figures of a finer model.
 
@@ -170,20 +168,18 @@ def solve_exactly(
     ----------
     seeds : times of the first model's extremes.
     work : of the first model, which bounds that of this one.
-    stop, check : see `simulate` and `check_convergence`.
+    stop : see `simulate`.
     """
     flow = exact_flow(system, settings.duration, settings.most_contact_states)
     trajectory = simulate(
         flow, system.initial_state, max_events=4 * work.events + 1000, stop=stop,
         max_evaluations=10 * work.evaluations + 1_000_000,
     )  # fmt: skip
-    check()
-    return Solution(system, solution_figures(system, settings, trajectory, seeds, check), trajectory.end, trajectory)
+    check_stop()
+    return Solution(system, solution_figures(system, settings, trajectory, seeds), trajectory.end, trajectory)
 
 
-def solution_figures(
-    system: StructuralSystem, settings: Run, trajectory: Trajectory, seeds: Floats, check: Callable[[], None]
-) -> dict[str, Any]:
+def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajectory, seeds: Floats) -> dict[str, Any]:
     """The figures of a motion; ``seeds`` are times at which extremes are likely."""
     flow = trajectory.flow
     groups = output_groups(system, flow)
@@ -193,7 +189,7 @@ def solution_figures(
     if settings.low_pass is not None:
         del searched["acceleration"]
     times = np.unique(np.concatenate([seeds[seeds <= trajectory.end], np.linspace(0.0, trajectory.end, SEEDS)]))
-    extremes = refine_extremes(trajectory, searched, times, check)
+    extremes = refine_extremes(trajectory, searched, times)
     if settings.low_pass is not None:
         _, extremes["acceleration"] = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
     figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory))
@@ -290,7 +286,7 @@ def _closings(trajectory: Trajectory) -> Any:
 
 
 def _statistical(
-    scenario: Scenario, first: Solution, second: Solution, parted: float, end: float, check: Callable[[], None]
+    scenario: Scenario, first: Solution, second: Solution, parted: float, end: float
 ) -> tuple[Changes, Changes]:
     """Changes before the sequences part and of means after it, the larger of the two; and the scatter of the latter."""
     settings = scenario.run
@@ -300,7 +296,7 @@ def _statistical(
         assert solution.trajectory is not None
         early = solution.trajectory.until(parted)
         seeds = np.linspace(0.0, parted, SEEDS)
-        before.append(_compared(solution_figures(solution.system, settings, early, seeds, check)))
+        before.append(_compared(solution_figures(solution.system, settings, early, seeds)))
         after.append(list(_windows(solution.system, settings, solution.trajectory, parted, end)))
     for figures in before:  # as parts of those of the whole motion
         shares = figures["contact_share"]

@@ -6,7 +6,7 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
-from beamsim.flow.trajectory import WORK_A_CALL, Trajectory, no_check
+from beamsim.flow.trajectory import WORK_A_CALL, Trajectory
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -82,22 +82,22 @@ class EnergyBalance:
         )  # fmt: skip
 
 
-def energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], None] = no_check) -> EnergyBalance:
-    """Energies at the output times and their balance; an exception that ``check`` raises ends the work."""
+def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
+    """Energies at the output times and their balance."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
-        return _energy_history(trajectory, times, check)
+        return _energy_history(trajectory, times)
 
 
-def _energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], None]) -> EnergyBalance:
+def _energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
     flow = trajectory.flow
     left, right, weight = power_factors(flow)
-    integral = trajectory.product_integrals(times, left, right, weight, check)
+    integral = trajectory.product_integrals(times, left, right, weight)
     stored = np.empty(times.size)
     power = np.empty(times.size)
     states = _states(flow)
     chunk = max(1, 2_000_000 // (4 * flow.system.size + 1))
     for first in range(0, times.size, chunk):
-        check()
+        check_stop()
         part = slice(first, first + chunk)
         phases = trajectory.phases_at(times[part])
         values = states.split(trajectory.sample(times[part], states), phases[0])
@@ -107,16 +107,16 @@ def _energy_history(trajectory: Trajectory, times: Floats, check: Callable[[], N
     return EnergyBalance.of(times, history, float(np.trapezoid(np.abs(power), times)))
 
 
-def energy_of_segments(trajectory: Trajectory, check: Callable[[], None] = no_check) -> EnergyBalance:
+def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
     """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
 
     The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
     segment by segment. Motions of few segments, with powers of time, or of states that are not kept, are evaluated at
-    `FEW_TIMES`; an exception that ``check`` raises ends the work.
+    `FEW_TIMES`.
     """
     flow, count = trajectory.flow, trajectory.time.size
     if count < LEAST_SEGMENTS or flow.dropped or any(np.any(state.power > 0) for state in flow.states):
-        return energy_history(trajectory, trajectory.end * FEW_TIMES, check)
+        return energy_history(trajectory, trajectory.end * FEW_TIMES)
     from beamsim.flow.integral_kernels import form_integrals
 
     plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
@@ -125,7 +125,6 @@ def energy_of_segments(trajectory: Trajectory, check: Callable[[], None] = no_ch
         rows = max(WORK_A_CALL // plus[0].size, 1)
         for first in range(0, count, rows):
             check_stop()
-            check()
             part = slice(first, first + rows)
             form_integrals(
                 flow.tables(), flow.inputs(), plus, minus, trajectory.time[part], trajectory.length[part],

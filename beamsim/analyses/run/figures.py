@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,9 @@ def refine_extremes(
     trajectory: Trajectory,
     searched: Mapping[str, OutputOf],
     times: Floats,
-    check: Callable[[], None],
     one_figure: Collection[str] = ("stress",),
 ) -> Extremes:
-    """Extremes of the continuous motion, from one search for all of them; ``check`` may raise an exception to end it.
+    """Extremes of the continuous motion, from one search for all of them.
 
     Of groups in ``one_figure`` only the largest magnitude of all outputs is sought: what is not larger keeps the
     extremes of its samples.
@@ -58,7 +57,7 @@ def refine_extremes(
         if name in one_figure:
             known[:, first : first + size] = sampled[:, first : first + size].max(initial=-np.inf)
         first += size
-    found, at, _ = trajectory.maxima(both_signs, known.ravel(), when.ravel(), check)
+    found, at, _ = trajectory.maxima(both_signs, known.ravel(), when.ravel())
     better = found.reshape(2, -1) > known
     highest = np.where(better, found.reshape(2, -1), sampled)
     when = np.where(better, at.reshape(2, -1), when)

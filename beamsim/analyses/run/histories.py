@@ -12,7 +12,7 @@ from beamsim.analyses.run.energy import energy_history, unknown_energies
 from beamsim.analyses.run.figures import Extreme, Extremes, refine_extremes, sampled_extremes
 from beamsim.analyses.run.outputs import OutputOf, OutputSet
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.flow.stopping import Stopped, check_stop, heeding
+from beamsim.flow.stopping import Stopped, heeding
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Floats
 
@@ -109,8 +109,6 @@ class ExactHistories:
         few = self.time[:: max(1, self.time.size // SAMPLES_TO_SEED_STRESS)]
         try:
             with heeding(self._stop):
-                return refine_extremes(self._trajectory, {"stress": stress_of}, few, check_stop, one_figure=())[
-                    "stress"
-                ]
+                return refine_extremes(self._trajectory, {"stress": stress_of}, few, one_figure=())["stress"]
         except Stopped:
             return sampled_extremes(few, self._trajectory.sample(few, stress_of))
