@@ -22,33 +22,42 @@ _EXTRA_MODES = 60
 
 
 def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
-    """The structure's modes at a snubber, every contact open: all of the finite-element model's.
+    """Modes of the bodies that a snubber acts on, every contact open: all of the finite-element model's.
 
     A model with more degrees of freedom than `DENSE_LIMIT` gives `requested` + 60 modes and the static vector of the
     snubber, which carries the static compliance of the rest.
     """
-    model = assemble(scenario)
-    site = snubber_site(scenario.located_snubber(name))
+    snubber = scenario.located_snubber(name)
+    model, site = assemble(scenario, snubber.bodies), snubber_site(snubber)
     row = model.row(site)
     if model.size <= DENSE_LIMIT:
         modes = natural_modes(model)
         omega, vectors = modes.omega, modes.vectors
     else:
-        basis = reduce_model(model, [LoadPattern(row, site.coordinate)], count=requested + _EXTRA_MODES)
+        patterns = [LoadPattern(model.row(loaded), loaded.coordinate) for loaded in model.loaded_sites([site])]
+        basis = reduce_model(model, patterns, count=requested + _EXTRA_MODES)
         omega, vectors = basis.omega, basis.vectors
     return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
 
 
-def free_frequencies(scenario: Scenario, count: int) -> Floats:
-    """Natural frequencies without snubbers, Hz: zeros of rigid-body modes, then `count` others (or all there are)."""
-    model = assemble(scenario)
+def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
+    """Natural frequencies, every contact open, of the bodies that a snubber acts on, Hz.
+
+    Zeros of rigid-body modes come first, then `count` others (or all there are).
+    """
+    model = assemble(scenario, scenario.located_snubber(snubber).bodies)
     count += model.rigid.shape[1]
     return np.asarray(natural_modes(model, count=count).omega[:count] * model.frequency_scale / (2 * np.pi))
 
 
-def mode_shapes(scenario: Scenario, count: int, positions: tuple[float, ...]) -> tuple[Floats, Floats]:
-    """(count,) natural frequencies without snubbers, Hz, and (count, p) deflections; rigid-body modes left out."""
-    model = assemble(scenario)
+def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[float, ...]) -> tuple[Floats, Floats]:
+    """Modes, every contact open, of the one body that a snubber acts on; rigid-body modes left out.
+
+    Returns
+    -------
+    (count,) natural frequencies, Hz, and (count, p) deflections at the p positions.
+    """
+    model = assemble(scenario, scenario.located_snubber(snubber).bodies)
     rigid = model.rigid.shape[1]
     modes = natural_modes(model, count=count + rigid).first(count + rigid)
     frequencies = modes.omega[rigid:] * model.frequency_scale / (2 * np.pi)

@@ -18,6 +18,11 @@ class Located(NamedTuple):
     body: str
     item: Any
 
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it acts on, each once."""
+        return tuple(dict.fromkeys(place.body or self.body for place in self.item.places))
+
 
 class Body(Schema):
     """One body of a scenario; a kind of body is a subclass.
@@ -93,6 +98,10 @@ class Body(Schema):
             path_text(at), f"applies to a beam, but {_this(where)} is a {self.body_kind}",
             "give a mass by its number, mass: 1",
         )  # fmt: skip
+
+    def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """What is wrong with a position at which a mode shape was measured."""
+        yield from self.position_problems(where, at, position, "")
 
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
         """What is wrong with the number of a mass of the body."""

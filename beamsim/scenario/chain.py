@@ -106,6 +106,12 @@ class Chain(Body):
                 f"masses are numbered from 1 to {self.count}",
             )
 
+    def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """Mode shapes are measured at masses, given by their numbers."""
+        if position not in range(1, self.count + 1):
+            remedy = f"masses are numbered from 1 to {self.count}"
+            yield Problem(path_text(at), f"= {position:g} is not the number of a mass", remedy)
+
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Snubbers do not move between masses."""
         yield Problem(

@@ -99,7 +99,7 @@ class MeasuredShapes(Schema):
     """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
 
     positions: Annotated[tuple[Position, ...], Field(min_length=2)]
-    """Where the deflection was measured (mass numbers for a chain)."""
+    """Where the deflection was measured on the body that the snubber acts on (mass numbers for a chain)."""
     shapes: Annotated[tuple[tuple[Coefficient, ...], ...], Field(min_length=1)]
     """Deflections of each mode at these positions, from the first mode on, to any scale."""
 
@@ -168,7 +168,10 @@ class IdentifyStiffness(Schema):
     snubber: Name
     """Name of the snubber whose stiffness is identified."""
     measured_without: tuple[Frequency, ...] = ()
-    """Natural frequencies measured without the snubber, from the first on; they check the model of the structure."""
+    """Natural frequencies measured without the snubber, from the first on; they check the model of the structure.
+
+    Of several bodies: the frequencies of those that the snubber acts on.
+    """
     measured_with: tuple[Frequency, ...] = ()
     """Natural frequencies measured with permanent contact, from the first on."""
     fit_to: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)

@@ -13,7 +13,7 @@ from beamsim.scenario.excitation import Harmonic, level_problems
 
 if TYPE_CHECKING:
     from beamsim.scenario.base import Schema
-    from beamsim.scenario.identification import IdentifyStiffness, SoughtParameter
+    from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes, SoughtParameter
     from beamsim.scenario.whole import ScenarioParts
 
 Path = tuple[str | int, ...]
@@ -22,13 +22,8 @@ _TOP = "identify_stiffness"
 
 def identification_problems(scenario: ScenarioParts, schema: Schema, section: IdentifyStiffness) -> Iterator[Problem]:
     """Parameters that do not exist, bounds that make no sense, tests that nothing predicts; ``schema`` holds both."""
-    if len(scenario.all_bodies) > 1:
-        yield Problem(
-            _TOP,
-            f"identifies a snubber on one body, and there are {len(scenario.all_bodies)}",
-            "keep the body it sits on: beam: or chain:",
-        )
-        return
+    if section.shapes_without is not None:
+        yield from _shapes(scenario, section, section.shapes_without)
     for index, known in enumerate(section.parameter_uncertainty):
         yield from _numbers(schema, known.parameter, (_TOP, "parameter_uncertainty", index, "parameter"))
     yield from _sought(schema, section.update, (_TOP, "update"), words=True)
@@ -50,6 +45,23 @@ def identification_problems(scenario: ScenarioParts, schema: Schema, section: Id
             )
         if isinstance(scenario.excitation, Harmonic):
             yield from level_problems(scenario.excitation, (_TOP, "nonlinear", "tests", index, "level"), test.level)
+
+
+def _shapes(scenario: ScenarioParts, section: IdentifyStiffness, shapes: MeasuredShapes) -> Iterator[Problem]:
+    """Measured shapes are those of the one body that the snubber acts on; their positions must lie on it."""
+    at = (_TOP, "shapes_without")
+    snubbers = [located for located in scenario.located_snubbers if located.item.name == section.snubber]
+    bodies = snubbers[0].bodies if snubbers else ()
+    if len(bodies) > 1:
+        yield Problem(
+            path_text(at),
+            f"holds the shapes of one body, and {section.snubber} acts between {' and '.join(bodies)}",
+            "leave it out",
+        )
+    elif bodies and bodies[0] in scenario.all_bodies:
+        body, where = scenario.all_bodies[bodies[0]], scenario.body_path(bodies[0])
+        for index, position in enumerate(shapes.positions):
+            yield from body.shape_problems(where, (*at, "positions", index), position)
 
 
 def _numbers(scenario: Schema, path: str, at: Path) -> Iterator[Problem]:
@@ -90,7 +102,7 @@ def _sought(scenario: Schema, items: Sequence[SoughtParameter], at: Path, *, wor
             seen[place] = index
         choices = choices_at(scenario, places[0])
         if choices:
-            if not words or places[0][:2] != ("beam", "supports"):
+            if not words or "supports" not in places[0]:
                 yield Problem(path_text(here), f"= {item.parameter} is not a number", "name a number")
             elif item.bounds or item.prior is not None:
                 yield Problem(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from beamsim.scenario.base import Schema, fail
+from beamsim.scenario.base import Path, Schema, fail
 from beamsim.scenario.quantities import Force, MassNumber, Name, Position
 
 _REMEDY = "give position: 270 mm on a beam, or mass: 2 on a chain"
@@ -81,6 +81,11 @@ class Sited(PointOfBody):
     def places(self) -> tuple[AtPlace, ...]:
         """The one place."""
         return (self.place,)
+
+    @property
+    def place_paths(self) -> tuple[Path, ...]:
+        """Where it is written, below what sits there."""
+        return (() if self.at is None else ("at",),)
 
 
 class Probe(Sited):

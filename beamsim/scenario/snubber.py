@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Schema, Variants, counted, fail
+from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, counted, fail
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import (
@@ -81,6 +81,11 @@ class SnubberBase(Named):
         """The place, or both places, the lower one first."""
         raise NotImplementedError
 
+    @property
+    def place_paths(self) -> tuple[Path, ...]:
+        """Where each of the places is written, below the snubber."""
+        return tuple(() for _ in self.places)
+
 
 class _Stop(SnubberBase):
     """A snubber mounted on the base or on the ground."""
@@ -121,6 +126,11 @@ class BodySnubber(SnubberBase):
     def places(self) -> tuple[AtPlace, ...]:
         """Both places, the lower one first."""
         return self.between
+
+    @property
+    def place_paths(self) -> tuple[Path, ...]:
+        """Where both are written."""
+        return ("between", 0), ("between", 1)
 
 
 def choose_sites(value: Any) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from beamsim.structures.beam import assemble_beam
@@ -18,9 +18,11 @@ ASSEMBLE: dict[str, Callable[[Any, str], Structure]] = {"beam": assemble_beam, "
 """A line a kind of body."""
 
 
-def assemble(scenario: Scenario) -> Structure:
-    """The structure without snubbers."""
-    bodies = [ASSEMBLE[body.body_kind](body, name) for name, body in scenario.all_bodies.items()]
+def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structure:
+    """The structure without snubbers; of several bodies only those with these names, where given."""
+    sections = scenario.all_bodies
+    chosen = list(sections) if names is None else names
+    bodies = [ASSEMBLE[sections[name].body_kind](sections[name], name) for name in chosen]
     return bodies[0] if len(bodies) == 1 else assemble_bodies(bodies)
 
 

@@ -13,7 +13,7 @@ from beamsim.structures.beam_sensitivity import beam_sensitivities
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
-from beamsim.structures.places import Site
+from beamsim.structures.places import Site, SpringEnd
 from beamsim.structures.recovery import beam_recovery
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import Path
@@ -100,10 +100,10 @@ class BeamStructure(BeamModel):
         return q, max(kinetic, bending) if quantity == "displacement" else kinetic
 
     def sensitivities(
-        self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
     ) -> dict[Path, float]:
         """d ln k / d ln p of every number of the beam."""
-        return beam_sensitivities(self, path, site, site_path, v, k, squared)
+        return beam_sensitivities(self, path, ends, v, k, squared)
 
 
 def assemble_beam(beam: Beam, name: str = "beam") -> BeamStructure:

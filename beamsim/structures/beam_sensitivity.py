@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.structures.places import Place, Site
+from beamsim.scenario.beam import Beam, StiffnessBeam
+from beamsim.structures.places import Place, SpringEnd
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Beam
+    from beamsim.scenario.beam import BeamBody
     from beamsim.structures.beam_model import BeamModel
     from beamsim.structures.structure import Path
 
@@ -18,14 +20,16 @@ _SECTION_STEP = 1e-6  # relative, for the derivatives of area and second moment
 
 
 def beam_sensitivities(
-    structure: BeamModel, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+    structure: BeamModel, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
 ) -> dict[Path, float]:
     """d ln k / d ln p by path; what sits on the beam's end moves with it when the length changes.
 
     Parameters
     ----------
-    path, site_path : of the beam and of the snubber in the scenario.
-    v, k, squared : scaled mode, scaled stiffness, scaled omega^2.
+    path : of the beam in the scenario.
+    ends : places of the spring that are on the beam.
+    v : (N,) mode, scaled to a stretch of -1 at the spring.
+    k, squared : scaled stiffness, scaled omega^2.
     """
     beam = structure.beam
     bent = np.asarray(structure.factor @ v)
@@ -42,18 +46,16 @@ def beam_sensitivities(
         places[at] = squared * ratio * 2 * w * slope * mass.position / k
         position[at] = mass.position
     inertia = whole - sum(masses.values())
-    _, slope = _deflection_and_slope(structure, v, site.coordinate)
-    # v is -1 at the spring, so moving it adds 2 k slope * v(spring) * (-1).
-    at = (*site_path, "position")
-    places[at] = 2 * slope * site.coordinate
-    position[at] = site.coordinate
+    for end in ends:
+        _, slope = _deflection_and_slope(structure, v, end.place.point)
+        at = (*end.path, "position")
+        places[at] = 2 * end.sign * slope * end.place.point  # moving the end adds 2 k (ds/dx) v to k
+        position[at] = end.place.point
     fixed = -sum(places.values()) - 3 * elastic + inertia
     carried = sum(rate for place, rate in places.items() if position[place] >= beam.length)
     return {
         (*path, "length"): fixed + carried,
-        (*path, "youngs_modulus"): elastic,
-        (*path, "density"): inertia,
-        **{(*path, *place): inertia * area + elastic * second for place, area, second in _section(beam)},
+        **{(*path, *place): inertia * mass + elastic * bending for place, mass, bending in _properties(beam)},
         **{place: rate for place, rate in masses.items() if rate != 0},
         **{place: rate for place, rate in places.items() if position[place] > 0},
     }
@@ -64,12 +66,15 @@ def _deflection_and_slope(structure: BeamModel, v: Floats, position: float) -> t
     return float(w[0]), float(slope[0])
 
 
-def _section(beam: Beam) -> list[tuple[Path, float, float]]:
-    """Place, d ln A / d ln p and d ln I / d ln p of every number of the cross-section."""
-    if beam.section is None:
-        return [(("width",), 1.0, 1.0), (("thickness",), 1.0, 3.0)]
+def _properties(beam: BeamBody) -> list[tuple[Path, float, float]]:
+    """Path, d ln(rho A) / d ln p and d ln(E I) / d ln p of every number of the material and the cross-section."""
+    if isinstance(beam, StiffnessBeam):
+        return [(("bending_stiffness",), 0.0, 1.0), (("mass_per_length",), 1.0, 0.0)]
+    assert isinstance(beam, Beam)
+    rates: list[tuple[Path, float, float]] = [(("youngs_modulus",), 0.0, 1.0), (("density",), 1.0, 0.0)]
     section = beam.section
-    rates: list[tuple[Path, float, float]] = []
+    if section is None:
+        return [*rates, (("width",), 1.0, 1.0), (("thickness",), 1.0, 3.0)]
     for key in type(section).model_fields:
         value = getattr(section, key)
         if not isinstance(value, float) or key == "extreme_fibre":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.structures.damping import damping_matrix
-from beamsim.structures.places import Place, Site, site_of
+from beamsim.structures.places import Place, Site, SpringEnd, site_of
 from beamsim.structures.stations import MASSES, Recovery
 from beamsim.structures.structure import Path, Structure
 from beamsim.typing import Floats
@@ -107,17 +107,19 @@ class ChainStructure(Structure):
         return q * np.sqrt(self.mass_scale), float(relative)
 
     def sensitivities(
-        self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
     ) -> dict[Path, float]:
         """d ln k / d ln p of every mass and spring."""
         rates: dict[Path, float] = {
             (*path, "masses", i): squared * mass / self.mass_scale * float(v[i]) ** 2 / k
             for i, mass in enumerate(self.chain.masses)
         }
-        ends = np.concatenate([[0.0], v, [0.0]])
+        with_walls = np.concatenate([[0.0], v, [0.0]])
         for i, spring in enumerate(self.chain.springs):
             if spring > 0:
-                rates[(*path, "springs", i)] = -spring / self.stiffness_scale * float(ends[i + 1] - ends[i]) ** 2 / k
+                rates[(*path, "springs", i)] = (
+                    -spring / self.stiffness_scale * float(with_walls[i + 1] - with_walls[i]) ** 2 / k
+                )
         for name in ("springs_to_ground", "springs_between"):
             for i, beside in enumerate(getattr(self.chain, name)):
                 stretch = float(self.row(site_of(beside, self.name)) @ v)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,6 +41,22 @@ class Link:
 
 
 Site = Place | Link
+
+
+@dataclass(frozen=True)
+class SpringEnd:
+    """One of the places that a spring acts on."""
+
+    place: Place
+    path: tuple[str | int, ...]  # where the place is written in the scenario
+    sign: float  # of the spring's stretch for a deflection there
+
+
+def spring_ends(site: Site, paths: Sequence[tuple[str | int, ...]]) -> list[SpringEnd]:
+    """The places that a spring at a site acts on; ``paths`` say where they are written, in the order of the site."""
+    if isinstance(site, Link):
+        return [SpringEnd(site.first, paths[0], -1.0), SpringEnd(site.second, paths[1], 1.0)]
+    return [SpringEnd(site, paths[0], 1.0)]
 
 
 def site_of(item: Any, body: str) -> Site:

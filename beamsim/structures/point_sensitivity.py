@@ -7,6 +7,9 @@ deflection row s of the spring's point. With the closed structure's mode scaled 
 
 one linear solve for all parameters. The beam's length follows from the others because k, made
 adimensional, depends on adimensional numbers only.
+
+A spring between two bodies that nothing else joins has :math:`1/k = 1/k_1 + 1/k_2`, with the stiffness
+:math:`k_i` that would give body i alone the frequency.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.structures.assembly import assemble, snubber_site
+from beamsim.structures.places import spring_ends
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -26,14 +30,26 @@ if TYPE_CHECKING:
 def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> dict[Path, float]:
     """d ln k / d ln p by place, k being the stiffness at the snubber that makes omega (rad/s) a natural frequency.
 
-    What sits on the beam's end moves with it when the length changes.
+    The numbers are those of the bodies that the snubber acts on. What sits on a beam's end moves with it when the
+    length changes.
     """
-    structure = assemble(scenario)
     contact = scenario.located_snubber(snubber)
-    site = snubber_site(contact)
-    squared = (omega / structure.frequency_scale) ** 2
-    v, k = _mode(structure, structure.row(site), squared)
-    return structure.sensitivities(scenario.body_path(structure.name), site, contact.path, v, k, squared)
+    paths = [(*contact.path, *path) for path in contact.item.place_paths]
+    ends = spring_ends(snubber_site(contact), paths)
+    compliance: dict[str, float] = {}
+    rates: dict[str, dict[Path, float]] = {}
+    for name in contact.bodies:
+        body = assemble(scenario, [name])
+        squared = (omega / body.frequency_scale) ** 2
+        on_body = [end for end in ends if end.place.body == name]
+        row = np.sum([end.sign * body.deflection_row(end.place) for end in on_body], axis=0)
+        if not row.any():  # a support: the body adds no compliance
+            continue
+        v, k = _mode(body, row, squared)
+        compliance[name] = 1.0 / (k * body.stiffness_scale)
+        rates[name] = body.sensitivities(scenario.body_path(name), on_body, v, k, squared)
+    total = sum(compliance.values())
+    return {path: compliance[name] / total * rate for name, part in rates.items() for path, rate in part.items()}
 
 
 def _mode(model: Structure, row: Floats, squared: float) -> tuple[Floats, float]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.places import Link, Place, Site
+from beamsim.structures.places import Link, Place, Site, SpringEnd
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import Part, Path, Structure
 from beamsim.typing import Floats, Ints
@@ -100,10 +100,10 @@ class Assembly(Structure):
         raise ValueError("the shape of several bodies is not given by one list of numbers")
 
     def sensitivities(
-        self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
     ) -> dict[Path, float]:
-        """A spring between several bodies is not identified."""
-        raise ValueError("a stiffness is identified on one body")
+        """Each body is asked for its numbers."""
+        raise ValueError("several bodies have no common path; ask each of them")
 
 
 def _widened(rows: Floats, columns: Ints, size: int) -> Floats:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.places import Link, Place, Site
+from beamsim.structures.places import Link, Place, Site, SpringEnd
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -139,12 +139,14 @@ class Structure(ABC):
 
     @abstractmethod
     def sensitivities(
-        self, path: Path, site: Site, site_path: Path, v: Floats, k: float, squared: float
+        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
     ) -> dict[Path, float]:
         """d ln k / d ln p of every number of the body; see `beamsim.structures.point_sensitivity`.
 
         Parameters
         ----------
-        path, site_path : where the body and the snubber are in the scenario.
-        v, k, squared : scaled mode, scaled stiffness, scaled omega^2.
+        path : where the body is in the scenario.
+        ends : places of the spring that are on the body.
+        v : (N,) mode, scaled to a stretch of -1 at the spring.
+        k, squared : scaled stiffness, scaled omega^2.
         """

@@ -29,7 +29,7 @@ def case(measured, update, **section):
 
 
 def frequencies(count=3, **changes):
-    return free_frequencies(load_scenario({**BASE}, changes), count)
+    return free_frequencies(load_scenario({**BASE}, changes), "tip", count)
 
 
 def test_parameters_come_back_from_their_own_frequencies():
@@ -49,8 +49,8 @@ def test_the_snubber_is_identified_with_the_updated_beam():
 
     contact = snubber_point(true, "tip").frequencies(2e5, 1) / (2 * np.pi)
     section = {"measured_with": contact.tolist()}
-    blind = identify_stiffness(case(free_frequencies(true, 3), [], **section))
-    informed = identify_stiffness(case(free_frequencies(true, 3), ["beam.youngs_modulus"], **section))
+    blind = identify_stiffness(case(free_frequencies(true, "tip", 3), [], **section))
+    informed = identify_stiffness(case(free_frequencies(true, "tip", 3), ["beam.youngs_modulus"], **section))
     assert abs(blind.estimate.stiffness / 2e5 - 1) > 0.05
     assert informed.estimate.stiffness == pytest.approx(2e5, rel=1e-6)
 
@@ -107,7 +107,7 @@ def test_supports_are_chosen_by_trying_them():
 
 def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
     positions = (0.05, 0.1, 0.15, 0.2, 0.27)
-    _, shapes = mode_shapes(load_scenario(BASE), 3, positions)
+    _, shapes = mode_shapes(load_scenario(BASE), "tip", 3, positions)
     assert np.diag(mac_matrix(-3 * shapes, shapes)) == pytest.approx(np.ones(3))
     assert mac_matrix(np.array([[1.0, 0.0]]), np.array([[0.0, 2.0]])) == pytest.approx(np.zeros((1, 1)))
     swapped = {"positions": list(positions), "shapes": shapes[[1, 0, 2]].tolist()}

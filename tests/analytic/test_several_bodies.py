@@ -253,7 +253,11 @@ def test_a_beam_by_its_stiffness_moves_like_one_by_its_section():
             "run.start.bodies.inner.velocity = [1] has the deflection vel",
         ),
         ("beam={length: 1, width: 1, thickness: 0.1, youngs_modulus: 7e10, density: 2700}", "and beam exclude each"),
-        ("identify_stiffness={snubber: tip, measured_with: [10]}", "identify_stiffness identifies a snubber on one"),
+        (
+            "identify_stiffness={snubber: tip, measured_with: [10],"
+            " shapes_without: {positions: [0.1, 0.2], shapes: [[1, 2]]}}",
+            "shapes_without holds the shapes of one body, and tip acts between inner and outer",
+        ),
     ],
 )
 def test_errors_name_the_body(change, message):

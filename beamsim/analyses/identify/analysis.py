@@ -100,6 +100,9 @@ def _identify(
     others = [s.name for s in current.all_snubbers if s.name != section.snubber]
     if others:
         warnings.append(f"the other snubbers ({', '.join(others)}) are assumed to be open")
+    bodies = scenario.located_snubber(section.snubber).bodies
+    if len(bodies) < len(scenario.all_bodies):
+        warnings.append(f"the natural frequencies are those of {' and '.join(bodies)}, which the snubber acts on")
 
     estimate: StiffnessEstimate | None = None
     table: FrequencyTable | None = None
@@ -157,7 +160,7 @@ def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) ->
                 Problem(
                     f"identify_stiffness.{key}",
                     f"has {len(getattr(section, key))} frequencies, but the model has only {size} modes",
-                    "increase beam.elements, or leave out the highest frequencies",
+                    "increase the number of elements, or leave out the highest frequencies",
                 )
             )
 
@@ -268,7 +271,7 @@ def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) ->
     given = section.shapes_without
     if given is None:
         return None
-    _, predicted = mode_shapes(scenario, max(len(given.shapes), _MIN_MODES), given.positions)
+    _, predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), given.positions)
     mac = mac_matrix(np.array(given.shapes), predicted)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))

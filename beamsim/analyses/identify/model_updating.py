@@ -79,9 +79,10 @@ def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tupl
     return numbers, words
 
 
-def frequency_table(scenario: Scenario, measured_hz: Sequence[float], at_least: int = 0) -> FrequencyTable:
+def frequency_table(scenario: Scenario, section: IdentifyStiffness) -> FrequencyTable:
     """Predicted frequencies without the snubber and the measured ones, which start after the rigid-body modes."""
-    predicted = free_frequencies(scenario, max(len(measured_hz), at_least))
+    measured_hz = section.measured_without
+    predicted = free_frequencies(scenario, section.snubber, len(measured_hz))
     measured = np.full(predicted.size, np.nan)
     rigid = int(np.sum(predicted == 0))
     count = min(predicted.size - rigid, len(measured_hz))
@@ -149,8 +150,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
         choices={_text(place): str(value_at(best.scenario, place)) for place in words},
         alternatives=tuple(alternatives),
         correlation=_correlation(covariance),
-        before=frequency_table(scenario, section.measured_without),
-        after=frequency_table(best.updated, section.measured_without),
+        before=frequency_table(scenario, section),
+        after=frequency_table(best.updated, section),
         misfit_before=float(np.sum(_residuals(scenario, numbers, measured, sigma)(np.zeros(len(numbers))) ** 2)),
         misfit_after=best.misfit,
         profiles=profiles,
@@ -253,6 +254,8 @@ def _residuals(
     """Residuals of frequencies and priors as a function of theta."""
     from beamsim.scenario.parameters import with_values
 
+    section = scenario.identify_stiffness
+    assert section is not None
     weight = 1.0 / (measured * (sigma if sigma.all() else 1.0))
     prior = np.array([number.prior for number in numbers])
     informed = np.isfinite(prior)
@@ -262,7 +265,7 @@ def _residuals(
         values: dict[Place, object] = {}
         for number, factor in zip(numbers, factors, strict=True):
             values |= number.at_factor(float(factor))
-        predicted = free_frequencies(with_values(scenario, values), measured.size)
+        predicted = free_frequencies(with_values(scenario, values), section.snubber, measured.size)
         predicted = predicted[predicted > 0]
         if predicted.size < measured.size:
             raise _NotEnoughModesError
