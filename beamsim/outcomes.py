@@ -359,7 +359,8 @@ class Outcome:
 
     def all_of(self, code: OutcomeCode) -> list[Outcome]:
         """This outcome and its parts, as far as they have a code."""
-        return [*([self] if self.code is code else []), *(found for part in self.parts for found in part.all_of(code))]
+        of_parts = [outcome for part in self.parts for outcome in part.all_of(code)]
+        return [self, *of_parts] if self.code is code else of_parts
 
     def but(self, *parts: Outcome, **numbers: Any) -> Self:
         """A copy with other or additional numbers, and with additional parts."""

@@ -236,21 +236,21 @@ def _diagonalise(
                 modes.eigenvalue,
             )  # fmt: skip
     if inside and not together:
-        own, own_blocks = block_diagonalise(contacts.internal_rates(phases)[0], window)
+        internal, internal_blocks = block_diagonalise(contacts.internal_rates(phases)[0], window)
         eye = np.eye(2 * n + inside)
-        modes, blocks = _with_part(modes, blocks, own, own_blocks, eye[:, 2 * n :], eye[2 * n :])
+        modes, blocks = _with_part(modes, blocks, internal, internal_blocks, eye[:, 2 * n :], eye[2 * n :])
     return modes.upper(), blocks
 
 
 def _with_part(
-    modes: SimpleModes, blocks: list[Block], own: SimpleModes, own_blocks: list[Block], out: Floats, back: Floats
+    modes: SimpleModes, blocks: list[Block], part: SimpleModes, part_blocks: list[Block], out: Floats, back: Floats
 ) -> tuple[SimpleModes, list[Block]]:
     """Modes and blocks with those of a part of the state, which ``out`` (N, a) and ``back`` (a, N) put into it and take
     out of it."""
     return SimpleModes(
-        np.concatenate([modes.right, out @ own.right], axis=1), np.concatenate([modes.left, own.left @ back]),
-        np.append(modes.eigenvalue, own.eigenvalue),
-    ), blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in own_blocks]  # fmt: skip
+        np.concatenate([modes.right, out @ part.right], axis=1), np.concatenate([modes.left, part.left @ back]),
+        np.append(modes.eigenvalue, part.eigenvalue),
+    ), blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in part_blocks]  # fmt: skip
 
 
 def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) -> tuple[SimpleModes, list[Block]]:

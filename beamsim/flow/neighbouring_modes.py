@@ -64,13 +64,13 @@ def neighbouring_modes(
             pole, rows = pole[order], rows[order]
     acting = np.flatnonzero(new[:, :2].any(axis=1))
     k, c, shape = new[acting, 0], new[acting, 1], contacts.shape[acting]
-    own = np.diag(system.damping)
-    _refine_stiff(system.stiffness, own, k, c, shape, pole, rows)
+    damping = np.diag(system.damping)
+    _refine_stiff(system.stiffness, damping, k, c, shape, pole, rows)
     modes = SimpleModes(np.empty((n, 2 * n), dtype=complex).T, np.empty((n, 2 * n), dtype=complex), pole)
     right = modes.right.T
     right[:, :n], modes.left[:, n:] = rows, rows
     np.multiply(pole[:, None], rows, out=right[:, n:])
-    np.multiply(own, rows, out=modes.left[:, :n])
+    np.multiply(damping, rows, out=modes.left[:, :n])
     modes.left[:, :n] += right[:, n:]
     modes.left[:, :n] += ((rows @ shape.T) * c) @ shape
     return modes if _error(system, k, c, shape, modes) < INEXACT else None

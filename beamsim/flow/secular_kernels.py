@@ -20,15 +20,15 @@ import numpy as np
 from beamsim.flow.compiled import inner, kernel, summing
 
 MOST_ITERATIONS = 60
-COINCIDENT = 1e-10  # relative distance of two poles that are not told apart
+COINCIDENT = 1e-10  # relative distance below which two poles count as one
 CONVERGED = 4e-16  # of a zero's distance from its pole
 SETTLED = 1e-12  # of the same: below it a step that no longer shrinks is round-off
 
 
 @summing
-def _sums(pole_re, pole_im, res_re, res_turned, zero_re, zero_im, near, x, y, own, out):  # type: ignore[no-untyped-def]
+def _sums(pole_re, pole_im, res_re, res_turned, zero_re, zero_im, near, x, y, this, out):  # type: ignore[no-untyped-def]
     """Into ``out``: sums over all poles of residue / (lambda - mu), its derivative, and of 1 / (lambda - mu), less that
-    of 1 / (lambda - zero) over all other zeros; lambda lies (x, y) from pole ``near``.
+    of 1 / (lambda - zero) over all zeros but ``this``; lambda lies (x, y) from pole ``near``.
 
     Conjugate poles are added as 2 (lambda Re r - Re(r conj(mu))) / (lambda - mu) / (lambda - conj(mu)); the parts of
     the residues r are ``res_re`` and ``res_turned``.
@@ -56,7 +56,7 @@ def _sums(pole_re, pole_im, res_re, res_turned, zero_re, zero_im, near, x, y, ow
         dx = c - zero_re[j]
         dy = d - zero_im[j]
         q = dx * dx + dy * dy
-        q = 0.0 if j == own or q == 0.0 else 1.0 / q
+        q = 0.0 if j == this or q == 0.0 else 1.0 / q
         n_re -= dx * q
         n_im += dy * q
         dy = d + zero_im[j]

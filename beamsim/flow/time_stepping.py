@@ -258,7 +258,7 @@ def dop853(
                 OutcomeCode.INTEGRATOR_FAILED, integrator="DOP853", time=t, reason=str(done.message)
             )  # fmt: skip
         if done.status == 1:
-            hit = next(g for g, found in enumerate(done.t_events) if found.size)
+            hit = next(g for g, instants in enumerate(done.t_events) if instants.size)
             j, i = watched[hit]
             if arrays.resets[j, phases[j], i]:
                 y[2 * n + j * width : 2 * n + (j + 1) * width] = arrays.reset[j, phases[j], i] @ quantities(t, y)[j]

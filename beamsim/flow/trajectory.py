@@ -212,11 +212,11 @@ class Trajectory:
             table = np.concatenate([part.flow.output_table(left_of), part.flow.output_table(right_of)], axis=2)
             last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
             ends = times[first:last] if last == times.size else np.append(times[first:last], part.end)
-            found = before + part.integrals(ends, table, weight)
-            parts.append(found[: last - first])
+            integrals = before + part.integrals(ends, table, weight)
+            parts.append(integrals[: last - first])
             first = last
             if last < times.size:
-                before = found[-1]
+                before = integrals[-1]
         return np.concatenate(parts)
 
     def integrals(self, times: Floats, table: Complexes, weight: Floats) -> Floats:

@@ -64,10 +64,10 @@ def problems(scenario: _Checked) -> list[Problem]:
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
 
-def _guarded(found: Found) -> Found:
+def _guarded(check: Found) -> Found:
     """Yield what a check finds until it meets an unknown value."""
     try:
-        yield from found
+        yield from check
     except UnknownValueError:
         return
 

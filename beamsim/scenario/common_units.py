@@ -38,10 +38,10 @@ def common_factor(text: str, target: str, *, gravity: bool) -> float | None:
     text, target : the unit given, and the SI unit of the quantity.
     gravity : whether ``g`` is standard gravity.
     """
-    given, wanted = _parse(text, gravity), _parse(target, False)
-    if given is None or wanted is None or given[1] != wanted[1]:
+    given, expected = _parse(text, gravity), _parse(target, False)
+    if given is None or expected is None or given[1] != expected[1]:
         return None
-    return float(given[0] / wanted[0])
+    return float(given[0] / expected[0])
 
 
 @lru_cache(maxsize=1024)

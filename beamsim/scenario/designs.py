@@ -418,10 +418,10 @@ def _read(scenario: Schema, place: Path, value: Value, at: Path) -> Value:
         shown = f"{value:.12g}" if isinstance(value, float) else value
         raise fail(f"= {shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
     if isinstance(number, LevelValue):
-        wanted = getattr(getattr(scenario, "excitation", None), "quantity", None)
-        if number.quantity not in (None, wanted):
+        quantity = getattr(getattr(scenario, "excitation", None), "quantity", None)
+        if number.quantity not in (None, quantity):
             raise fail(
-                f"= {value} is given in a unit of {number.quantity}, and the excitation's level is of {wanted}",
+                f"= {value} is given in a unit of {number.quantity}, and the excitation's level is of {quantity}",
                 "give it in the unit of excitation.level",
                 at,
             )

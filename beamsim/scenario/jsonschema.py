@@ -122,5 +122,5 @@ def _unit(schema: dict[str, Any]) -> str | None:
     inner = [*schema.get("anyOf", ()), *schema.get("oneOf", ())]
     if isinstance(schema.get("items"), dict):
         inner.append(schema["items"])
-    found = {unit for item in inner if isinstance(item, dict) and (unit := _unit(item))}
-    return found.pop() if len(found) == 1 else None
+    units = {unit for item in inner if isinstance(item, dict) and (unit := _unit(item))}
+    return units.pop() if len(units) == 1 else None

@@ -93,8 +93,8 @@ def path_parts(path: str) -> Path:
 def _inner(node: Node, part: str | int) -> Node | None:
     """Return the value at a key or index, or None."""
     if isinstance(node.value, dict):
-        found: Node | None = node.value.get(part)
-        return found
+        inner: Node | None = node.value.get(part)
+        return inner
     if isinstance(node.value, list) and isinstance(part, int) and part < len(node.value):
         item: Node = node.value[part]
         return item

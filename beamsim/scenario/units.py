@@ -131,12 +131,12 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
             continue
         return _physical(_scaled(number, factor, remedy), dimension, remedy), dimension
     names = [dimension.with_article for dimension in dimensions]
-    wanted = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
+    expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
     try:
         given = _given(_units(unit, False))
     except UnitError as error:
         raise UnitError(error.message, remedy) from None
-    raise UnitError(f"must be {wanted}, not {given}", remedy)
+    raise UnitError(f"must be {expected}, not {given}", remedy)
 
 
 def read_sweep_rate(value: object) -> tuple[float, str]:

@@ -108,14 +108,14 @@ def reduce_model(
                 reduce_model(
                     part.structure,
                     _own_patterns(model, part, patterns),
-                    count=own,
+                    count=part_count,
                     highest_frequency=None
                     if highest_frequency is None
                     else highest_frequency * model.frequency_scale / part.structure.frequency_scale,
                     default=default,
                     least=max(least, mode),
                 )
-                for part, own in zip(model.parts, counts, strict=True)
+                for part, part_count in zip(model.parts, counts, strict=True)
             ],
         )
     rigid = model.rigid.shape[1]

@@ -148,7 +148,7 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
     if asked is not None and asked.highest_frequency is not None:
         return {"highest_frequency": asked.highest_frequency * hz}
     half_rate = 0.0 if scenario.run is None else scenario.run.output_rate / 2
-    wanted = max(half_rate, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
+    highest = max(half_rate, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
     start = start_of(scenario)
     mode = start.mode if isinstance(start, ModeStart) else 0
-    return {"highest_frequency": wanted * hz, "default": True, "least": _LEAST_FLEXIBLE_MODES, "mode": mode}
+    return {"highest_frequency": highest * hz, "default": True, "least": _LEAST_FLEXIBLE_MODES, "mode": mode}

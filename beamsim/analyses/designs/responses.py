@@ -102,8 +102,8 @@ def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
     quantities = {name.rpartition("/")[2] for name in asked} or set(RUN_ENTRIES)
     if excitation not in BROADBAND:
         quantities = {name for name in quantities if not name.startswith("rms_")}
-    wanted = [entry for quantity, (_, entry) in RUN_ENTRIES.items() if quantity in quantities]
-    return tuple(dict.fromkeys((*wanted, *MODEL_ENTRIES)))
+    needed = [entry for quantity, (_, entry) in RUN_ENTRIES.items() if quantity in quantities]
+    return tuple(dict.fromkeys((*needed, *MODEL_ENTRIES)))
 
 
 def entries_of_result(result: RunResult) -> dict[str, Any]:

@@ -258,9 +258,10 @@ def _with_points(
     branches: list[OrbitBranch] = []
     requested: list[tuple[int, RequestedPoint]] = []
     for index, branch in enumerate((followed.backbone, *followed.tongues)):
-        more, found = with_requested_points(branch, settings.energies, settings.frequencies, gaps if index == 0 else ())
+        jumped = gaps if index == 0 else ()
+        more, passed = with_requested_points(branch, settings.energies, settings.frequencies, jumped)
         branches.append(more)
-        requested += [(index, point) for point in found]
+        requested += [(index, point) for point in passed]
     outcome = branches[0].outcome
     for quantity, values, unit in (("energies", settings.energies, "J"), ("frequencies", settings.frequencies, "Hz")):
         known = {point.value for _, point in requested if (point.quantity == "energy") == (quantity == "energies")}

@@ -41,7 +41,7 @@ def with_requested_points(
         "energy": lambda p: float(p.data.energy), "frequency": lambda p: 1.0 / orbits.split(p.u)[1],
     }  # fmt: skip
     requested = [("energy", float(v)) for v in energies] + [("frequency", float(v)) for v in frequencies]
-    found: list[RequestedPoint] = []
+    passed: list[RequestedPoint] = []
     points: list[BranchPoint] = []
     for a, b in pairwise([*branch.points, branch.points[-1]]):
         points.append(a)
@@ -49,15 +49,15 @@ def with_requested_points(
         for quantity, value in requested:
             number = numbers[quantity]
             if abs(number(a) / value - 1.0) < SAME:
-                found.append(RequestedPoint(quantity, value, a))
+                passed.append(RequestedPoint(quantity, value, a))
             elif b is not a and a.parameter not in gaps and (number(a) - value) * (number(b) - value) < 0:
                 point = _located(orbits, a, b, quantity, value, number)
                 between += [] if point is None else [RequestedPoint(quantity, value, point)]
         chord = (b.u - a.u) / a.scale
         between.sort(key=lambda each: float(((each.point.u - a.u) / a.scale) @ chord))
-        found += between
+        passed += between
         points += [each.point for each in between]
-    return replace(branch, points=tuple(points)), found
+    return replace(branch, points=tuple(points)), passed
 
 
 def _located(

@@ -158,8 +158,8 @@ def _trace(
             reach,
             lambda x: model.orbits_in_level(float(f.outward(x)), level),
         )
-    found = trace_range(tracer, first, last, budget, report)
-    if not found and budget.spent() is not INTERRUPTED:
+    branches = trace_range(tracer, first, last, budget, report)
+    if not branches and budget.spent() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
         raise model.scenario.located(
             ScenarioError(
@@ -175,12 +175,12 @@ def _trace(
         beside = side_reach(first, last, reach)
         if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
-            found += coexisting_branches(replace(tracer, reach=beside), list(values), found, budget)
+            branches += coexisting_branches(replace(tracer, reach=beside), list(values), branches, budget)
         if not isinstance(settings.method, HarmonicBalance):
-            found += side_branches(found, beside, settings.longest_period, budget)
+            branches += side_branches(branches, beside, settings.longest_period, budget)
     values_at = [f.inward(float(value)) for value in settings.parameter.points_at]
     pieces: list[OrbitBranch] = []
-    for branch in found:
+    for branch in branches:
         for piece in cut(branch, min(first, last), max(first, last)):
             # a branch that comes back into the range along another one ends there after a few points
             alike = [other for other in pieces if other.problem.multiple == piece.problem.multiple]
@@ -343,9 +343,9 @@ def _reported_maxima(model: ResponseModel) -> list[ReportedMaximum]:
         return lambda m: float(getattr(m, name)[key])
 
     probes, snubbers, limits = model.system.probes, model.system.snubbers, model.scenario.limits
-    found = [ReportedMaximum(peak(i), False) for i in range(len(probes))]
+    maxima = [ReportedMaximum(peak(i), False) for i in range(len(probes))]
     if limits is None:
-        return found
+        return maxima
     of: dict[str, list[Callable[[MeasuredMotion], float]]] = {
         "peak_displacement": [peak(i) for i in range(len(probes))],
         "peak_acceleration": [entry("acceleration", i) for i in range(len(probes))],
@@ -353,7 +353,7 @@ def _reported_maxima(model: ResponseModel) -> list[ReportedMaximum]:
         "gap": [entry("gap", s.name) for s in snubbers],
         "bending_stress": [lambda m: m.stress or 0.0],
     }
-    return found + [ReportedMaximum(number, True) for name in limits.given for number in of[name]]
+    return maxima + [ReportedMaximum(number, True) for name in limits.given for number in of[name]]
 
 
 def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
@@ -427,14 +427,14 @@ def _summary(
 
 def _highest(model: ResponseModel, branches: list[BranchResult]) -> list[tuple[BranchResult, str, Floats, int]]:
     """Of every level and probe the highest point of the motions of the excitation's own period."""
-    found = []
+    highest = []
     for level in dict.fromkeys(repr(b.level) for b in branches):
         at_level = [b for b in branches if repr(b.level) == level and b.period_multiple == 1]
         for probe in model.system.probes:
             best = max(at_level, key=lambda b: float(b.peak_displacement[probe.name].max()))
             values = best.peak_displacement[probe.name]
-            found.append((best, probe.name, values, int(np.argmax(values))))
-    return found
+            highest.append((best, probe.name, values, int(np.argmax(values))))
+    return highest
 
 
 def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, Any]:
@@ -443,7 +443,7 @@ def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, An
     if limits is None:
         return {}
     f = model.followed
-    found: dict[str, tuple[float, str]] = {}
+    worst: dict[str, tuple[float, str]] = {}
     for branch in branches:
         stable = np.flatnonzero(branch.stable)
         if stable.size == 0:
@@ -457,5 +457,5 @@ def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, An
         for limit, name, values in sources:
             k = stable[int(np.argmax(values[stable]))]
             at = f"{name}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
-            found[limit] = max(found.get(limit, (-1.0, "")), (float(values[k]), at))
-    return margins_of(limits, found)
+            worst[limit] = max(worst.get(limit, (-1.0, "")), (float(values[k]), at))
+    return margins_of(limits, worst)

@@ -50,18 +50,18 @@ def coexisting_branches(
     known : branches so far.
     budget : points and time that may be spent.
     """
-    found: list[OrbitBranch] = []
+    branches: list[OrbitBranch] = []
     for value in values:
         if budget.stop():
-            return found
+            return branches
         for start in until(tracer.sought(value), budget.stop):
-            if not budget.allows_another(len(known) + len(found)):
-                return found
-            if start is None or coincides(start, [*known, *found]):
+            if not budget.allows_another(len(known) + len(branches)):
+                return branches
+            if start is None or coincides(start, [*known, *branches]):
                 continue
-            halves = [follow(tracer, start, direction, budget, [*known, *found]) for direction in (1.0, -1.0)]
-            found.append(joined(tracer.problem, halves))
-    return found
+            halves = [follow(tracer, start, direction, budget, [*known, *branches]) for direction in (1.0, -1.0)]
+            branches.append(joined(tracer.problem, halves))
+    return branches
 
 
 @dataclass(frozen=True)

@@ -169,14 +169,14 @@ def _shares(motion: SteppedMotion) -> Floats:
 
 def _events(result: RunResult, motion: SteppedMotion) -> list[tuple[tuple[Floats, Bools], tuple[Floats, Bools]]]:
     """Times after t = 0 and kinds of the events of each snubber: of the run, then of the stepper."""
-    found = []
+    events = []
     for j in range(len(result.snubbers)):
         exact = (result.events.snubber == j) & (result.events.time > 0)
         change = np.flatnonzero(np.diff(motion.touching[:, j].astype(int)) != 0)
         middle = 0.5 * (motion.time[change] + motion.time[change + 1])
         stepped = (middle, motion.touching[change + 1, j])
-        found.append(((result.events.time[exact], result.events.closing[exact]), stepped))
-    return found
+        events.append(((result.events.time[exact], result.events.closing[exact]), stepped))
+    return events
 
 
 def _lasting(times: Floats, closing: Bools, least: float) -> tuple[Floats, Bools]:

@@ -58,11 +58,11 @@ class DerivedFigures:
 
     def reported(self) -> Figures:
         """The figures as they are in the result."""
-        found = {
+        reported = {
             key: (np.array([[line.frequency_hz, line.amplitude] for line in s.lines]).T, s.rms or 0.0)
             for key, s in self.spectra.items()
         }
-        figures = _by_name({key: (*lines, rms) for key, (lines, rms) in found.items()})
+        figures = _by_name({key: (*lines, rms) for key, (lines, rms) in reported.items()})
         if self.random is not None:
             figures["random"] = {
                 f"{s.name} {s.quantity} {key}": getattr(s, key) for s in self.random.signals for key in STATISTICS
@@ -71,14 +71,14 @@ class DerivedFigures:
 
     def again(self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int = 1) -> list[Figures]:
         """The figures of another motion, in equal parts of what is analysed."""
-        found = [
+        of_parts = [
             _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
             for records in self._records(system, motion, parts)
         ]
         if self.random is not None:
-            for figures, statistics in zip(found, self._statistics(system, motion, parts), strict=True):
+            for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
-        return found
+        return of_parts
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
@@ -131,7 +131,7 @@ class DerivedFigures:
         divided = {name: np.array_split(x, parts) for name, x in signals.items()}
         for k in range(parts):
             statistics = {name: statistics_of(pieces[k], rate) for name, pieces in divided.items()}
-            yield {f"{name} {key}": found[key] for name, found in statistics.items() for key in STATISTICS}
+            yield {f"{name} {key}": values[key] for name, values in statistics.items() for key in STATISTICS}
 
 
 def line_changes(
@@ -163,11 +163,11 @@ def _line(key: SpectrumKey, number: int) -> str:
     return f"{key[0]} {key[1]} {number}"
 
 
-def _by_name(found: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Figures:
+def _by_name(spectra: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Figures:
     """From frequencies and amplitudes of lines and the root mean square, by spectrum."""
-    lines = [(_line(key, k), float(f), float(a)) for key, (fs, amplitudes, _) in found.items()
+    lines = [(_line(key, k), float(f), float(a)) for key, (fs, amplitudes, _) in spectra.items()
              for k, (f, a) in enumerate(zip(fs, amplitudes, strict=True))]  # fmt: skip
-    rms = {key: value for key, (_, _, value) in found.items()}
+    rms = {key: value for key, (_, _, value) in spectra.items()}
     return {
         "line_frequency": {name: f for name, f, _ in lines},
         "line_amplitude": {name: a for name, _, a in lines},

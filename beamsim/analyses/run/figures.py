@@ -57,9 +57,9 @@ def refine_extremes(
         if name in one_figure:
             known[:, first : first + size] = sampled[:, first : first + size].max(initial=-np.inf)
         first += size
-    found, at, _ = trajectory.maxima(both_signs, known.ravel(), when.ravel())
-    better = found.reshape(2, -1) > known
-    highest = np.where(better, found.reshape(2, -1), sampled)
+    maxima, at, _ = trajectory.maxima(both_signs, known.ravel(), when.ravel())
+    better = maxima.reshape(2, -1) > known
+    highest = np.where(better, maxima.reshape(2, -1), sampled)
     when = np.where(better, at.reshape(2, -1), when)
     parts = np.split(np.stack([-highest[1], when[1], highest[0], when[0]]), np.cumsum(sizes)[:-1], axis=1)
     return {name: (part[0], part[1], part[2], part[3]) for name, part in zip(searched, parts, strict=True)}

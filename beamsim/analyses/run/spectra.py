@@ -32,14 +32,14 @@ def spectra_of_samples(
 ) -> dict[tuple[str, str], Spectrum]:
     """Spectra of a motion that is known at the output times alone; ``values`` by group of outputs, (nt, probes)."""
     assert scenario.run is not None
-    found = {}
+    spectra = {}
     for group, (quantity, unit) in QUANTITIES.items():
         for i, probe in enumerate(system.probes):
-            found[probe.name, quantity] = spectrum(
+            spectra[probe.name, quantity] = spectrum(
                 time, values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz, probe.name, quantity,
                 unit,
             )  # fmt: skip
-    return found
+    return spectra
 
 
 def spectra_of_motion(
@@ -56,17 +56,17 @@ def spectra_of_motion(
     begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
     kept, modes = system.modes.kept_modes, system.modes
     residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
-    found = {}
+    spectra = {}
     columns = [(probe.name, *of) for of in QUANTITIES.values() for probe in system.probes]
     records = records_of(scenario, system, trajectory, outputs, begin, trajectory.end)
     for (probe, quantity, unit), (record, at_end) in zip(columns, records, strict=True):
         window = settings.window or _suited_window(scenario, record.x)
         if window == "rectangular":
             record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
-        found[probe, quantity] = spectrum_of(
+        spectra[probe, quantity] = spectrum_of(
             record, window, excitation_hz, probe, quantity, unit, residual, settings.frequencies
         )
-    return found
+    return spectra
 
 
 def records_of(

@@ -314,7 +314,7 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
     top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
     reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
-    found: dict[Fraction | float, _Candidate] = {}
+    candidates: dict[Fraction | float, _Candidate] = {}
     for j in top:
         low, high = (
             (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
@@ -325,10 +325,10 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
         frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
         order = _nearest_order(frequency, excitation_hz, bin_hz) if forced else None
         exact = frequency if order is None else float(order) * excitation_hz
-        found.setdefault(frequency if order is None else order, _Candidate(order, exact, frequency))
-        if len(found) == min(_MOST_LINES, (x.size - 1) // 4):
+        candidates.setdefault(frequency if order is None else order, _Candidate(order, exact, frequency))
+        if len(candidates) == min(_MOST_LINES, (x.size - 1) // 4):
             break
-    return list(found.values())
+    return list(candidates.values())
 
 
 def _parabola_top(around: Floats) -> float:
