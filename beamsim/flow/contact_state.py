@@ -259,9 +259,8 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
     n, contacts = system.size, system.contacts
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
-    stiffness, _ = state_matrices(system, phases)
-    omega2, psi, felt = _undamped_modes(system, stiffness, phases)
-    _, _, dashpot = _acting(system, phases)
+    shape, spring, dashpot = _acting(system, phases)
+    omega2, psi, felt = _undamped_modes(system, shape, spring)
     d = psi.T @ system.damping @ psi + (felt.T * dashpot) @ felt
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
@@ -297,14 +296,16 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
             A[2 * r :, 2 * r :] = internal
             out[2 * n :, 2 * r :] = np.eye(inside) / unit
             back[2 * r :, 2 * n :] = np.eye(inside) * unit
-        inverse = None
-        if not together and omega2[g].min() > 0.0:
-            inverse = np.zeros_like(A)
+
+        def inverse() -> Floats:
             compliance = scale / omega2[g]
-            inverse[:r, :r] = -compliance[:, None] * d[np.ix_(g, g)] / scale
-            inverse[:r, r:] = -np.diag(compliance)
-            inverse[r:, :r] = np.diag(1.0 / scale)
-        modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window, inverse), out, back)
+            return np.block([
+                [-compliance[:, None] * d[np.ix_(g, g)] / scale, -np.diag(compliance)],
+                [np.diag(1.0 / scale), np.zeros((r, r))],
+            ])  # fmt: skip
+
+        known = inverse if not together and omega2[g].min() > 0.0 else None
+        modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window, known), out, back)
     return modes, blocks
 
 
@@ -316,13 +317,13 @@ def _embedded(block: Block, size: int) -> Block:
     return Block(right, left, block.matrix, block.centre, block.weight)
 
 
-def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: Ints) -> tuple[Floats, Floats, Floats]:
+def _undamped_modes(system: PiecewiseLinearSystem, phi: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
     """Squared frequencies (n,), orthonormal modes (n, n), and what each acting contact feels of them (a, n).
 
-    Rigid-body motions that no contact feels stay exact.
+    ``phi`` (a, n) are the shapes of the acting contacts and ``k`` (a,) their stiffnesses. Rigid-body motions that no
+    contact feels stay exact.
     """
     n = system.size
-    phi, k, _ = _acting(system, phases)
     if not k.size:
         return system.stiffness, np.eye(n), phi
     rigid = np.flatnonzero(system.stiffness == 0.0)
@@ -336,7 +337,7 @@ def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: In
         basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
     held = basis[:, free:]
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
-        omega2, psi = np.linalg.eigh(held.T @ stiffness @ held)
+        omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
         felt = phi @ held @ psi
     else:
         # of a factor of the stiffness: eigenvalues would have errors that the highest frequency makes in the lowest
@@ -350,7 +351,8 @@ def _undamped_modes(system: PiecewiseLinearSystem, stiffness: Floats, phases: In
         elastic = k > 0.0
         felt[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
     modes = np.hstack([basis[:, :free], held @ psi])
-    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, np.pad(felt, ((0, 0), (free, 0)))
+    felt = np.hstack([np.zeros((k.size, free)), felt])
+    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, felt
 
 
 def state_loads(

@@ -11,6 +11,7 @@ over a bounded time. Method after Bavely and Stewart, SIAM J. Numer. Anal. 16 (1
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -121,12 +122,12 @@ def second_order_blocks(
 
 
 def block_diagonalise(
-    A: Floats, window: float = np.inf, inverse: Floats | None = None
+    A: Floats, window: float = np.inf, inverse: Callable[[], Floats] | None = None
 ) -> tuple[SimpleModes, list[Block]]:
     """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`.
 
-    ``inverse`` is that of A, written down rather than computed: it gives the eigenvalues far below the largest, which
-    A itself knows only to the round-off of the largest (a heavily overdamped contact).
+    ``inverse`` gives that of A, written down rather than computed, and with it the eigenvalues far below the largest,
+    which A itself knows only to the round-off of the largest (a heavily overdamped contact).
     """
     lam, X = _eigenpairs(A, inverse)
     try:
@@ -139,7 +140,7 @@ def block_diagonalise(
     return SimpleModes(X, Xi, lam), []
 
 
-def _eigenpairs(A: Floats, inverse: Floats | None) -> tuple[Complexes, Complexes]:
+def _eigenpairs(A: Floats, inverse: Callable[[], Floats] | None) -> tuple[Complexes, Complexes]:
     """Eigenvalues and eigenvectors; those below the widest gap of the sizes from the inverse, if there is one."""
     lam, X = (part.astype(complex) for part in np.linalg.eig(A))
     size = np.sort(np.abs(lam))
@@ -149,7 +150,7 @@ def _eigenpairs(A: Floats, inverse: Floats | None) -> tuple[Complexes, Complexes
     if size[at + 1] < WIDE_GAP * size[at]:
         return lam, X
     limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
-    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse))
+    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
     fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
     if fast.sum() + slow.sum() != lam.size:
         return lam, X
