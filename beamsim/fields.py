@@ -384,7 +384,8 @@ class _Array:
 
 def _with_arrays(cls: Any) -> Any:
     """A declared dataclass whose arrays may be given as `later`; they are computed before it is pickled."""
-    arrays = [f.name for f in dataclasses.fields(cls) if isinstance(f.metadata.get(_DECLARED), Dataset)]
+    declarations = [(f.name, f.metadata.get(_DECLARED)) for f in dataclasses.fields(cls)]
+    arrays = [name for name, kept in declarations if isinstance(kept, Dataset) and (kept.along or kept.scale)]
     for name in arrays:
         setattr(cls, name, _Array(name))
     if arrays:

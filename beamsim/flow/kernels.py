@@ -18,6 +18,7 @@ from beamsim.flow.compiled import inner, kernel, summing
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
+TOGETHER = 64  # outputs whose extremes are searched for in one march
 AT_ONCE = 1e-10  # of a segment: a function that rises to zero so soon after an event has round-off below zero there
 
 
@@ -445,14 +446,16 @@ def extremes(  # type: ignore[no-untyped-def]
     ``at`` (segment, output, time within the segment).
 
     The same certified march as the contact search, on ``highest - output``: a stretch is skipped only where the
-    curvature bound proves that it holds no value above ``highest`` (1 + relative).
+    curvature bound proves that it holds no value above ``highest`` (1 + relative). Outputs march together, so that they
+    share the exponentials; each does until the bound proves that the rest of the segment holds none of its.
     """
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     B = tables.exponent.shape[1]
-    gamma = np.zeros((B, 1), dtype=np.complex128)
-    size = np.zeros((B, 1))
+    gamma, size, out = np.zeros((B, TOGETHER), dtype=np.complex128), np.zeros((B, TOGETHER)), np.zeros((4, TOGETHER))
+    gamma_of_one, size_of_one, out_of_one = np.zeros((B, 1), dtype=np.complex128), np.zeros((B, 1)), np.zeros((4, 1))
+    output = np.zeros(TOGETHER, dtype=np.int64)
     largest, bend = np.zeros(B), np.zeros(B)
     ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
     real, imag = _parts(table)
@@ -461,7 +464,6 @@ def extremes(  # type: ignore[no-untyped-def]
         for q in range(table.shape[1]):
             for j in range(k):
                 magnitude[s, q, j] = abs(table[s, q, j])
-    out = np.zeros((4, 1))
     evaluations = 0
     for g in range(int(at[0]), seg_time.size):
         at[0] = g
@@ -494,46 +496,62 @@ def extremes(  # type: ignore[no-untyped-def]
             elif power[b] == 1:
                 for j in range(k):
                     rate[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
-        for j in range(int(at[1]), k):
+        for begin in range(int(at[1]), k, TOGETHER):
             tau = at[2]
-            at[1], at[2] = j, 0.0
-            # most segments hold no new extreme, which their size or one look at their start proves: first with what
-            # all outputs share, then with the output's own coefficients, whose parts have cancelled
-            if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
-                continue
-            for b in range(nb):
-                gamma[b, 0] = 0.0
-            for q in range(tables.n_terms[s]):
-                gamma[tables.term_basis[s, q], 0] += table[s, q, j] * zeta[tables.term_source[s, q]]
-            top, bent = 0.0, 0.0
-            for b in range(nb):
-                size[b, 0] = abs(gamma[b, 0])
-                top += size[b, 0] * largest[b]
-                bent += size[b, 0] * bend[b]
-            if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
-                continue
-            if not top < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
-                continue
-            while True:
+            at[1], at[2] = begin, 0.0
+            count = 0
+            for j in range(begin, min(begin + TOGETHER, k)):
+                # most segments hold no new extreme, which their size or one look at their start proves: first with what
+                # all outputs share, then with the output's own coefficients, whose parts have cancelled
+                if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
+                    continue
+                for b in range(nb):
+                    gamma[b, count] = 0.0
+                for q in range(tables.n_terms[s]):
+                    gamma[tables.term_basis[s, q], count] += table[s, q, j] * zeta[tables.term_source[s, q]]
+                top, bent = 0.0, 0.0
+                for b in range(nb):
+                    size[b, count] = abs(gamma[b, count])
+                    top += size[b, count] * largest[b]
+                    bent += size[b, count] * bend[b]
+                if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
+                    continue
+                if not top < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
+                    continue
+                output[count] = j
+                count += 1
+            while count > 0:
                 if evaluations > most:
                     at[2] = tau
                     return evaluations, False
-                reach = _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, tau, H, out)
-                evaluations += 1
-                f, slope, bound, noise = out[0, 0], out[1, 0], out[2, 0], out[3, 0]
-                if f > highest[j]:
-                    highest[j] = f
-                    when[j] = seg_time[g] + tau
-                slack = relative * abs(highest[j]) + 4.0 * noise
-                if slope > 0.0 and highest[j] - f <= slack:
-                    top, value = _climb(exponent, power, nb, gamma, size, tau, H, out)
-                    if value > highest[j]:
-                        highest[j] = value
-                        when[j] = seg_time[g] + top
+                reach = _evaluate(exponent, power, nb, count, gamma, size, tau, H, out)
+                evaluations += count
+                h = reach - tau
+                for i in range(count - 1, -1, -1):
+                    j = output[i]
+                    f, slope, bound, noise = out[0, i], out[1, i], out[2, i], out[3, i]
+                    if f > highest[j]:
+                        highest[j] = f
+                        when[j] = seg_time[g] + tau
                     slack = relative * abs(highest[j]) + 4.0 * noise
+                    if slope > 0.0 and highest[j] - f <= slack:
+                        for b in range(nb):
+                            gamma_of_one[b, 0], size_of_one[b, 0] = gamma[b, i], size[b, i]
+                        top, value = _climb(exponent, power, nb, gamma_of_one, size_of_one, tau, H, out_of_one)
+                        if value > highest[j]:
+                            highest[j] = value
+                            when[j] = seg_time[g] + top
+                        slack = relative * abs(highest[j]) + 4.0 * noise
+                    safe = _safe_step(highest[j] - f + slack, -slope, bound)
+                    if reach >= H and safe >= H - tau:  # no more of it in this segment: the last takes its place
+                        count -= 1
+                        output[i] = output[count]
+                        for b in range(nb):
+                            gamma[b, i], size[b, i] = gamma[b, count], size[b, count]
+                    elif safe < h:
+                        h = safe
                 if tau >= H:
                     break
-                h = min(_safe_step(highest[j] - f + slack, -slope, bound), reach - tau)
                 before = tau
                 tau = min(tau + h, H)
                 if tau == before:

@@ -11,11 +11,17 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run import analysis, energy, histories
+from beamsim.analyses.run.figures import refine_extremes
+from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
 from beamsim.cli.report import table_rows
 from beamsim.fields import attribute, changed, dataset, declared, is_computed, later
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.kernels import TOGETHER
 from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
+from beamsim.system.build import build_system
 from beamsim.typing import Floats
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -26,8 +32,8 @@ ARRAYS = ("displacement", "absolute_displacement", "velocity", "absolute_acceler
 @declared
 class Curve:
     name: str = attribute("", "name")
-    values: Floats = dataset("m", "values")
-    more: Floats | None = dataset("m", "more", default=None)
+    values: Floats = dataset("m", "values", along=("n",))
+    more: Floats | None = dataset("m", "more", along=("n",), default=None)
 
 
 @dataclass
@@ -92,6 +98,31 @@ def test_a_summary_costs_one_search_a_model_and_no_history(calls, tmp_path):
     stored = open_run(tmp_path / "run.h5")
     np.testing.assert_array_equal(stored.probes["tip"].absolute_acceleration, tip.absolute_acceleration)
     assert calls == {"maxima": 3, "energy_history": 1}
+
+
+def test_extremes_that_are_searched_for_together_are_those_of_each_alone():
+    """More outputs than march together, of which some never have a new extreme; started from few samples."""
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
+    system = build_system(scenario)
+    flow = exact_flow(system, 0.4)
+    motion = simulate(flow, system.initial_state)
+    outputs = {"stress": in_every_state(bending_stress(flow, system.stress)), **output_groups(system, flow).groups}
+    times = np.linspace(0.0, 0.4, 7)
+    together = refine_extremes(motion, outputs, times, one_figure=())
+    assert sum(low.size for low, *_ in together.values()) > TOGETHER / 2  # of each sign
+    for name, output_of in outputs.items():
+        low, _, high, _ = together[name]
+        for k in range(low.size):
+            one = {name: lambda phases, k=k, of=output_of: row(of(phases), k)}
+            alone = refine_extremes(motion, one, times, one_figure=())
+            size = max(abs(low[k]), abs(high[k]))
+            np.testing.assert_allclose([low[k], high[k]], [alone[name][0][0], alone[name][2][0]], atol=1e-9 * size)
+    largest = refine_extremes(motion, outputs, times)["stress"]
+    assert largest[2].max() == pytest.approx(together["stress"][2].max(), rel=1e-9)
+
+
+def row(output, k):
+    return LinearOutput(output.row[k : k + 1], output.direct[k : k + 1], output.direct_slope[k : k + 1])
 
 
 def test_figures_are_those_of_the_histories():

@@ -16,7 +16,7 @@ from beamsim.typing import Floats, Ints
 
 Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
 Extremes = dict[str, Extreme]  # by output group
-SEEDS = 256  # evenly spaced times from which the search for extremes starts
+SEEDS = 512  # evenly spaced times from which the search for extremes starts
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 
 

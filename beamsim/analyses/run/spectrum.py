@@ -319,7 +319,7 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
         low, high = (
             (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
         )
-        floor = float(np.percentile(amplitude[max(1, low) : high], 25))
+        floor = _lower_quartile(amplitude[max(1, low) : high])
         if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
             continue
         frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
@@ -329,6 +329,14 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
         if len(candidates) == min(_MOST_LINES, (x.size - 1) // 4):
             break
     return list(candidates.values())
+
+
+def _lower_quartile(values: Floats) -> float:
+    """As `numpy.percentile`, without what that does for arrays of any shape."""
+    position = 0.25 * (values.size - 1)
+    k = int(position)
+    low, high = np.partition(values, (k, min(k + 1, values.size - 1)))[[k, min(k + 1, values.size - 1)]]
+    return float(low + (high - low) * (position - k))
 
 
 def _parabola_top(around: Floats) -> float:
