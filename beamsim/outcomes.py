@@ -205,6 +205,12 @@ class OutcomeCode(Enum):
         "than {allowed:g} at {points} points",
         "follow a smaller range around it",
     )
+    SWEEP_ENERGY_NOT_BALANCED = (
+        OutcomeKind.UNTRUSTED,
+        "not reliable: sweeping {direction}[ at level {level:.4g}][ {level_unit}], the energy balance is wrong by "
+        "{error:.2g} of the energy, from {frequency:.6g} Hz on by more than {allowed:g}",
+        "sweep a smaller range around it",
+    )
     INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator failed at {time:.6g} s: {reason}", ""
     NO_STEADY_STATE = OutcomeKind.STOPPED, "stopped at {place}: {reason}", ""
 

@@ -34,6 +34,7 @@ from beamsim.flow.sweep_kernels import (
     add_forced,
     add_forced_state,
     add_watched,
+    balance_segment,
     end_window,
     keep_segment,
     make_response,
@@ -72,6 +73,7 @@ def march(  # type: ignore[no-untyped-def]
     response = make_response(swept, tables, y.size)
     forced_size = np.zeros((most, 0)) if swept is None else response.watch_size
     used = 0
+    start = np.empty(y.size)
     pieces = inputs.start.size
     logging = log.time.size > 0
     n_seg = 0
@@ -151,9 +153,13 @@ def march(  # type: ignore[no-untyped-def]
             if swept is not None and tau > 0.0:
                 keep_segment(tables, swept, response, state, piece, t, tau, zeta, used)
             _fill_basis(exponent, power, nb, tau, basis)
+            if swept is not None:
+                start[:] = y
             _state_at(tables, state, zeta, basis, y)
             if swept is not None:
                 add_forced_state(response, used, omega, tau, y)
+                if tau > 0.0:
+                    balance_segment(tables, swept, response, state, piece, tau, zeta, basis, used, start, y)
             if logging:
                 log.length[n_seg] = tau
             n_seg += 1

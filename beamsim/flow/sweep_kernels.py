@@ -84,6 +84,16 @@ class Cycles(NamedTuple):
     closed_time: Any  # (C, m)
     closings: Any  # (C, m)
     scale: Any  # (K,) range of the outputs lately
+    imbalance: Any  # (C,) dissipated energy and change of the stored one, less the work in, J
+    energy: Any  # (C,) largest kinetic and strain energy of the structure, J
+
+
+class PowerForms(NamedTuple):
+    """How the energies part from balance, per state; see :mod:`beamsim.flow.power_balance`."""
+
+    gradient: Any  # (S, N, Z)
+    form: Any  # (S, Z, Z) upper triangle
+    stiffness: Any  # (n,) of the structure, 1/s^2
 
 
 class Swept(NamedTuple):
@@ -93,6 +103,7 @@ class Swept(NamedTuple):
     outputs: OutputTables
     windows: Windows
     cycles: Cycles
+    power: PowerForms
 
 
 class ForcedPart(NamedTuple):
@@ -107,6 +118,9 @@ class ForcedPart(NamedTuple):
     watch: Any  # (w, MOST_POWERS) of the watched functions
     watch_size: Any  # (w, MOST_POWERS)
     output: Any  # (K, MOST_POWERS) of the outputs
+    rate: Any  # (N,) of the state where the segment ends
+    slope: Any  # (N,) of the forced polynomials there
+    balance: Any  # (Z,) state, channels, their rates, and 1
     work: Any  # see `_Work`
 
 
@@ -248,6 +262,9 @@ def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
         np.zeros((rows, MOST_POWERS), dtype=np.complex128),
         np.zeros((rows, MOST_POWERS)),
         np.zeros((K, MOST_POWERS), dtype=np.complex128),
+        np.zeros(N),
+        np.zeros(N, dtype=np.complex128),
+        np.zeros(N + 2 * L + 1),
         _make_work(swept.outputs, K, tables.exponent.shape[1], DM),
     )
 
@@ -345,6 +362,74 @@ def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-
             v[i] = v[i] * tau + U[q, i]
     for i in range(y.size):
         y[i] += v[i].real * turn.real - v[i].imag * turn.imag
+
+
+@inner
+def balance_segment(tables, swept, response, s, k, tau, zeta, basis, used, start, y):  # type: ignore[no-untyped-def]
+    """Add to its cycle how far a segment, from ``start`` to y after tau, is from the balance of energies.
+
+    The rate of imbalance where it ends counts for all of it. The solution is a sum of terms that must meet the
+    ``start``: what is missing there counts with the structure's energy.
+    """
+    power, cycles = swept.power, swept.cycles
+    cycle, omega, D = swept.windows.cycle[k], swept.windows.omega[k], swept.windows.degree[k]
+    N, n, L = y.size, power.stiffness.size, response.channel.shape[0]
+    rate, z, missing = response.rate, response.balance, response.free
+    rate[:] = 0.0
+    for q in range(tables.n_terms[s]):
+        b = tables.term_basis[s, q]
+        amplitude = zeta[tables.term_source[s, q]]
+        if amplitude == 0.0:
+            continue
+        slope = tables.exponent[s, b] * basis[b]
+        if tables.power[s, b] > 0:
+            slope += tables.power[s, b] * basis[b] / tau
+        slope *= amplitude
+        first = amplitude if tables.power[s, b] == 0 else 0.0j
+        for i in range(N):
+            v = tables.term_vector[s, q, i]
+            rate[i] += v.real * slope.real - v.imag * slope.imag
+            missing[i] -= v.real * first.real - v.imag * first.imag
+    turn = complex(math.cos(omega * tau), math.sin(omega * tau))
+    U, value, slopes = response.state, response.sum, response.slope
+    value[:] = 0.0
+    slopes[:] = 0.0
+    for q in range(used - 1, -1, -1):
+        for i in range(N):
+            slopes[i] = slopes[i] * tau + value[i]
+            value[i] = value[i] * tau + U[q, i]
+    nu = complex(0.0, omega)
+    for i in range(N):
+        z[i] = y[i]
+        rate[i] += ((slopes[i] + nu * value[i]) * turn).real
+    for a in range(L):
+        v = 0.0j
+        d = 0.0j
+        for p in range(D, -1, -1):
+            d = d * tau + v
+            v = v * tau + response.channel[a, p]
+        z[N + a] = (v * turn).real
+        z[N + L + a] = ((d + nu * v) * turn).real
+    z[N + 2 * L] = 1.0
+    imbalance = 0.0
+    for i in range(N):
+        gradient = 0.0
+        for j in range(z.size):
+            gradient += power.gradient[s, i, j] * z[j]
+        imbalance += gradient * rate[i]
+    for i in range(z.size):
+        row = 0.0
+        for j in range(i, z.size):
+            row += power.form[s, i, j] * z[j]
+        imbalance += z[i] * row
+    energy = 0.0
+    jump = 0.0
+    for i in range(n):
+        energy += 0.5 * (power.stiffness[i] * y[i] ** 2 + y[n + i] ** 2)
+        jump += power.stiffness[i] * start[i] * missing[i] + start[n + i] * missing[n + i]
+    cycles.imbalance[cycle] += imbalance * tau - jump
+    if not energy <= cycles.energy[cycle]:
+        cycles.energy[cycle] = energy
 
 
 @inner

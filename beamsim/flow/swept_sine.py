@@ -13,6 +13,7 @@ from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block, SimpleModes
 from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.power_balance import power_forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import never
 from beamsim.inputs.signal import Signal
@@ -23,7 +24,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.sweep_kernels import Cycles, Forced, OutputTables, Swept, Windows
+    from beamsim.flow.sweep_kernels import Cycles, Forced, OutputTables, PowerForms, Swept, Windows
 
 OutputOf = Callable[[Ints], LinearOutput]
 
@@ -67,6 +68,7 @@ class SweptFlow:
         longest = float(self.windows.length.max())
         self.bare = ExactFlow(self.system, Forcing(np.zeros((0, self.system.size)), ()), longest)
         self._forced: list[_ForcedTables] = []
+        self._power: list[tuple[Floats, Floats]] = []
 
     def starting_state(self, state: Floats) -> Ints:
         """Phases of the contacts when the sweep begins."""
@@ -112,6 +114,7 @@ class SweptFlow:
                 self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.phases
             )
             self._forced.append(_forced_tables(s.simple.whole(), s.blocks, load[1:], slope[1:]))
+            self._power.append(power_forms(self.template, s.phases))
 
     def forced(self) -> Forced:
         """Eigenvectors of the states so far, for the kernels."""
@@ -153,6 +156,13 @@ class SweptFlow:
             group_exponent=pad([e for _, e in groups]),
         )
 
+    def power_forms(self) -> PowerForms:
+        """How energies part from balance in every state so far, for the kernels."""
+        from beamsim.flow.sweep_kernels import PowerForms
+
+        gradient, form = zip(*self._power, strict=True)
+        return PowerForms(np.array(gradient), np.array(form), self.system.stiffness)
+
     def kernel_windows(self, orders: Floats) -> Windows:
         """The windows as the kernels take them."""
         from beamsim.flow.sweep_kernels import Windows
@@ -188,7 +198,7 @@ class CycleMarch:
         K = self.output_of(self.flow.bare.states[0].phases).row.shape[0]
         self.cycles = Cycles(
             np.full((C, K), -np.inf), np.full((C, K), np.inf), np.zeros((C, K)), np.zeros((C, K, R), dtype=complex),
-            np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K),
+            np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K), np.zeros(C), np.zeros(C),
         )  # fmt: skip
         self._renew()
 
@@ -196,7 +206,10 @@ class CycleMarch:
         from beamsim.flow.sweep_kernels import Swept
 
         flow = self.flow
-        swept = Swept(flow.forced(), flow.output_tables(self.output_of), flow.kernel_windows(self.order), self.cycles)
+        swept = Swept(
+            flow.forced(), flow.output_tables(self.output_of), flow.kernel_windows(self.order), self.cycles,
+            flow.power_forms(),
+        )  # fmt: skip
         self._arguments = flow.bare.tables(), flow.bare.inputs(), swept
 
     def kernel_arguments(self) -> tuple[Tables, Inputs, Swept]:
@@ -236,6 +249,8 @@ class CycleRecord:
     harmonic: Complexes  # (C, K, R) see `CycleMarch.harmonic`
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
+    imbalance: Floats  # (C,) J, dissipated energy and change of the stored one, less the work in
+    energy: Floats  # (C,) J, largest kinetic and strain energy of the structure
     final_y: Floats
     reached: int  # cycles that were computed
     end: float  # s
@@ -325,6 +340,8 @@ def sweep(
         harmonic=march.harmonic(duration),
         contact_share=cycles.closed_time / duration[:, None],
         closings=cycles.closings,
+        imbalance=cycles.imbalance,
+        energy=cycles.energy,
         final_y=y,
         reached=reached,
         end=march.time_of(motion),

@@ -89,8 +89,9 @@ class CycleStepper:
         period, record = flow.windows.length[0], march.cycles
         harmonic = march.harmonic(np.full(cycles, period))
         return states, MeasuredCycles(
-            record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings
-        )
+            record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings,
+            record.imbalance, record.energy,
+        )  # fmt: skip
 
     def _nothing(self, phases: Ints) -> LinearOutput:
         return self.flow.template.empty_output(0)
@@ -106,6 +107,8 @@ class MeasuredCycles:
     harmonic: Complexes  # (cycles, K, R)
     contact_share: Floats  # (cycles, m)
     closings: Ints  # (cycles, m)
+    imbalance: Floats  # (cycles,) J, see `beamsim.flow.swept_sine.CycleRecord`
+    energy: Floats  # (cycles,) J
 
 
 @dataclass(frozen=True)

@@ -92,8 +92,13 @@ def sweep(
         corrected = [] if correction is None else correction.warnings()
         outcome = combined(level.outcome for level in computed.values())
         if len(computed) < len(levels):
+            doubts = () if outcome.trusted else (outcome,)
             outcome = Outcome.of(
-                OutcomeCode.INTERRUPTED, done=len(computed), total=len(levels), unit_of_work="levels of the sweep"
+                OutcomeCode.INTERRUPTED,
+                *doubts,
+                done=len(computed),
+                total=len(levels),
+                unit_of_work="levels of the sweep",
             )
         return SweepResult(
             scenario=scenario,
@@ -195,8 +200,10 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
             curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
             for curve in curves.values()
         },
+        "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
+                            default=None),
         "margins": _margins(scenario, curves),
-    }
+    }  # fmt: skip
 
 
 def _uncompared(scenario: Scenario) -> list[str]:

@@ -111,6 +111,13 @@ class SweepCurve:
     force: dict[str, Envelope] = named("snubbers", given={"quantity": "force", "unit": "N"})
     contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact", along=_FREQUENCY)
     contacts: dict[str, Ints] = per_snubber("1", "number of closings", along=_FREQUENCY)
+    energy_error: Floats | None = dataset(
+        "1",
+        "imbalance of the energies that has added up since the curve began (of a stepped sweep: over the cycles "
+        "evaluated at the frequency), over the largest energy of the structure",
+        along=_FREQUENCY,
+        default=None,
+    )
     steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
     # only computed for limits
     peak_gap: dict[str, Floats] = per_snubber(
@@ -240,6 +247,7 @@ _SUMMARY = (
     Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
              "the frequencies", "time in contact"),
+    Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),
     MARGINS,
     *MODES,
     PROCESSOR_TIME._replace(of="work.processor_time_s"),

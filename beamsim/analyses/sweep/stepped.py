@@ -10,6 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.analyses.sweep.swept_sine import swept_flow
@@ -22,6 +23,7 @@ from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, MeasuredCycles, MotionStopped, Settled, measure, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -106,7 +108,8 @@ def step_level(
         states=len(flow.bare.states),
         processor_time_s=clock.process_time() - begin,
     )
-    return LevelRun(tuple(curves), LevelWork(float(level), outcome, 0.0, work))
+    unit = LEVEL_DIMENSIONS[quantity].unit
+    return LevelRun(tuple(curves), LevelWork(float(level), balanced(outcome, curves, unit), 0.0, work))
 
 
 def _windows_at_a_time(settings: SteppedSine) -> int:
@@ -184,4 +187,5 @@ def _curve(
         values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
         quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
         excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.orders), steady=steady,
+        energy_error=np.array([energy_errors(p.measured.imbalance, p.measured.energy).max() for p in points]),
     )  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
+from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
@@ -17,6 +18,7 @@ from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import SweepWindows, cut_into_windows
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -105,7 +107,9 @@ def sweep_level(
         processor_time_s=record.processor_time_s,
     )
     correction = None if corrections is None else CorrectionSize.of(corrections)
-    return LevelRun(curves, LevelWork(float(level), record.outcome, windows.truncation, work, correction), history)
+    unit = "" if settings.profile else LEVEL_DIMENSIONS[quantity].unit
+    outcome = balanced(record.outcome, curves, unit)
+    return LevelRun(curves, LevelWork(float(level), outcome, windows.truncation, work, correction), history)
 
 
 def _curves(
@@ -123,8 +127,9 @@ def _curves(
     curves = []
     for index, leg in enumerate(legs):
         direction = "up" if leg.last_hz > leg.first_hz else "down"
-        cycles = np.flatnonzero((windows.cycle_leg == index) & windows.cycle_complete)
-        cycles = cycles[cycles < record.reached]
+        computed = np.flatnonzero(windows.cycle_leg[: record.reached] == index)
+        complete = windows.cycle_complete[computed]
+        cycles = computed[complete]
         if not cycles.size:
             continue
         values = CycleValues(
@@ -136,6 +141,7 @@ def _curves(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
             quantity=excitation.quantity or "acceleration", frequency_hz=frequency, time=windows.cycle_start[cycles],
             excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
+            energy_error=energy_errors(record.imbalance[computed], record.energy[computed])[complete],
         )  # fmt: skip
         curves.append(curve)
     return tuple(curves)

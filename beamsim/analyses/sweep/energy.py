@@ -1,0 +1,43 @@
+"""The energy balance of a sweep: work in = dissipated + change of the stored energy, cycle by cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from beamsim.analyses.run.energy import LARGEST_ERROR
+from beamsim.analyses.sweep.result import SweepCurve
+from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.typing import Floats
+
+
+def energy_errors(imbalance: Floats, energy: Floats) -> Floats:
+    """(C,) imbalance in J that has added up until each cycle, over the largest energy in J of all of them."""
+    missing = np.abs(np.cumsum(imbalance))
+    scale = float(np.max(energy, initial=0.0))
+    return np.asarray(missing if scale == 0.0 else missing / scale)
+
+
+def balanced(outcome: Outcome, curves: Iterable[SweepCurve], level_unit: str) -> Outcome:
+    """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
+    parts = [part for curve in curves for part in _lost(curve, level_unit)]
+    if not parts:
+        return outcome
+    return parts[0].but(*parts[1:], *(() if outcome.complete else (outcome,)))
+
+
+def _lost(curve: SweepCurve, level_unit: str) -> Iterator[Outcome]:
+    """Where a curve loses its balance."""
+    error = np.zeros(0) if curve.energy_error is None else curve.energy_error
+    bad = np.flatnonzero(~(error <= LARGEST_ERROR))
+    if not bad.size:
+        return
+    first = bad[0]
+    if not np.all(np.isfinite(error)):
+        yield Outcome.of(OutcomeCode.NOT_FINITE, time=float(curve.time[first]))
+        return
+    yield Outcome.of(
+        OutcomeCode.SWEEP_ENERGY_NOT_BALANCED, direction=curve.direction, level=curve.level, level_unit=level_unit,
+        error=float(error.max()), frequency=float(curve.frequency_hz[first]), allowed=LARGEST_ERROR,
+    )  # fmt: skip

@@ -1,0 +1,110 @@
+"""Swept and stepped sines are held to their energy balance, as runs are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run.energy import LARGEST_ERROR
+from beamsim.analyses.sweep import swept_sine
+from beamsim.cli.conclusion import exit_code
+from beamsim.contacts.contacts import Contacts
+from beamsim.flow.swept_sine import SweptFlow
+from beamsim.outcomes import COMPLETE, OutcomeCode
+from beamsim.scenario import Scenario
+from beamsim.store.results import write_result
+
+SWEPT = {"kind": "swept_sine", "from": 0.6, "to": 1.0, "rate": "0.005 Hz/s", "direction": "both"}
+STEPPED = {"kind": "stepped", "from": 0.6, "to": 0.9, "points": 3}
+KINDS = [
+    {},
+    {"mounted_on": "ground"},
+    {"law": "no_tension"},
+    {"law": "no_tension", "mounted_on": "ground"},
+    {"preload": 1.0},
+]
+
+
+def case(stop, sweep, **excitation):
+    """Two masses on a moving base with a damped stop."""
+    stop = {"name": "stop", "mass": 2, "side": "below", "stiffness": 300.0} | stop
+    if "preload" not in stop:
+        stop.setdefault("gap", 0.01)
+    stop["damping"] = {"kind": "viscous", "coefficient": 0.5}
+    chain = {"masses": [1.0, 0.5], "springs": [40.0, 30.0], "dashpots": [0.3, 0.1], "snubbers": [stop]}
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8} | excitation
+    return Scenario.model_validate(
+        {"chain": chain, "probes": [{"name": "m", "mass": 2}], "excitation": shaken, "sweep": sweep}
+    )
+
+
+@pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
+@pytest.mark.parametrize("stop", KINDS, ids=str)
+def test_sweeps_are_in_balance(stop, sweep):
+    result = beamsim.sweep(case(stop, sweep))
+    assert result.outcome.complete
+    for curve in result.curves.values():
+        assert curve.contact_share["stop"].max() > 0.05
+        assert curve.energy_error.shape == curve.frequency_hz.shape
+        assert 0.0 < curve.energy_error.max() < 1e-11
+    assert result.summary["energy_error"] == max(c.energy_error.max() for c in result.curves.values())
+
+
+def wrong_response(flow):
+    """Forced responses that are too large by 1e-5."""
+    forced = ORIGINAL(flow)
+    return forced._replace(right=forced.right * (1 + 1e-5))
+
+
+ORIGINAL = SweptFlow.forced
+
+
+@pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
+def test_a_wrong_response_is_not_trusted(monkeypatch, sweep):
+    monkeypatch.setattr(SweptFlow, "forced", wrong_response)
+    result = beamsim.sweep(case({}, sweep))
+    assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
+    assert 0.6 <= result.outcome.numbers["frequency"] <= 0.9
+    assert result.outcome.numbers["error"] > LARGEST_ERROR
+    assert "at level 1.5 m/s^2" in result.status
+    assert exit_code(result.outcome) == 3
+    assert all(np.all(np.isfinite(curve.displacement["m"].peak)) for curve in result.curves.values())  # kept
+
+
+@pytest.mark.parametrize("law", ["kelvin_voigt", "no_tension"])
+def test_a_wrong_dashpot_is_not_trusted_where_it_works(monkeypatch, law):
+    """The stop dissipates 1 % more than the balance counts; the sweep up meets it far from where it begins."""
+    losses = Contacts.losses
+
+    def less(contacts, phases):
+        dashpot, internal = losses(contacts, phases)
+        return 0.99 * dashpot, 0.99 * internal
+
+    scenario = case({"law": law, "gap": 0.2}, SWEPT | {"from": 0.3, "direction": "up"})
+    right = beamsim.sweep(scenario).curves["up_0"]
+    monkeypatch.setattr(Contacts, "losses", less)
+    result = beamsim.sweep(scenario)
+    assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
+    touched = right.frequency_hz[right.contact_share["stop"] > 0.0][0]
+    assert touched > 0.4
+    assert touched <= result.outcome.numbers["frequency"] < touched + 0.1
+
+
+def test_both_directions_are_named_and_a_loss_is_stored(monkeypatch, tmp_path):
+    monkeypatch.setattr(SweptFlow, "forced", wrong_response)
+    result = beamsim.sweep(case({}, SWEPT))
+    directions = [part.numbers["direction"] for part in result.outcome.all_of(result.outcome.code)]
+    assert directions == ["up", "down"]
+    write_result(result, tmp_path / "sweep.h5")
+    again = beamsim.open_result(tmp_path / "sweep.h5")
+    assert again.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
+    np.testing.assert_array_equal(again.curves["up_0"].energy_error, result.curves["up_0"].energy_error)
+
+
+def test_energies_that_are_not_finite_have_an_outcome():
+    curve = beamsim.sweep(case({}, STEPPED)).curves["up_0"]
+    lost = replace(curve, energy_error=np.array([0.0, np.nan, np.nan]))
+    outcome = swept_sine.balanced(COMPLETE, [lost], "m/s^2")
+    assert outcome.code is OutcomeCode.NOT_FINITE
+    assert outcome.numbers["time"] == curve.time[1]
