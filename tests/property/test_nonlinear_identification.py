@@ -104,11 +104,12 @@ def test_four_parameters_from_three_noiseless_tests(vibrations):
 
 
 @pytest.mark.slow
-def test_several_starts_profiles_and_time(vibrations):
+def test_several_starts_profiles_and_work(vibrations):
     signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
     found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals).nonlinear
     assert found.starts_agreeing >= 2
-    assert found.processor_time_s < 30.0
+    # 18 responses for each of the 28 points of the profiles, 15 for each step of a start (987 in all when written)
+    assert 28 * 18 < found.responses <= 28 * 18 + 4 * 10 * 15 + 50
     for profile, p in zip(found.profiles, found.parameters, strict=True):
         # chi^2 rises by z^2 at z standard deviations where the model is linear enough
         z2 = ((profile.value - p.value) / p.standard_deviation) ** 2
