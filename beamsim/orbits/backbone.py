@@ -86,10 +86,13 @@ class Backbone:
     jumps: list[Jump] = field(default_factory=list)
     _clear: list[BranchPoint] = field(default_factory=list, repr=False)
     _least: float = LEAST_SHARE
+    _drifting: bool = False  # whether the mode lost its dominance by continuity, outside every tongue
+    _resonance_at_end: Outcome | None = None
     _recent: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
 
     def __post_init__(self) -> None:
         low, high = sorted((self.start.parameter, self.end))
+        self._forward = 1.0 if self.end > self.start.parameter else -1.0
         self._search = Tongues(self.orbits, self.mode, low, high, self.tongue_points, self.settings)
 
     def share(self, point: BranchPoint) -> float:
@@ -97,65 +100,86 @@ class Backbone:
         return float(self.orbits.share_at(point)[self.mode])
 
     def __iter__(self) -> Iterator[BranchPoint]:
-        self.outcome = INTERRUPTED
-        begin = self.start.parameter
-        forward = 1.0 if self.end > begin else -1.0
-        full = self._step(self.start)
-        a, clean = self.start.towards(forward), self.start
-        step, drifting, count = full, False, 1
-        interruption: list[Outcome] = []  # of the backbone at the end of the path: the tongue is followed up to there
-        self._clear = [a]
+        self.outcome, self._resonance_at_end, self._drifting = INTERRUPTED, None, False
+        a = self.start.towards(self._forward)
+        self._clear, step, count = [a], self._step(a), 1
         yield a
-        while (self.end - a.parameter) * forward > 1e-12 * full:
-            remaining, full = abs(self.end - a.parameter), self._step(a)
-            self._least = min(LEAST_SHARE, LEAST_PART * self.share(clean))
-            b = None
-            for part in STEPS if not interruption else ():
-                reach = min(part * step, remaining)
-                b = self._at(a, clean, a.parameter + forward * reach, forward)
-                if b is not None or (part > 1.0 and reach == remaining):
-                    break
-            if b is not None and (beside := self._beside(a, b, clean, forward)) is not None:
-                self._cut(a, beside)
-                b = beside
-            ahead = [b] if b is not None else []
-            if not ahead and not interruption:
-                ahead = self._continued(a, full, forward, gradual=True)
-            if ahead:
-                for before, point in pairwise([a, *ahead]):
-                    self._crossed(before, point, forward)
-            else:
-                b = None if interruption else self._beyond(a, clean, full, forward)
-                if b is not None and (b.parameter - self.end) * forward > 0:
-                    interruption = [
-                        Outcome.of(OutcomeCode.ENDS_IN_RESONANCE, parameter=a.parameter, beyond=b.parameter)
-                    ]
-                    self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
-                    b = None
-                ahead = [b] if b is not None else self._continued(a, full, forward, gradual=False)
-                if not ahead and interruption:
-                    self.outcome = COMPLETE.but(*interruption)
-                    return
-                if not ahead:
-                    self.outcome = Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
-                    return
-            cut = {jump.start for jump in self.jumps}
-            for before, point in pairwise([a, *ahead]):
-                between = [] if before.parameter in cut else self._between(before, point)
-                yield from (*between, point)
-                count += 1 + len(between)
+        while (self.end - a.parameter) * self._forward > 1e-12 * self._step(a):
+            full = self._step(a)
+            ahead = self._ahead(a, step, full)
+            if not ahead:
+                self.outcome = self._ended(a)
+                return
+            for point in self._filled(a, ahead):
+                count += 1
+                yield point
             a = ahead[-1]
             if count > MOST_POINTS:
                 self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=a.parameter, points=count)
                 return
             step = min(full, 1.6 * step)
             self._recent = [*self._recent[-3:], *ahead][-4:]
-            drifting = drifting or (b is None and self.share(a) <= CLEAR)
-            if drifting or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
-                clean = a
+            if self._drifting or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
                 self._clear.append(a)
         shared = self._shared(a) if self.share(a) < LEAST_SHARE else {}
-        self.outcome = Outcome.of(OutcomeCode.REACHED_END, *interruption, parameter=self.end, **shared)
+        parts = () if self._resonance_at_end is None else (self._resonance_at_end,)
+        self.outcome = Outcome.of(OutcomeCode.REACHED_END, *parts, parameter=self.end, **shared)
+
+    def _ahead(self, a: BranchPoint, step: float, full: float) -> list[BranchPoint]:
+        """The next points of the backbone; none where it ends.
+
+        In turn: by a step in the parameter, along the branch, beyond the resonance that cuts the backbone, along the
+        branch even where that is a tongue.
+        """
+        self._least = min(LEAST_SHARE, LEAST_PART * self.share(self._clear[-1]))
+        if self._resonance_at_end is not None:
+            return self._continued(a, full, gradual=False)
+        b = self._stepped(a, step)
+        ahead = [b] if b is not None else self._continued(a, full, gradual=True)
+        if ahead:
+            for before, point in pairwise([a, *ahead]):
+                self._crossed(before, point)
+            return ahead
+        b = self._beyond(a, full)
+        if b is not None and (b.parameter - self.end) * self._forward <= 0:
+            return [b]
+        if b is not None:  # the path ends within the resonance: its tongue is followed up to there
+            self._resonance_at_end = Outcome.of(
+                OutcomeCode.ENDS_IN_RESONANCE, parameter=a.parameter, beyond=b.parameter
+            )
+            self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
+        return self._continued(a, full, gradual=False)
+
+    def _stepped(self, a: BranchPoint, step: float) -> BranchPoint | None:
+        """The motion after a step in the parameter, or the one beside it that the mode dominates more."""
+        remaining = abs(self.end - a.parameter)
+        b = None
+        for part in STEPS:
+            reach = min(part * step, remaining)
+            b = self._at(a, a.parameter + self._forward * reach)
+            if b is not None or (part > 1.0 and reach == remaining):
+                break
+        if b is None:
+            return None
+        beside = self._beside(a, b)
+        if beside is None:
+            return b
+        self._cut(a, beside)
+        return beside
+
+    def _ended(self, a: BranchPoint) -> Outcome:
+        """How the backbone ended at a point that none follows."""
+        if self._resonance_at_end is not None:
+            return COMPLETE.but(self._resonance_at_end)
+        return Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
+
+    def _filled(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
+        """The points after a, with others between neighbours that no jump separates."""
+        jumped = {jump.start for jump in self.jumps}
+        for before, point in pairwise([a, *ahead]):
+            if before.parameter not in jumped:
+                yield from self._between(before, point)
+            yield point
 
     def _step(self, point: BranchPoint) -> float:
         """The longest step in the parameter from a point."""
@@ -180,7 +204,7 @@ class Backbone:
             "other_share": float(others.max(initial=0.0)),
         }  # fmt: skip
 
-    def _continued(self, a: BranchPoint, full: float, forward: float, *, gradual: bool) -> list[BranchPoint]:
+    def _continued(self, a: BranchPoint, full: float, *, gradual: bool) -> list[BranchPoint]:
         """Points of the branch from a to about a step further, by arclength.
 
         They end where the parameter turns back. With ``gradual`` they also end where the mode has less than `CLEAR` of
@@ -191,24 +215,25 @@ class Backbone:
         for point in follow_orbits(self.orbits, a, low, high, Settings(most_points=MOST_SHORT, smallest_step=SMALLEST)):
             if point is a:
                 continue
-            along, lost = float(point.tangent[-1]) * forward, self.share(a) - self.share(point)
+            along, lost = float(point.tangent[-1]) * self._forward, self.share(a) - self.share(point)
             slowly = along >= FORWARD and lost <= GRADUAL * abs(point.parameter - a.parameter)
             if along <= 0 or (gradual and self.share(point) <= CLEAR and not slowly):
                 break
             points.append(point)
             if abs(point.parameter - a.parameter) >= full:
                 break
+        self._drifting = self._drifting or (bool(points) and self.share(points[-1]) <= CLEAR)
         return points
 
-    def _at(self, a: BranchPoint, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
+    def _at(self, a: BranchPoint, value: float) -> BranchPoint | None:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
-        for guess in self._predictions(a, clean, value):
-            point = self._solve(guess, value, FURTHEST, forward)
+        for guess in self._predictions(a, value):
+            point = self._solve(guess, value, FURTHEST)
             if point is not None:
                 return point
         return None
 
-    def _beside(self, a: BranchPoint, b: BranchPoint, clean: BranchPoint, forward: float) -> BranchPoint | None:
+    def _beside(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The motion at the parameter of b that the mode dominates more, where the branch from a to b is a tongue's.
 
         It is looked for where the share of the mode falls to one of the levels `LOOKED_BESIDE`.
@@ -221,25 +246,26 @@ class Backbone:
         def better(point: BranchPoint | None) -> bool:
             return point is not None and self.share(point) > self.share(b) + BETTER
 
-        for guess in self._guesses(clean, b.parameter):
-            point = self._solve(guess, b.parameter, FURTHEST_JUMP, forward)
+        for guess in self._guesses(b.parameter):
+            point = self._solve(guess, b.parameter, FURTHEST_JUMP)
             if better(point):
                 return point
-        point = self._searched(clean, b.parameter, forward) if min(crossed) <= SEARCHED_BELOW else None
+        point = self._searched(b.parameter) if min(crossed) <= SEARCHED_BELOW else None
         return point if better(point) else None
 
-    def _predictions(self, a: BranchPoint, clean: BranchPoint, value: float) -> Iterator[Floats]:
+    def _predictions(self, a: BranchPoint, value: float) -> Iterator[Floats]:
         """Guesses close to a: along the tangent where it isn't that of a tongue, along the last chord, and a itself."""
         t = a.tangent
         if abs(t[-1]) > 0.7 or (abs(t[-1]) > 0.7 * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3):
             yield a.u + (value - a.parameter) / (t[-1] * a.scale[-1]) * t * a.scale
-        before = [p for p in self._clear if p is not clean and abs(p.parameter - clean.parameter) > 1e-12]
+        clean = self._clear[-1]
+        before = [p for p in self._clear if abs(p.parameter - clean.parameter) > 1e-12]
         if before:
             p = before[-1]
             yield clean.u + (value - clean.parameter) / (clean.parameter - p.parameter) * (clean.u - p.u)
-        yield next(self._guesses(clean, value))
+        yield next(self._guesses(value))
 
-    def _solve(self, guess: Floats, value: float, furthest: float, forward: float) -> BranchPoint | None:
+    def _solve(self, guess: Floats, value: float, furthest: float) -> BranchPoint | None:
         guess[-1] = value
         if not self.orbits.split(guess)[1] > 0:  # a period extrapolated too far
             return None
@@ -250,10 +276,11 @@ class Backbone:
         point = correct(self.orbits, guess, row, value / float(scale[-1]), scale, settings, furthest=furthest)
         if point is None or self.share(point) <= self._least or not self.orbits.swings_once(point, self.mode):
             return None
-        return point.towards(forward)
+        return point.towards(self._forward)
 
-    def _guesses(self, clean: BranchPoint, value: float) -> Iterator[Floats]:
+    def _guesses(self, value: float) -> Iterator[Floats]:
         """First guesses beyond a tongue: the last clear motion, and the linear mode alone, at periods extrapolated."""
+        clean = self._clear[-1]
         periods = [float(clean.u[-2])]
         history = [(p.parameter, np.log(p.u[-2])) for p in self._clear[-6:]]
         if len(history) >= 3:
@@ -274,7 +301,7 @@ class Backbone:
             yield self.orbits.unknowns(pure, period, value)
             yield self.orbits.unknowns(still + away, period, value)
 
-    def _beyond(self, a: BranchPoint, clean: BranchPoint, full: float, forward: float) -> BranchPoint | None:
+    def _beyond(self, a: BranchPoint, full: float) -> BranchPoint | None:
         """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue.
 
         The motion may lie beyond the end of the path, so that where the path ends does not decide whether there is one.
@@ -282,29 +309,25 @@ class Backbone:
         distances = 0.5 * 1.5 ** np.arange(1 + int(np.log(2.0 * LONGEST_JUMP) / np.log(1.5)))
         remaining = abs(self.end - a.parameter) / full
         for distance in sorted({remaining, *distances.tolist()}):
-            value = self.end if distance == remaining else a.parameter + forward * distance * full
+            value = self.end if distance == remaining else a.parameter + self._forward * distance * full
             b = next(
-                (
-                    b
-                    for guess in self._guesses(clean, value)
-                    if (b := self._solve(guess, value, FURTHEST_JUMP, forward)) is not None
-                ),
+                (b for guess in self._guesses(value) if (b := self._solve(guess, value, FURTHEST_JUMP)) is not None),
                 None,
             )
             if b is None and distance > 1.0:
-                b = self._searched(clean, value, forward)
+                b = self._searched(value)
             if b is not None:
                 self._cut(a, b)
                 return b
         return None
 
-    def _searched(self, clean: BranchPoint, value: float, forward: float) -> BranchPoint | None:
+    def _searched(self, value: float) -> BranchPoint | None:
         """The motion with the largest share of the mode that a search over periods and shapes finds at a parameter.
 
         Where the frequency has grown by tens of per cent along a jump neither the last period nor the linear mode
         alone is near any motion: the mode then carries a part of those whose frequency is a low multiple of its own.
         """
-        known = list(self._guesses(clean, value))
+        known = list(self._guesses(value))
         periods = np.array([period for guess in known if (period := self.orbits.split(guess)[1]) > 0])
         pure = known[0][: self.orbits.n]
         _, _, factor, _ = self.orbits.split(known[0])
@@ -319,7 +342,7 @@ class Backbone:
                 for part in SEARCHED_PARTS:
                     lent = part * abs(size) * omega / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
-                    b = self._solve(self.orbits.unknowns(shape, period, value), value, FURTHEST_SEARCH, forward)
+                    b = self._solve(self.orbits.unknowns(shape, period, value), value, FURTHEST_SEARCH)
                     if b is not None and (best is None or self.share(b) > self.share(best)):
                         best = b
             if best is not None and self.share(best) > CLEAR_ENOUGH:
@@ -352,7 +375,7 @@ class Backbone:
         near = SAME_TONGUE * self._step(self.start)
         return any((t.mode, t.ratio) == (mode, ratio) and abs(t.origin - parameter) < near for t in self.tongues)
 
-    def _crossed(self, a: BranchPoint, b: BranchPoint, forward: float) -> None:
+    def _crossed(self, a: BranchPoint, b: BranchPoint) -> None:
         """Trace the tongues of low order that lie between two neighbours."""
         for mode in range(self.orbits.n):
             if mode == self.mode or self.orbits.mode_slope(a, mode) * self.orbits.mode_slope(b, mode) > 0:
