@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
@@ -135,13 +136,25 @@ class MotionPart:
         reach : rad/s, highest angular frequency for which it holds; below the ``cut`` of the part.
         open_ends : whether the window of the analysis is not zero at both ends.
         """
+        from beamsim.flow.folding import folded_alike, runs
         from beamsim.flow.fourier_kernels import ORDERS, folded
 
         m, out = self.motion, np.zeros(self.table.shape[2])
         before, beyond = np.zeros((out.size, ORDERS)), np.zeros(out.size)
-        for first, until in self._ranges(m.time.size + 1, 2 * ORDERS):
+
+        def add(first: int, until: int, out: Floats) -> None:
             folded(
                 m.flow.tables(), m.flow.inputs(), self.table, self.dropped, m.time, m.length, m.state, m.piece, m.y,
                 step, reach, open_ends, first, until, before, beyond, out,
             )  # fmt: skip
+
+        if not many_pieces(m):
+            for part in self._ranges(m.time.size + 1, 2 * ORDERS):
+                add(*part, out)
+            return out
+        for first, until in runs(folded_alike(m, self.table, self.dropped, step, reach, out)):
+            check_stop()
+            if first > 0:
+                add(first - 1, first, np.zeros_like(out))  # the segment before, whose own part is counted already
+            add(first, until, out)
         return out

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
@@ -82,11 +83,21 @@ class Trajectory:
 
     def sample_table(self, times: Floats, table: Complexes) -> Floats:
         """The same from the coefficients (S, T, k) of the outputs, all states being kept."""
+        out = np.empty((times.size, table.shape[2]))
+        if times.size < FEWEST or not many_pieces(self):
+            self._sample(times, table, out)
+            return out
+        left = sample_alike(self, times, table, out)
+        others = np.empty((left.size, table.shape[2]))
+        self._sample(times[left], table, others)
+        out[left] = others
+        return out
+
+    def _sample(self, times: Floats, table: Complexes, out: Floats) -> None:
         from beamsim.flow.march_kernels import sample, sample_evenly
 
-        out = np.empty((times.size, table.shape[2]))
         if not times.size:
-            return out
+            return
         in_a_row = np.ascontiguousarray(times)  # the kernels are compiled for these alone
         step = float(times[-1] - times[0]) / (times.size - 1) if times.size >= EVEN else 0.0
         even = times[0] + step * np.arange(times.size) if step > 0.0 else times[:0]
@@ -100,7 +111,6 @@ class Trajectory:
                 sample_evenly(self.flow.tables(), self.flow.inputs(), table, *logged, step, out[part])
             else:
                 sample(*self.flow.kernel_arguments(), table, *logged, out[part])
-        return out
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
@@ -161,6 +171,13 @@ class Trajectory:
             final_y=self.final_y if last else self.y[segments.stop],
         )  # fmt: skip
 
+    def only(self, segments: Ints) -> Trajectory:
+        """Some of the segments, in order; times are those of the whole motion."""
+        return replace(
+            self, time=self.time[segments], length=self.length[segments], state=self.state[segments],
+            piece=self.piece[segments], y=self.y[segments],
+        )  # fmt: skip
+
     def contact_share(self) -> Floats:
         """(m,) share of the time during which each contact touches."""
         flags = self.flow.system.contacts.touching(self._phases)
@@ -183,7 +200,10 @@ class Trajectory:
 
         highest, at = np.array(seed, dtype=float), np.array(when, dtype=float)
         evaluations = 0
-        for part in self.parts():
+        whole = self
+        if many_pieces(self):
+            whole = self.only(rule_out_maxima(self, self.flow.output_table(output_of), highest, at))
+        for part in whole.parts():
             arguments = (
                 part.flow.tables(), part.flow.inputs(), part.flow.output_table(output_of),
                 part.time, part.length, part.state, part.piece, part.y, highest, at, PEAK_TOLERANCE, np.zeros(3),
@@ -221,6 +241,32 @@ class Trajectory:
 
     def integrals(self, times: Floats, table: Complexes, weight: Floats) -> Floats:
         """The same of outputs in a table (S, T, 2 K), the left factors first."""
+        if not many_pieces(self):
+            return self._integrals(times, table, weight)
+        sums = np.cumsum(self.segment_integrals(table, weight).astype(np.longdouble), axis=0)
+        before = np.vstack([np.zeros(weight.shape[1]), sums]).astype(float)
+        segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
+        out = np.empty((times.size, weight.shape[1]))
+        left = integrals_alike(self, segment, times - self.time[segment], table, weight, out)
+        if left.size:
+            few, number = np.unique(segment[left], return_inverse=True)
+            starts = self.time[few]
+            at = np.sort(np.concatenate([starts, times[left]]))
+            values = self.only(few)._integrals(at, table, weight)
+            out[left] = values[np.searchsorted(at, times[left])] - values[np.searchsorted(at, starts)][number]
+        return np.asarray(out + before[segment])
+
+    def segment_integrals(self, table: Complexes, weight: Floats) -> Floats:
+        """(S, Q) integrals over each segment of outputs in a table, see `integrals`."""
+        out = np.empty((self.time.size, weight.shape[1]))
+        left = np.arange(self.time.size)
+        if many_pieces(self):
+            left = integrals_alike(self, left, self.length, table, weight, out)
+        few = self.only(left)
+        out[left] = np.diff(few._integrals(few.time + few.length, table, weight), axis=0, prepend=0.0)
+        return out
+
+    def _integrals(self, times: Floats, table: Complexes, weight: Floats) -> Floats:
         from beamsim.flow.integral_kernels import product_integrals
 
         flow, out, weight = self.flow, np.empty((times.size, weight.shape[1])), np.ascontiguousarray(weight)

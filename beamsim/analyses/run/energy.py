@@ -14,6 +14,7 @@ import numpy as np
 from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
 from beamsim.flow.state_tables import pad
@@ -111,25 +112,20 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
     """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
 
     The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
-    segment by segment. Motions of few segments, with powers of time, or of states that are not kept, are evaluated at
-    `FEW_TIMES`.
+    segment by segment. Motions of few segments, with powers of time unless their pieces are many, or of states that
+    are not kept, are evaluated at `FEW_TIMES`.
     """
     flow, count = trajectory.flow, trajectory.time.size
-    if count < LEAST_SEGMENTS or flow.dropped or any(np.any(state.power > 0) for state in flow.states):
+    powers = any(np.any(state.power > 0) for state in flow.states)
+    if count < LEAST_SEGMENTS or flow.dropped or (powers and not many_pieces(trajectory)):
         return energy_history(trajectory, trajectory.end * FEW_TIMES)
-    from beamsim.flow.integral_kernels import form_integrals
-
-    plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
-    integrals = np.empty((count, 2))
     with np.errstate(over="ignore", invalid="ignore"):
-        rows = max(WORK_A_CALL // plus[0].size, 1)
-        for first in range(0, count, rows):
-            check_stop()
-            part = slice(first, first + rows)
-            form_integrals(
-                flow.tables(), flow.inputs(), plus, minus, trajectory.time[part], trajectory.length[part],
-                trajectory.state[part], trajectory.piece[part], trajectory.y[part], integrals[part],
-            )  # fmt: skip
+        if powers:
+            left, right, weight = power_factors(flow)
+            table = np.concatenate([flow.output_table(left), flow.output_table(right)], axis=2)
+            integrals = trajectory.segment_integrals(table, weight)
+        else:
+            integrals = _form_integrals(trajectory)
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         times = np.append(trajectory.time, trajectory.end)
         y = np.vstack([trajectory.y, trajectory.final_y])
@@ -139,6 +135,24 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         penetration, _ = penetration_of_states(flow.system.contacts, y, moved)
         history = EnergyHistory(sums[:, 1], sums[:, 0], stored_energy(flow, y, penetration, phases))
         return EnergyBalance.of(times, history, float(np.abs(integrals[:, 1]).sum()))
+
+
+def _form_integrals(trajectory: Trajectory) -> Floats:
+    """(S, 2) energy dissipated and supplied on each segment, where no term has a power of time."""
+    from beamsim.flow.integral_kernels import form_integrals
+
+    flow, count = trajectory.flow, trajectory.time.size
+    plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
+    integrals = np.empty((count, 2))
+    rows = max(WORK_A_CALL // plus[0].size, 1)
+    for first in range(0, count, rows):
+        check_stop()
+        part = slice(first, first + rows)
+        form_integrals(
+            flow.tables(), flow.inputs(), plus, minus, trajectory.time[part], trajectory.length[part],
+            trajectory.state[part], trajectory.piece[part], trajectory.y[part], integrals[part],
+        )  # fmt: skip
+    return integrals
 
 
 def _forms(flow: ExactFlow) -> Iterator[tuple[Complexes, Complexes]]:

@@ -1,0 +1,238 @@
+r"""Motions of very many equal pieces (random and sampled inputs), evaluated together.
+
+At one time :math:`\tau` after their start, segments of one contact state differ in their amplitudes :math:`\zeta`
+alone: an output is the same linear function of these on all of them, and the integral of a product of two outputs the
+same quadratic form. A matrix made once replaces exponentials for each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil, comb, perm
+from typing import Protocol
+
+import numpy as np
+
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.stopping import check_stop
+from beamsim.typing import Bools, Complexes, Floats, Ints
+
+MANY_PIECES = 512  # of the inputs
+FEWEST = 64  # segments alike for which a matrix is worth its making
+AT_ONCE = 8192  # segments of one product of matrices, which bounds the memory
+RULE_POINTS, RULE_RADIANS = 20, 10.0  # Gauss-Legendre, and how far the fastest motion turns on a panel: 1e-15
+
+
+class Segments(Protocol):
+    """Segments of closed-form motion in order of time, see `beamsim.flow.trajectory.Trajectory`."""
+
+    @property
+    def flow(self) -> ExactFlow:
+        """Its contact states."""
+
+    @property
+    def end(self) -> float:
+        """s, reached."""
+
+    @property
+    def time(self) -> Floats:
+        """(S,) s, starts."""
+
+    @property
+    def length(self) -> Floats:
+        """(S,) s."""
+
+    @property
+    def state(self) -> Ints:
+        """(S,) contact states."""
+
+    @property
+    def piece(self) -> Ints:
+        """(S,) of the sources."""
+
+    @property
+    def y(self) -> Floats:
+        """(S, N) state at the start."""
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Entries of a list of segments and times after their starts that share contact state and time."""
+
+    state: int
+    tau: float  # s
+    entries: Ints
+
+
+def many_pieces(motion: Segments) -> bool:
+    """Whether a motion has so many pieces that it is worth to look for equal ones."""
+    return not motion.flow.dropped and min(motion.flow.sources.start.size, motion.time.size) >= MANY_PIECES
+
+
+def whole_pieces(motion: Segments, segments: Ints | slice = slice(None)) -> Bools:
+    """Whether segments begin with a piece of the inputs, so that their sources are those of the piece."""
+    return np.asarray(motion.time[segments] == motion.flow.sources.start[motion.piece[segments]])
+
+
+def alike(motion: Segments, segment: Ints, tau: Floats) -> tuple[list[Alike], Ints]:
+    """Entries (segment, time tau after its start) in groups, and the entries that are left.
+
+    Times are equal if they differ by no more than the round-off of the time at the end of the motion.
+    """
+    whole = np.flatnonzero(whole_pieces(motion, segment))
+    state = motion.state[segment[whole]]
+    order = np.lexsort((tau[whole], state))
+    sorted_tau = tau[whole][order]
+    same = (np.diff(state[order]) == 0) & (np.diff(sorted_tau) <= 4.0 * np.finfo(float).eps * motion.end)
+    begin = np.concatenate([[0], np.flatnonzero(~same) + 1]) if whole.size else np.zeros(0, dtype=np.int64)
+    size = np.diff(np.append(begin, whole.size))
+    groups = []
+    for first, count in zip(begin[size >= FEWEST], size[size >= FEWEST], strict=True):
+        part = order[first : first + count]
+        groups.append(Alike(int(state[part[0]]), float(np.mean(tau[whole][part])), np.sort(whole[part])))
+    left = np.ones(segment.size, dtype=bool)
+    for group in groups:
+        left[group.entries] = False
+    return groups, np.flatnonzero(left)
+
+
+def blocks(group: Alike) -> Iterator[Ints]:
+    """The entries of a group, some at a time."""
+    for first in range(0, group.entries.size, AT_ONCE):
+        check_stop()
+        yield group.entries[first : first + AT_ONCE]
+
+
+def amplitudes(motion: Segments, state: int, segments: Ints) -> Complexes:
+    """(n, Z) amplitudes on whole pieces of one contact state: of the inputs, then of the free motions."""
+    flow, tables = motion.flow, motion.flow.states[state]
+    count = flow.sources.count
+    given = flow.sources.amplitude[motion.piece[segments]]
+    forced = np.zeros((count, flow.size), dtype=complex)
+    at_start = (tables.term_source < count) & (tables.power[tables.term_basis] == 0)
+    np.add.at(forced, tables.term_source[at_start], tables.term_vector[at_start])
+    free = motion.y[segments] - (given.real @ forced.real - given.imag @ forced.imag)
+    return np.concatenate([given, free @ tables.projector.T], axis=1)
+
+
+def as_real(zeta: Complexes) -> Floats:
+    """(n, 2 Z) real and imaginary parts in turn."""
+    return np.ascontiguousarray(zeta).view(float)
+
+
+def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
+    r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
+    out = np.zeros((orders, exponent.size), dtype=complex)
+    grown = np.exp(exponent * tau)
+    for b, (lam, p) in enumerate(zip(exponent, power, strict=True)):
+        for order in range(orders):
+            out[order, b] = sum(
+                comb(order, i) * perm(int(p), i) * tau ** (int(p) - i) * lam ** (order - i)
+                for i in range(min(int(p), order) + 1)
+            )
+    return np.asarray(out * grown)
+
+
+def output_map(motion: Segments, state: int, basis: Complexes, table: Complexes) -> Floats:
+    """(2 Z, k) outputs for a unit of each amplitude, see `as_real`.
+
+    Parameters
+    ----------
+    basis : (B,) of the contact state, at one time.
+    table : (T', k) of the contact state's terms, padded.
+    """
+    tables = motion.flow.states[state]
+    of_terms = basis[tables.term_basis, None] * table[: tables.term_basis.size]
+    out = np.zeros((motion.flow.sources.count + tables.projector.shape[0], 2, table.shape[1]))
+    np.add.at(out[:, 0], tables.term_source, of_terms.real)
+    np.add.at(out[:, 1], tables.term_source, -of_terms.imag)
+    return out.reshape(-1, table.shape[1])
+
+
+def _basis(motion: Segments, state: int, tau: float) -> Complexes:
+    tables = motion.flow.states[state]
+    return np.asarray(tau**tables.power * np.exp(tables.exponent * tau))
+
+
+def sample_alike(motion: Segments, times: Floats, table: Complexes, out: Floats) -> Ints:
+    """Outputs at increasing times of which many are alike, into ``out`` (nt, k); returns the numbers of the others."""
+    segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
+    groups, left = alike(motion, segment, times - motion.time[segment])
+    for group in groups:
+        outputs = output_map(motion, group.state, _basis(motion, group.state, group.tau), table[group.state])
+        for part in blocks(group):
+            out[part] = as_real(amplitudes(motion, group.state, segment[part])) @ outputs
+    return left
+
+
+def product_forms(motion: Segments, group: Alike, table: Complexes, weight: Floats) -> Floats:
+    """(Q, 2 Z, 2 Z) integrals from 0 to tau of ``sum_k weight[k, q] left_k right_k`` as forms of the amplitudes.
+
+    ``table`` (S, T, 2 K) holds the left factors, then the right ones.
+    """
+    point, gauss = np.polynomial.legendre.leggauss(RULE_POINTS)
+    turn = group.tau * float(np.abs(motion.flow.states[group.state].exponent).max(initial=0.0))
+    panels = max(ceil(turn / RULE_RADIANS), 1)
+    width, count = group.tau / panels, weight.shape[0]
+    forms: Floats = np.zeros(())
+    for begin in width * np.arange(panels):
+        for at, share in zip(begin + 0.5 * width * (1.0 + point), 0.5 * width * gauss, strict=True):
+            both = output_map(motion, group.state, _basis(motion, group.state, float(at)), table[group.state])
+            left, right = both[:, :count], both[:, count:]
+            forms = forms + np.array([(left * (share * w)) @ right.T for w in weight.T])
+    return forms
+
+
+def integrals_alike(
+    motion: Segments, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats
+) -> Ints:
+    """Integrals from the starts of segments over times tau into ``out`` (n, Q); returns the entries that are left."""
+    groups, left = alike(motion, segment, tau)
+    for group in groups:
+        forms = product_forms(motion, group, table, weight)
+        for part in blocks(group):
+            x = as_real(amplitudes(motion, group.state, segment[part]))
+            for q, form in enumerate(forms):
+                out[part, q] = np.einsum("ni,ni->n", x @ form, x)
+    return left
+
+
+def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: Floats) -> Ints:
+    """Segments that may hold a larger value than ``highest`` (k,), which first rises to the largest one at a start.
+
+    Between two points a function exceeds the straight line by no more than an eighth of the largest curvature times the
+    square of their distance. ``when`` (k,) s follows.
+    """
+    groups, left = alike(motion, np.arange(motion.time.size), motion.length)
+    possible, bounds = [left], [np.full((left.size, highest.size), np.inf)]
+    for group in groups:
+        tables, of_state = motion.flow.states[group.state], table[group.state]
+        first, last = (
+            output_map(motion, group.state, _basis(motion, group.state, tau), of_state) for tau in (0.0, group.tau)
+        )
+        bend = group.tau**2 / 8.0 * _largest_curvature(tables.exponent, tables.power, group.tau)
+        curvature = np.zeros((first.shape[0] // 2, of_state.shape[1]))
+        of_terms = bend[tables.term_basis, None] * np.abs(of_state[: tables.term_basis.size])
+        np.add.at(curvature, tables.term_source, of_terms)
+        for part in blocks(group):
+            zeta = amplitudes(motion, group.state, part)
+            start = as_real(zeta) @ first
+            best = start.argmax(axis=0)
+            reached = start[best, np.arange(best.size)]
+            better = reached > highest
+            highest[better], when[better] = reached[better], motion.time[part[best[better]]]
+            bound = np.maximum(start, as_real(zeta) @ last) + np.abs(zeta) @ curvature
+            higher = np.any(bound > highest, axis=1)
+            possible.append(part[higher])
+            bounds.append(bound[higher])
+    higher = np.any(np.concatenate(bounds) > highest, axis=1)  # than what was reached later
+    return np.sort(np.concatenate(possible)[higher])
+
+
+def _largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:
+    """(B,) bound on the second derivative of every basis function on [0, H]."""
+    size, p = np.abs(exponent), power
+    level = np.exp(np.maximum(exponent.real, 0.0) * H)
+    rest = np.where(p > 1, p * (p - 1.0) * H ** np.maximum(p - 2, 0), 0.0)
+    return np.asarray((size**2 * H**p + 2.0 * p * size * H ** np.maximum(p - 1, 0) + rest) * level)
