@@ -70,6 +70,10 @@ class PeriodicFlow(ABC):
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""
 
+    def states_evenly(self, passage: Passage, count: int) -> Floats:
+        """(count, N) the state at equidistant times of a passage from t = 0, the end left out."""
+        return self.states_at(passage, np.arange(count) * (passage.duration / count))
+
     @abstractmethod
     def with_contacts(self, contacts: Contacts) -> Self:
         """The flow of the same structure with other contacts of as many phases, its states numbered alike."""

@@ -479,19 +479,28 @@ class VariationalFlow(SeriesFlow):
         """(nt, N) the state at increasing times within a passage."""
         from beamsim.flow.march_kernels import sample
 
+        out = np.empty((times.size, self.size))
+        tables, inputs, segments = self._segments(passage)
+        sample(tables, inputs, None, tables.term_vector, *segments, np.ascontiguousarray(times), out)
+        return out
+
+    def states_evenly(self, passage: Passage, count: int) -> Floats:
+        """(count, N) the state at equidistant times of a passage from t = 0, the end left out."""
+        from beamsim.flow.march_kernels import sample_evenly
+
+        out, step = np.empty((count, self.size)), passage.duration / count
+        tables, inputs, segments = self._segments(passage)
+        sample_evenly(tables, inputs, tables.term_vector, *segments, np.arange(count) * step, step, out)
+        return out
+
+    def _segments(self, passage: Passage) -> tuple[Tables, Inputs, tuple[Floats, Ints, Ints, Floats]]:
+        """Tables, sources and segments of a passage as the samplers take them."""
         if self._tables is None:
             self._prepare()
-        out = np.empty((times.size, self.size))
         tables, inputs = self._tables, self._inputs
         if self._resonant:
             tables, inputs = self.by_series().tables(), self.by_series().inputs()
-        table = np.ascontiguousarray(tables.term_vector)
-        piece = np.zeros(passage.time.size, dtype=np.int64)
-        sample(
-            tables, inputs, None, table, passage.time, passage.state, piece, passage.y,
-            np.ascontiguousarray(times), out,
-        )  # fmt: skip
-        return out
+        return tables, inputs, (passage.time, passage.state, np.zeros_like(passage.state), passage.y)
 
 
 @cache

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,10 +36,16 @@ class BaseAcceleration:
     power: float
     reference: float  # rad/s
 
-    def at(self, omega: float, level: float, times: Floats) -> Floats:
-        """(nt,) m/s^2."""
-        amplitude = level * self.phasor * (omega / self.reference) ** self.power
-        return np.asarray((amplitude * np.exp(1j * omega * times)).real)
+    def at(self, motion: SampledMotion) -> Floats:
+        """(nt,) m/s^2 at the times of a motion."""
+        amplitude = motion.level * self.phasor * (motion.omega / self.reference) ** self.power
+        return np.asarray((amplitude * motion.turning(1)).real)
+
+
+@lru_cache(maxsize=64)
+def _circle(turns: int) -> Complexes:
+    """(S,) ``e^{i phi}`` at the equidistant samples of a period in which phi grows by so many turns."""
+    return np.asarray(np.exp(2j * np.pi / SAMPLES * (np.arange(SAMPLES) * turns % SAMPLES)))
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,7 @@ class SampledMotion:
     """States at equidistant times, then at both sides of every contact event."""
 
     omega: float  # rad/s, of the excitation
+    multiple: int  # periods of the excitation in one of the motion
     level: float
     times: Floats  # (S + E,) s, the first S equidistant over a period
     q: Rows  # (k, n) rows -> (S + E, k) their products with the displacement
@@ -54,6 +62,11 @@ class SampledMotion:
     force: Floats  # (S + E, m) N
     contact_share: Floats  # (m,)
     contacts: Contacts
+
+    def turning(self, multiple: int) -> Complexes:
+        """(S + E,) ``e^{i multiple omega t}``."""
+        edges = np.exp(1j * multiple * self.omega * self.times[SAMPLES:])
+        return np.concatenate([_circle(multiple * self.multiple), edges])
 
 
 @dataclass(frozen=True)
@@ -80,14 +93,14 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     here = np.clip(np.searchsorted(passage.time, even, side="right") - 1, 0, passage.time.size - 1)
     inner = np.arange(1, passage.time.size)  # segments that begin with an event
     edge = passage.time[inner]
-    y = np.vstack([flow.states_at(passage, even), passage.y[inner], passage.y[inner]])
+    y = np.vstack([flow.states_evenly(passage, SAMPLES), passage.y[inner], passage.y[inner]])
     times = np.concatenate([even, edge, edge])
     delta, rate = flow.penetration_of(y, times)
     share = passage.length @ contacts.touching(phases) / passage.duration
     each = np.vstack([phases[here], phases[inner - 1], phases[inner]])
     force = contacts.forces(each, delta, rate, y[:, 2 * n :])
     return SampledMotion(
-        flow.omega, flow.level, times, lambda rows: y[:, :n] @ rows.T,
+        flow.omega, problem.multiple, flow.level, times, lambda rows: y[:, :n] @ rows.T,
         lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,
     )  # fmt: skip
 
@@ -136,7 +149,7 @@ def sampled_motion(
     both[edge.size :] = True  # the force just inside; just outside it is zero
     both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)
     force = contacts.forces(np.vstack([closed, both]).astype(np.int64), delta, rate, np.zeros((times.size, 0)))
-    return SampledMotion(omega, level, times, q, v, delta, force, share, contacts)
+    return SampledMotion(omega, round(omega / w), level, times, q, v, delta, force, share, contacts)
 
 
 def measure(
@@ -150,30 +163,32 @@ def measure(
     """Extremes, harmonics (the mean and as many as asked for) and forces of a motion."""
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     x = motion.q(shapes)
-    carried = np.zeros(motion.times.size) if base is None else base.at(motion.omega, motion.level, motion.times)
+    carried = np.zeros(motion.times.size) if base is None else base.at(motion)
     acceleration = _accelerations(system, loads, motion, shapes) + carried[:, None]
-    gap: dict[str, float] = {}
-    stress = None
+    columns = [x, -x, acceleration, -acceleration, motion.force]
     if "gap" in limited:
-        for j, snubber in enumerate(system.snubbers):
-            gap[snubber.name] = float(_top(-motion.penetration[:, j : j + 1])[0])
+        columns.append(-motion.penetration)
     if "bending_stress" in limited and system.stress is not None:
         bending = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
-        stress = float(max(_top(bending).max(), _top(-bending).max()))
+        columns += [bending, -bending]
+    tops = np.split(_top(np.hstack(columns)), np.cumsum([c.shape[1] for c in columns])[:-1])
+    high, below, up, down, force = tops[:5]
+    gap = {snubber.name: float(tops[5][j]) for j, snubber in enumerate(system.snubbers)} if "gap" in limited else {}
+    stress = float(max(tops[-2].max(), tops[-1].max())) if "bending_stress" in limited and system.stress else None
     spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[: harmonics + 1] / SAMPLES
     spectrum[0] *= 0.5
     return MeasuredMotion(
-        _top(x), -_top(-x), spectrum.T, np.maximum(_top(acceleration), _top(-acceleration)),
-        np.maximum(_top(motion.force), 0.0), motion.contact_share, gap, stress,
-    )  # fmt: skip
+        high, -below, spectrum.T, np.maximum(up, down), np.maximum(force, 0.0), motion.contact_share, gap, stress
+    )
 
 
 def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, shapes: Floats) -> Floats:
     """(S + E, probes) from the equation of motion."""
     dynamics, c, cubic = system.dynamics, motion.contacts, system.cubic
     force = loads.at(motion.omega, motion.level)[0]
-    turning = np.exp(1j * np.multiply.outer(motion.times, loads.multiple * motion.omega))
-    load = shapes @ dynamics.constant_load + (turning @ (force @ shapes.T)).real
+    load = np.zeros((motion.times.size, len(shapes))) + shapes @ dynamics.constant_load
+    for multiple, phasor in zip(loads.multiple.tolist(), force @ shapes.T, strict=True):
+        load += np.multiply.outer(motion.turning(multiple), phasor).real
     elastic = motion.q(shapes * dynamics.stiffness) + motion.v(shapes @ dynamics.damping)
     if cubic.count:
         base, _ = loads.base_motion(motion.omega, motion.level, motion.times)
