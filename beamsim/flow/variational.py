@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,20 @@ if TYPE_CHECKING:
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 LIGHT = 1e-4  # damping over frequency of a mode below which resonance takes more than four digits
 RIGID = 1e-13  # of the largest eigenvalue: a rigid-body mode that stays one
+
+
+class ExponentialTerms(NamedTuple):
+    """Coefficients of the terms that the motion of a passage is made of, in the U contact states which it visits."""
+
+    tables: Tables  # of these states, as far as integrals need them
+    inputs: Inputs
+    state: Ints  # (G,) number among these of each segment's state
+    phases: Ints  # (U, m)
+    velocity: Complexes  # (U, T, n)
+    load: Complexes  # (U, T, n) from outside
+    rate: Complexes  # (U, T, m) of penetration
+    force: Complexes  # (U, T, m) of the contacts
+    base_rate: Complexes  # (U, T, m) velocity of the base at contacts that feel it
 
 
 @dataclass
@@ -492,6 +506,40 @@ class VariationalFlow(SeriesFlow):
         tables, inputs, segments = self._segments(passage)
         sample_evenly(tables, inputs, tables.term_vector, *segments, np.arange(count) * step, step, out)
         return out
+
+    def exponential_terms(self, passage: Passage) -> ExponentialTerms | None:
+        """The terms of a passage's motion; None where some have powers of time."""
+        if self._tables is None:
+            self._prepare()
+        t, n, contacts = self._tables, self.system.size, self.system.contacts
+        used, state = np.unique(passage.state, return_inverse=True)
+        if self._resonant or np.any(t.power[used]):
+            return None
+        source, vector = t.term_source[used], t.term_vector[used]
+        load = np.zeros((used.size, vector.shape[1], n), dtype=complex)
+        base = np.zeros((used.size, vector.shape[1], contacts.count), dtype=complex)
+        base_rate = np.zeros_like(base)
+        constant = np.arange(used.size), np.argmax(source == 0, axis=1)
+        load[constant] = self.system.constant_load
+        force, moved, _, _ = self.loads.at(self.omega, self.level)
+        for h, multiple in enumerate(self.loads.multiple):
+            load[source == 1 + h] = force[h]
+            base[source == 1 + h] = np.where(contacts.on_ground, moved[h], 0.0)
+            base_rate[source == 1 + h] = 1j * multiple * self.omega * np.where(contacts.on_ground, moved[h], 0.0)
+        velocity = vector[:, :, n : 2 * n]
+        penetration = -contacts.sign * (vector[:, :, :n] @ contacts.shape.T + base)
+        penetration[constant] -= contacts.gap
+        rate = -contacts.sign * (velocity @ contacts.shape.T + base_rate)
+        row = contacts.arrays.force[np.arange(contacts.count), t.phase[used]]
+        contact_force = row[:, None, :, 0] * penetration + row[:, None, :, 1] * rate
+        contact_force[constant] += row[:, :, 2]
+        tables = t._replace(
+            n_terms=t.n_terms[used], term_basis=t.term_basis[used], term_source=source, term_vector=vector,
+            exponent=t.exponent[used], power=t.power[used], n_free=t.n_free[used], projector=t.projector[used],
+        )  # fmt: skip
+        return ExponentialTerms(
+            tables, self._inputs, state, t.phase[used], velocity, load, rate, contact_force, base_rate
+        )  # fmt: skip
 
     def _segments(self, passage: Passage) -> tuple[Tables, Inputs, tuple[Floats, Ints, Ints, Floats]]:
         """Tables, sources and segments of a passage as the samplers take them."""

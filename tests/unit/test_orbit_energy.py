@@ -48,15 +48,18 @@ def test_forced_motions_are_in_balance(kind, stop):
     assert result.summary["energy_error"] == max(b.energy_error.max() for b in result.branches)
 
 
-def test_the_closed_form_agrees_and_a_wrong_motion_is_seen():
-    scenario = forced("linear")
+@pytest.mark.parametrize("stop", [{}, {"mounted_on": "ground"}])
+def test_the_closed_forms_agree_with_a_rule_and_a_wrong_motion_is_seen(stop):
+    scenario = forced("linear", stop=stop)
     model = response_model(scenario)
     point = frequency_response(scenario).branches[0]
     flow = model.flow(float(point.frequency_hz[3]), 1.5)
     start = np.concatenate([point.coordinates[3], point.coordinate_velocities[3]])
     passage = flow.carry(start, 1.0 / float(point.frequency_hz[3]))
-    panels = np.ones(passage.time.size, dtype=np.int64)
+    panels = np.full(passage.time.size, 3, dtype=np.int64)
     by_rule = orbit_energy._by_quadrature(flow, passage, panels)
+    terms = flow.exponential_terms(passage)
+    assert by_rule == pytest.approx(orbit_energy._of_exponentials(flow, passage, terms), rel=1e-12)
     assert by_rule == pytest.approx(orbit_energy._in_closed_form(flow, passage), rel=1e-12)
     assert by_rule[1] > 0.0
     assert orbit_energy.energy_error(flow, passage) < 1e-12

@@ -17,6 +17,7 @@ from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
+from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import WORK_A_CALL, Trajectory
@@ -142,7 +143,7 @@ def _form_integrals(trajectory: Trajectory) -> Floats:
     from beamsim.flow.integral_kernels import form_integrals
 
     flow, count = trajectory.flow, trajectory.time.size
-    plus, minus = (pad(list(forms)) for forms in zip(*_forms(flow), strict=True))
+    plus, minus = (pad(list(each)) for each in zip(*_forms(flow), strict=True))
     integrals = np.empty((count, 2))
     rows = max(WORK_A_CALL // plus[0].size, 1)
     for first in range(0, count, rows):
@@ -171,10 +172,8 @@ def _forms(flow: ExactFlow) -> Iterator[tuple[Complexes, Complexes]]:
         if base_rate is not None:
             force = state.coefficients(flow.contact_forces(state.phases), sources)
             supplied.append((-force * flow.system.contacts.sign, state.coefficients(base_rate, sources)))
-        plus = np.array([sum(left @ right.T for left, right in of) for of in (dissipated, supplied)])
-        minus = np.array([sum(left @ right.conj().T for left, right in of) for of in (dissipated, supplied)])
-        once = np.where(np.eye(v.shape[0]), 0.25, 0.5)  # each pair of terms counts once
-        yield once * (plus + plus.transpose(0, 2, 1)), once * (minus + minus.conj().transpose(0, 2, 1))
+        (plus, minus), (plus_in, minus_in) = forms(dissipated), forms(supplied)
+        yield np.array([plus, plus_in]), np.array([minus, minus_in])
 
 
 def _lost(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:

@@ -1,8 +1,9 @@
 """The energy balance of periodic motions: work in = dissipated + change of the stored energy, over a period.
 
-A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are taken by
-Gauss-Legendre rules on panels that are short against the fastest motion; where these were many (stiff dashpots), in
-closed form (:mod:`beamsim.analyses.run.energy`).
+A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are integrated
+in closed form where the motion is a sum of exponentials. Otherwise Gauss-Legendre rules are taken on panels that are
+short against the fastest motion, or, where these were many (stiff dashpots), the closed form of
+:mod:`beamsim.analyses.run.energy`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.variational import VariationalFlow
+from beamsim.flow.quadratic_forms import forms
+from beamsim.flow.variational import ExponentialTerms, VariationalFlow
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
@@ -40,11 +42,7 @@ def energy_error(flow: PeriodicFlow, passage: Passage) -> float:
     if flow.reversible:
         potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
         return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
-    panels = np.maximum(np.ceil(passage.length * flow.fastest / LONGEST_TURN), 1).astype(np.int64)
-    if isinstance(flow, VariationalFlow) and (panels.sum() > MOST_PANELS or flow.system.contacts.internal_states):
-        work, lost = _in_closed_form(flow, passage)
-    else:
-        work, lost = _by_quadrature(flow, passage, panels)
+    work, lost = _work_and_loss(flow, passage)
     return _relative(abs(work - lost - (stored[-1] - stored[0])), max(float(stored.max()), abs(lost)))
 
 
@@ -86,6 +84,37 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
     if isinstance(flow, SmoothFlow):
         energy += 0.25 * flow.cubic_stretch(y, times) ** 4 @ flow.cubic
     return np.asarray(energy)
+
+
+def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
+    """Work in and dissipated energy over a passage, J."""
+    internal = flow.system.contacts.internal_states
+    if isinstance(flow, VariationalFlow) and not internal:
+        terms = flow.exponential_terms(passage)
+        if terms is not None:
+            return _of_exponentials(flow, passage, terms)
+    panels = np.maximum(np.ceil(passage.length * flow.fastest / LONGEST_TURN), 1).astype(np.int64)
+    if isinstance(flow, VariationalFlow) and (panels.sum() > MOST_PANELS or internal):
+        return _in_closed_form(flow, passage)
+    return _by_quadrature(flow, passage, panels)
+
+
+def _of_exponentials(flow: VariationalFlow, passage: Passage, terms: ExponentialTerms) -> tuple[float, float]:
+    """The same in closed form, of a motion without powers of time."""
+    from beamsim.flow.integral_kernels import form_integrals
+
+    contacts = flow.system.contacts
+    dashpot = contacts.arrays.force[np.arange(contacts.count), terms.phases, 1][:, None]
+    lost = forms([(terms.velocity @ flow.system.damping, terms.velocity), (dashpot * terms.rate, terms.rate)])
+    supplied = forms([(terms.load, terms.velocity), (-terms.force * contacts.sign, terms.base_rate)])
+    plus, minus = (np.stack(each, axis=1) for each in zip(supplied, lost, strict=True))
+    out = np.empty((passage.time.size, 2))
+    form_integrals(
+        terms.tables, terms.inputs, plus, minus, passage.time, passage.length, terms.state,
+        np.zeros_like(passage.state), passage.y, out,
+    )  # fmt: skip
+    work, loss = out.sum(axis=0)
+    return float(work), float(loss)
 
 
 def _in_closed_form(flow: VariationalFlow, passage: Passage) -> tuple[float, float]:

@@ -1,0 +1,23 @@
+"""Sums of products of outputs as quadratic forms of the exponential terms that a motion is made of.
+
+Outputs ``a = Re sum a_i u_i`` and b of the terms ``u_i`` have the product ``a b = Re sum plus_ij u_i u_j + minus_ij u_i
+conj(u_j)`` over pairs i <= j; :func:`beamsim.flow.integral_kernels.form_integrals` integrates such forms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from beamsim.typing import Complexes, Floats
+
+
+def forms(products: Iterable[tuple[Complexes | Floats, Complexes | Floats]]) -> tuple[Complexes, Complexes]:
+    """The two forms (..., T, T) of a sum of products, whose factors are coefficients (..., T, k) of k outputs each."""
+    plus = minus = np.zeros(1)
+    for left, right in products:
+        plus = plus + left @ right.swapaxes(-1, -2)
+        minus = minus + left @ right.conj().swapaxes(-1, -2)
+    once = np.where(np.eye(plus.shape[-1]), 0.25, 0.5)  # each pair of terms counts once
+    return once * (plus + plus.swapaxes(-1, -2)), once * (minus + minus.conj().swapaxes(-1, -2))
