@@ -1,8 +1,8 @@
 """The energy balance of periodic motions: work in = dissipated + change of the stored energy, over a period.
 
-A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are integrated
-in closed form where the motion is a sum of exponentials. Otherwise Gauss-Legendre rules are taken on panels that are
-short against the fastest motion, or, where these were many (stiff dashpots), the closed form of
+A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are
+integrated in closed form where the motion is a sum of exponentials. Otherwise Gauss-Legendre rules are taken on panels
+that are short against the fastest motion, or, where these were many (stiff dashpots), the closed form of
 :mod:`beamsim.analyses.run.energy`.
 """
 
@@ -15,9 +15,9 @@ import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
 from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.variational import ExponentialTerms, VariationalFlow
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
