@@ -72,7 +72,7 @@ class PeriodicFlow(ABC):
 
     def states_evenly(self, passage: Passage, count: int) -> Floats:
         """(count, N) the state at equidistant times of a passage from t = 0, the end left out."""
-        return self.states_at(passage, np.arange(count) * (passage.duration / count))
+        return self.states_at(passage, np.arange(float(count)) * (passage.duration / count))
 
     @abstractmethod
     def with_contacts(self, contacts: Contacts) -> Self:

@@ -10,14 +10,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes
 
 
-def forms(products: Iterable[tuple[Complexes | Floats, Complexes | Floats]]) -> tuple[Complexes, Complexes]:
+def forms(products: Iterable[tuple[Complexes, Complexes]]) -> tuple[Complexes, Complexes]:
     """The two forms (..., T, T) of a sum of products, whose factors are coefficients (..., T, k) of k outputs each."""
-    plus = minus = np.zeros(1)
-    for left, right in products:
-        plus = plus + left @ right.swapaxes(-1, -2)
-        minus = minus + left @ right.conj().swapaxes(-1, -2)
-    once = np.where(np.eye(plus.shape[-1]), 0.25, 0.5)  # each pair of terms counts once
+    left, right = (np.concatenate(factors, axis=-1) for factors in zip(*products, strict=True))
+    plus, minus = left @ right.swapaxes(-1, -2), left @ right.conj().swapaxes(-1, -2)
+    once = np.full(plus.shape[-2:], 0.5)  # each pair of terms counts once
+    np.fill_diagonal(once, 0.25)
     return once * (plus + plus.swapaxes(-1, -2)), once * (minus + minus.conj().swapaxes(-1, -2))
