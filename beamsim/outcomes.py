@@ -39,7 +39,8 @@ class OutcomeCode(Enum):
     """How a computation ended: kind, message and remedy.
 
     A name in braces stands for a number of the outcome; text in brackets is left out if its numbers are not
-    given. ``{place}`` is the number ``parameter`` with its ``name`` and ``unit``.
+    given. ``{place}`` is the number ``parameter`` with its ``name`` and ``unit``, ``{at_level}`` the number ``level``
+    with its ``level_unit``.
     """
 
     # complete
@@ -68,6 +69,11 @@ class OutcomeCode(Enum):
         "stopped[ at {place}] after {points} points: no solution even with the smallest step of {step}",
         "try a smaller step or another starting point",
     )
+    ORBIT_NOT_FINITE = (
+        OutcomeKind.STOPPED,
+        "stopped[ at {place}] after {points} points: beyond it the motion leaves the range of floating-point numbers",
+        "check the size of the loads and stiffnesses",
+    )
     NOT_SMOOTH = (
         OutcomeKind.STOPPED,
         "stopped[ at {place}]: the last {steps} steps together are shorter than the largest step of {step}; the branch "
@@ -91,26 +97,34 @@ class OutcomeCode(Enum):
         "follow a smaller range around it",
     )
     LEFT_RANGE = OutcomeKind.STOPPED, "stopped at {place}, a factor of {ratio:g} from where it started", ""
-    NOT_COVERED = OutcomeKind.STOPPED, "range not covered[ at level {level:.4g}]: {ranges}[ {unit}]", ""
+    NOT_COVERED = OutcomeKind.STOPPED, "range not covered[ at {at_level}]: {ranges}[ {unit}]", ""
     LIMITS_REACHED = (
         OutcomeKind.STOPPED,
-        "limits on the number of points or branches were reached[ at level {level:.4g}][; from {bifurcations} "
+        "limits on the number of points or branches were reached[ at {at_level}][; from {bifurcations} "
         "bifurcations no branch was followed]",
         "raise {limits}",
     )
     SIDE_BRANCHES_CUT = (
         OutcomeKind.NOTED,
-        "coexisting and side branches end at limits on points, branches or time[ at level {level:.4g}][; from "
+        "coexisting and side branches end at limits on points, branches or time[ at {at_level}][; from "
         "{bifurcations} bifurcations no branch was followed]",
         "raise {limits}, or leave these branches out (sweep.side_branches: none)",
     )
     NOT_BRANCHED = (
         OutcomeKind.NOTED,
-        "from {bifurcations} bifurcations no branch was followed[ at level {level:.4g}]: {reason}",
+        "from {bifurcations} bifurcations no branch was followed[ at {at_level}]: {reason}",
         "",
     )
-    NOT_SOUGHT = OutcomeKind.NOTED, "coexisting motions were not sought[ at level {level:.4g}]: {reason}", ""
-    NO_STABLE_MOTION = OutcomeKind.NOTED, "no stable motion found[ at level {level:.4g}]: {ranges}[ {unit}]", ""
+    NOT_SOUGHT = (
+        OutcomeKind.NOTED,
+        "coexisting motions were not sought[ at {at_level}]: {reason}",
+        "",
+    )
+    NO_STABLE_MOTION = (
+        OutcomeKind.NOTED,
+        "no stable motion found[ at {at_level}]: {ranges}[ {unit}]",
+        "",
+    )
     CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not started: the fold is too close to a corner of the curve", ""
 
     # nonlinear modes
@@ -207,7 +221,7 @@ class OutcomeCode(Enum):
     )
     SWEEP_ENERGY_NOT_BALANCED = (
         OutcomeKind.UNTRUSTED,
-        "not reliable: sweeping {direction}[ at level {level:.4g}][ {level_unit}], the energy balance is wrong by "
+        "not reliable: sweeping {direction}[ at {at_level}], the energy balance is wrong by "
         "{error:.2g} of the energy, from {frequency:.6g} Hz on by more than {allowed:g}",
         "sweep a smaller range around it",
     )
@@ -435,6 +449,8 @@ def _filled(template: str, numbers: Mapping[str, Number]) -> str:
     known: dict[str, Number] = dict(numbers)
     if "parameter" in numbers:
         known["place"] = _place(numbers)
+    if "level" in numbers:
+        known["at_level"] = f"level {numbers['level']:.4g} {numbers.get('level_unit', '')}".rstrip()
 
     def optional(part: re.Match[str]) -> str:
         return part[1] if all(known.get(name) not in (None, "", ()) for name in _names(part[1])) else ""

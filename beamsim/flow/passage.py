@@ -23,6 +23,21 @@ class WorkExceeded(ArithmeticError):
     """A passage needed more events or evaluations than allowed (chattering)."""
 
 
+class NotFinite(ArithmeticError):
+    """A passage left the range of floating-point numbers."""
+
+
+def check_finite(y: Floats) -> None:
+    """Refuse a state that is not finite.
+
+    Raises
+    ------
+    NotFinite
+    """
+    if not np.all(np.isfinite(y)):
+        raise NotFinite("the motion leaves the range of floating-point numbers")
+
+
 def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
     """Penetration and its rate, (nt, m) each, of states (nt, N) and the base's displacement and velocity (nt,)."""
     n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape

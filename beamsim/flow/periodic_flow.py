@@ -60,6 +60,7 @@ class PeriodicFlow(ABC):
         Raises
         ------
         WorkExceeded : too many events (chattering).
+        NotFinite : the motion leaves the range of floating-point numbers.
         """
 
     @abstractmethod

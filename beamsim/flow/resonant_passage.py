@@ -26,6 +26,7 @@ from beamsim.flow.passage import (
     Parameter,
     Passage,
     WorkExceeded,
+    check_finite,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.typing import Floats, Ints
@@ -112,6 +113,7 @@ def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, 
         _NumberedAlike(flow, exact), motion, (t + duration,), keep=True, max_events=LARGEST_LOG,
         max_evaluations=MOST_EVALUATIONS,
     )  # fmt: skip
+    check_finite(motion.y)
     log = carried.log
     if not carried.outcome.complete or log is None:
         raise WorkExceeded(carried.outcome.message)

@@ -23,6 +23,7 @@ from beamsim.flow.passage import (
     PeriodicForcing,
     SpringFactor,
     WorkExceeded,
+    check_finite,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.stopping import check_stop
@@ -145,7 +146,8 @@ class SmoothFlow(PeriodicFlow):
             if code != taylor_kernels.FULL or steps >= MOST_STEPS or not np.all(np.isfinite(y)):
                 break
         time, length, touching, states, *event = (np.concatenate(column) for column in zip(*parts, strict=True))
-        if code != taylor_kernels.DONE or not np.all(np.isfinite(y)):
+        check_finite(y)
+        if code != taylor_kernels.DONE:
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
         return Passage(
             start, y, sens[:, :N].copy(), sens[:, N:].copy(), slope, duration,

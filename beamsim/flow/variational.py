@@ -32,6 +32,7 @@ from beamsim.flow.passage import (
     PeriodicForcing,
     StructureDirection,
     WorkExceeded,
+    check_finite,
     moved_system,
 )
 from beamsim.flow.resonant_passage import SeriesFlow, carry_by_series, is_resonant
@@ -217,6 +218,7 @@ class VariationalFlow(SeriesFlow):
             return
         level = self.level
         unit, unit_base, dforce, dbase = self.loads.at(self.omega, 1.0)
+        check_finite(level * unit)
         self._base_derivative[0], self._base_derivative[1] = level * dbase, unit_base
         np.multiply(level, unit_base, out=self._variation.base)
         force_terms(
@@ -327,8 +329,9 @@ class VariationalFlow(SeriesFlow):
             )
         if self._resonant:  # from the start, or since a state that was not known before
             return carry_by_series(self, self.by_series(), start, duration, parameters, t)
-        if not carried.outcome.complete or not np.all(np.isfinite(motion.y)):
-            raise WorkExceeded(carried.outcome.message or "the motion is not finite")
+        check_finite(motion.y)
+        if not carried.outcome.complete:
+            raise WorkExceeded(carried.outcome.message)
         log = carried.log
         assert log is not None
         exact = [p for p in parameters if self._simple or isinstance(p, Frequency | Level)]

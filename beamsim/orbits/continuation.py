@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from beamsim.flow.passage import NotFinite
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
@@ -419,14 +420,12 @@ class Branch:
         for count in range(1, s.most_points):
             new = None
             while new is None:
-                new = self._step(point, before, ds)
+                new, failed = self._step(point, before, ds), ds
                 if new is None:
                     self.rejected += 1
                     ds *= 0.4
                     if ds < s.smallest_step:
-                        self.outcome = Outcome.of(
-                            OutcomeCode.STEP_TOO_SMALL, parameter=point.parameter, points=count, step=s.smallest_step
-                        )
+                        self.outcome = self._stuck(point, failed, count)
                         return
             if not self.low <= new.parameter <= self.high:
                 edge = self.low if new.parameter < self.low else self.high
@@ -452,6 +451,24 @@ class Branch:
                 s.largest_step, ds * float(np.clip((s.wanted_iterations + 0.5) / (point.iterations + 0.5), 0.5, 1.6))
             )
         self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=point.parameter, points=s.most_points)
+
+    def _stuck(self, point: BranchPoint, failed: float, count: int) -> Outcome:
+        """Why even the smallest step, ``failed``, was not possible."""
+        # Newton's method may leave the predictor by some steps
+        if all(self._is_finite(point.u + failed * times * point.tangent * point.scale) for times in (1, 4, 16, 64)):
+            return Outcome.of(
+                OutcomeCode.STEP_TOO_SMALL, parameter=point.parameter, points=count, step=self.settings.smallest_step
+            )
+        return Outcome.of(OutcomeCode.ORBIT_NOT_FINITE, parameter=point.parameter, points=count)
+
+    def _is_finite(self, u: Floats) -> bool:
+        try:
+            R, J, _ = self.problem.residual(u)
+        except NotFinite:
+            return False
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return True
+        return bool(np.all(np.isfinite(R)) and np.all(np.isfinite(J)))
 
     def _step(self, point: BranchPoint, before: BranchPoint | None, ds: float) -> BranchPoint | None:
         s = self.settings

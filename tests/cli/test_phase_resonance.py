@@ -14,6 +14,7 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.app import app
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import OutcomeCode
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm
@@ -48,6 +49,20 @@ def test_predicted_and_found(held):
     assert np.all(np.diff(energy) > 0)
     first, second = result.motions
     assert energy[0] < first.predicted_energy < second.predicted_energy < energy[-1]
+
+
+def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch):
+    for m in held.phase_resonance.motions:
+        assert 0.0 < m.energy_error < 1e-10
+        assert m.curve.energy_error.shape == m.curve.frequency_hz.shape
+        assert m.curve.energy_error.max() < 1e-10
+    levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
+    monkeypatch.setattr(phase_resonance, "energy_error", lambda flow, passage: 3e-5)
+    lost = nnm(load_scenario(BACKBONE, SHORT | levels))
+    assert lost.phase_resonance.outcome.code is OutcomeCode.ORBIT_ENERGY_NOT_BALANCED
+    assert "at level 7.84532 m/s^2" in lost.status
+    assert not lost.outcome.trusted
+    assert lost.phase_resonance.motions[0].found  # and kept
 
 
 def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):

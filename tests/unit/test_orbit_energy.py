@@ -9,6 +9,8 @@ import beamsim
 from beamsim.analyses.response.analysis import frequency_response
 from beamsim.analyses.response.paths import response_model
 from beamsim.analyses.run import orbit_energy
+from beamsim.cli.conclusion import exit_code
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.outcomes import OutcomeCode, OutcomeKind
 from beamsim.scenario import Scenario
 
@@ -85,3 +87,28 @@ def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
     assert result.outcome.code is OutcomeCode.ORBIT_ENERGY_NOT_BALANCED
     assert "Hz" in result.status
     assert result.branches[0].parameter.size > 3
+
+
+@pytest.mark.parametrize("stop", [{}, {"law": "no_tension"}], ids=str)
+def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch, stop):
+    """The base's level becomes NaN above 0.77 Hz: before, the outcome was that of a step too small."""
+    at = PeriodicForcing.at
+
+    def broken(loads, omega, level):
+        return at(loads, omega, np.nan if omega > 2 * np.pi * 0.77 else level)
+
+    monkeypatch.setattr(PeriodicForcing, "at", broken)
+    result = frequency_response(forced("linear", stop=stop))
+    ends = result.outcome.all_of(OutcomeCode.ORBIT_NOT_FINITE)
+    ends += [b.outcome for b in result.branches if b.outcome.code is OutcomeCode.ORBIT_NOT_FINITE]
+    assert ends
+    assert 0.75 < ends[0].numbers["parameter"] <= 0.77
+    assert not result.complete
+    assert exit_code(result.outcome) == 3
+
+
+def test_levels_of_a_continuation_have_their_unit():
+    two = {"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz", "levels": [0.1, 0.2], "most_points": 3}
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8}
+    result = frequency_response(case("linear", excitation=shaken, sweep=two))
+    assert "at level 0.1 m/s^2" in result.status

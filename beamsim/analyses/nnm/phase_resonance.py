@@ -24,6 +24,8 @@ from beamsim.analyses.nnm.result import (
     ResponseAboutResonance,
 )
 from beamsim.analyses.response.paths import periodic_forcing
+from beamsim.analyses.run.energy import LARGEST_ERROR
+from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
@@ -257,6 +259,7 @@ def hold_mode(
         )
     elif missing:
         outcome = Outcome.of(OutcomeCode.NO_PHASE_RESONANCE, levels=missing, unit=unit)
+    outcome = _balanced(outcome, motions, unit)
     return PhaseResonanceResult(
         outcome=outcome,
         quantity=str(excitation.quantity),
@@ -266,6 +269,23 @@ def hold_mode(
         predicted=predicted,
         motions=tuple(motions),
     )
+
+
+def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) -> Outcome:
+    """The outcome, which is not to be trusted where motions at phase resonance, or those about it, lose their
+    balance."""
+    parts = [] if outcome.complete else [outcome]
+    for m in motions:
+        curve = None if m.curve is None else m.curve.energy_error
+        errors = np.append(np.zeros(0) if curve is None else curve, m.energy_error if m.found else 0.0)
+        bad = ~(errors <= LARGEST_ERROR)
+        if np.any(bad):
+            lost = Outcome.of(
+                OutcomeCode.ORBIT_ENERGY_NOT_BALANCED, parameter=m.level, unit=unit, name="level",
+                error=float(errors.max()), points=int(bad.sum()), allowed=LARGEST_ERROR,
+            )  # fmt: skip
+            parts.insert(0, lost)
+    return parts[0].but(*parts[1:]) if parts else outcome
 
 
 def _predicted(held: _Levels, levels: list[float]) -> tuple[PredictedLevels, str]:
@@ -340,6 +360,7 @@ def _resonance(
         floquet_multipliers=orbit.multipliers,
         residual=orbit.residual,
         quadrature=cosine,
+        energy_error=energy_error(*problem.cycle(point)),
         curve=_curve(held, problem, point, span),
     )
 
@@ -416,6 +437,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
         frequency_hz=np.array([p.parameter for p in points]) / (2 * np.pi),
         peak_displacement={name: np.array([row[name] for row in rows]) for name in rows[0]},
         stable=np.array([problem.orbit(p).stable for p in points]),
+        energy_error=np.array([energy_error(*problem.cycle(p)) for p in points]),
     )
 
 

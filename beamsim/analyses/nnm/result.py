@@ -111,6 +111,9 @@ class ResonantMotion:
     quadrature: float = attribute("1", "cosine of the lag between force and deflection")
     curve: ResponseAboutResonance | None = group("curve")
     held: HeldMotion | None = group("held")
+    energy_error: float = attribute(
+        "1", "imbalance of the energies over a period, relative to the energy", default=float("nan")
+    )
 
 
 @declared

@@ -178,6 +178,7 @@ def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
             "frequency_hz": m.frequency_hz,
             "amplitude_m": m.amplitude[result.probe],
             "level_for_amplitude": m.level_for_amplitude,
+            "energy_error": m.energy_error,
             "stable": m.stable,
             "peak_frequency_hz": at,
             "peak_amplitude_m": peak,

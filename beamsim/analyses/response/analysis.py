@@ -100,7 +100,7 @@ def frequency_response(
         outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
     outcome = balanced(outcome, branches, model.followed.unit)
     overlay = {}
-    left = [f"level {level:.4g}" for level in levels[len(outcomes) :]]
+    left = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None and stop():
         left.append("sweep.overlay")
     elif settings.overlay is not None:
@@ -193,7 +193,9 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     """What was not reached and why, and where no stable motion was found."""
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
-    of = {} if level is None else {"level": level}
+    of: dict[str, Any] = {}
+    if level is not None:
+        of = {"level": level, "level_unit": model.scenario.level_unit}
 
     def ranges(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
         return [(float(f.outward(a)), float(f.outward(b))) for a, b in stretches]
