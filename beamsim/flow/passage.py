@@ -27,8 +27,8 @@ class NotFinite(ArithmeticError):
     """A passage left the range of floating-point numbers."""
 
 
-def check_finite(y: Floats) -> None:
-    """Refuse a state that is not finite.
+def check_finite(y: Floats | Complexes) -> None:
+    """Refuse a state, or loads, that are not finite.
 
     Raises
     ------

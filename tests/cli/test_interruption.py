@@ -81,7 +81,7 @@ def test_a_response_keeps_the_points_it_has(response, points):
 def test_what_was_not_begun_is_named():
     request = After(2)
     part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
-    assert part.status.startswith("interrupted; not started: level 0.2, level 0.3")
+    assert part.status.startswith("interrupted; not started: level 0.2 N, level 0.3 N")
     scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
     points = nnm(scenario).backbone.parameter.size
     request = After(points)
