@@ -431,6 +431,35 @@ def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-d
 
 
 @inner
+def _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend):  # type: ignore[no-untyped-def]
+    """Whether functions with high powers of time stay positive on [0, H], by value, slope and curvature at its start.
+
+    `_evaluate` looks ahead of such functions no further than twice the present time; most pieces of a random or sampled
+    input need no look beyond this one. ``largest`` and ``bend`` (B,) are room.
+    """
+    high = False
+    for b in range(nb):
+        high = high or power[b] > 2
+    if not high:
+        return False
+    _bounds(exponent, power, nb, H, largest, bend)
+    for j in range(least.size):
+        value, slope, bound, total = 0.0, 0.0, 0.0, 0.0
+        for b in range(nb):
+            g = gamma[b, j]
+            if power[b] == 0:
+                value += g.real
+                slope += exponent[b].real * g.real - exponent[b].imag * g.imag
+                total += size[b, j]
+            elif power[b] == 1:
+                slope += g.real
+            bound += size[b, j] * bend[b]
+        if value <= 2.0 * max(least[j], 8.0 * EPS * total) or _safe_step(value, slope, bound) < H:
+            return False
+    return True
+
+
+@inner
 def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def]
     """Whether value + rate t + curve t^2 / 2 stays below ``highest`` on [0, H]."""
     return value < highest and _safe_step(highest - value, -rate, curve) >= H

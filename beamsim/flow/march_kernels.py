@@ -13,6 +13,7 @@ import numpy as np
 
 from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import (
+    _clear_ahead,
     _coefficients,
     _combine,
     _crossing,
@@ -70,6 +71,7 @@ def march(  # type: ignore[no-untyped-def]
     out = np.zeros((4, most))
     all_least = np.zeros(most)
     all_floors = np.zeros(most)
+    largest, bend = np.zeros(B), np.zeros(B)
     response = make_response(swept, tables, y.size)
     forced_size = np.zeros((most, 0)) if swept is None else response.watch_size
     used = 0
@@ -129,7 +131,11 @@ def march(  # type: ignore[no-untyped-def]
             for j in range(floors.size):
                 floors[j] = 0.0
             most_here = n_eval + most_evaluations
-            while guards > 0:
+            clear = False
+            if swept is None:
+                clear = guards > 0 and _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend)
+                n_eval += int(clear)
+            while guards > 0 and not clear:
                 reach = _evaluate(exponent, power, nb, guards, gamma, size, tau, H, out)
                 if swept is not None:
                     add_watched(response, used, omega, tau, reach, guards, out)

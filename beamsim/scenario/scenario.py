@@ -242,7 +242,8 @@ class Scenario(Schema):
         """Fill in a sample rate: 100 samples a period of the excitation, more if the structure or a short run needs it.
 
         With a single frequency the samples of a period are a whole number, so that spectra of whole periods
-        have no leakage. Long runs at high frequency are sampled down to 20 a period.
+        have no leakage. Long runs at high frequency are sampled down to 20 a period. A random input has 10 samples, or
+        a multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
         """
         run = self.run
         if run is None or run.sample_rate is not None:
@@ -250,10 +251,11 @@ class Scenario(Schema):
         try:
             highest = self.excitation.highest_frequency_hz
             rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
-            rate = max(100.0 * highest, 50.0 * rough, 2000.0 / run.duration)
-            rate = min(rate, max(MANY_SAMPLES / run.duration, 20.0 * highest))
-            tones = self.excitation.frequencies_hz
-            rate = _whole_multiple(rate, tones[0]) if len(tones) == 1 else _round_number(rate)
+            random = self.excitation.kind == "random"
+            rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / run.duration)
+            rate = min(rate, max(MANY_SAMPLES / run.duration, (10.0 if random else 20.0) * highest))
+            units = (10.0 * highest,) if random else self.excitation.frequencies_hz
+            rate = _whole_multiple(rate, units[0]) if len(units) == 1 else _round_number(rate)
         except (UnknownValueError, ArithmeticError, ValueError):  # what is wrong is reported where it is
             return
         self.resolve("run", run.model_copy(update={"sample_rate": rate}))

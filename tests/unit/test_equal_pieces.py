@@ -57,6 +57,11 @@ def some_times() -> np.ndarray:
     return np.sort(np.concatenate([even, np.random.default_rng(2).uniform(0.0, DURATION, 100)]))
 
 
+def test_most_pieces_take_one_look_for_contact(motion):
+    """High powers of time are no reason to approach the end of a short piece in steps that double."""
+    assert motion[0].evaluations < 1.5 * motion[0].time.size
+
+
 def test_samples(motion, one_by_one):
     trajectory, groups = motion
     together = trajectory.sample(some_times(), groups)

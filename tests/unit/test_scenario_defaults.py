@@ -126,6 +126,15 @@ def test_a_long_run_at_high_frequency_is_sampled_less():
         load_scenario(text.replace("1 s}", "1000 s}"))
 
 
+@pytest.mark.parametrize(
+    ("highest", "duration", "rate"), [(2000, "1 s", 20e3), (2000, "600 s", 20e3), (300, "0.2 s", 12e3)]
+)
+def test_a_random_input_is_sampled_where_the_pieces_of_its_spline_begin(highest, duration, rate):
+    psd = f"psd: [{{frequency: 20, density: 1}}, {{frequency: {highest}, density: 1}}]"
+    text = BEAM + f"excitation: {{kind: random, applied_to: base, {psd}}}\nrun: {{duration: {duration}}}\n"
+    assert load_scenario(text).run.sample_rate == pytest.approx(rate)
+
+
 def test_a_short_run_gets_enough_samples():
     assert load_scenario(CHAIN + "run: {duration: 1 ms}\n").run.sample_rate == 2e6
 
