@@ -46,10 +46,24 @@ def _is_regular(figure: Figure) -> bool:
 
 
 def _fit(figure: Figure, renderer: Any) -> None:
-    """Panels of one size between the margins that the labels of each row and column need."""
+    """Panels of one size between the margins that the labels of each row and column need.
+
+    Where a panel gets other ticks in its new size, whose labels may be wider, the margins are measured once more.
+    """
+    figure.subplots_adjust(**FIRST_GUESS)
+    ticks = _ticks(figure)
+    _place(figure, renderer)
+    if _ticks(figure) != ticks:
+        _place(figure, renderer)
+
+
+def _ticks(figure: Figure) -> list[list[float]]:
+    return [axis.get_majorticklocs().tolist() for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
+
+
+def _place(figure: Figure, renderer: Any) -> None:
     cells: list[Any] = [ax.get_subplotspec() for ax in figure.axes]
     rows, columns = cells[0].get_gridspec().get_geometry()
-    figure.subplots_adjust(**FIRST_GUESS)
     left, right, bottom, top = np.zeros(columns), np.zeros(columns), np.zeros(rows), np.zeros(rows)
     for ax, cell in zip(figure.axes, cells, strict=True):
         if ax.get_visible():

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 
 
 def plot_density(response: RandomResponse, ax: Axes) -> Axes:
@@ -30,7 +31,7 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
     if top > 0:
         ax.set_ylim(top * 1e-8, top * 3)
-    finish(ax, "Frequency (Hz)", f"Spectral density of {quantity.replace('_', ' ')} ({'g²' if on_base else 'm²'}/Hz)")
+    finish(ax, "Frequency (Hz)", "Acceleration density (g²/Hz)" if on_base else "Displacement density (m²/Hz)")
     legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "signals")
     return ax
 
@@ -38,7 +39,7 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
 def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
     """Magnitude of response over input, shown where the input has power."""
     power = response.input.density
-    shown = power > 1e-6 * power.max()
+    shown = (power > POWER_SHOWN * power.max()) & (response.frequency_hz > 0.0)
     for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):
         ax.plot(response.frequency_hz[shown], np.abs(value[shown]), label=name, **curve_style(k))
     ax.set_xscale("log")

@@ -27,6 +27,7 @@ MOST_DOUBTS = 4  # named in a plot
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
+CONTENT_DB = 40.0  # below the highest point of a broadband spectrum, down to which it is shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
 _FREE, _CLOSED = "0.45", "#d1495b"
@@ -109,7 +110,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
             label=DOUBTFUL_LINES if doubtful else "_nolegend_",
         )  # fmt: skip
     if spectra:
-        ax.set_xlim(0.0, _highest_shown(spectra, forced))
+        ax.set_xlim(0.0, _highest_shown(spectra, forced, broadband=result.random is not None))
         top = max(float(np.max(s.amplitude_db)) for s in spectra)
         bottom = min(float(np.percentile(s.amplitude_db, 5)) for s in spectra)
         ax.set_ylim(min(max(top - DEEPEST_DB, bottom), top - 40.0), top + 6.0)
@@ -306,7 +307,7 @@ def _last_part(result: RunResult) -> float:
     return max(begin, end - length)
 
 
-def _highest_shown(spectra: Sequence[Spectrum], forced: bool) -> float:
+def _highest_shown(spectra: Sequence[Spectrum], forced: bool, broadband: bool) -> float:
     unit = spectra[0].excitation_hz if forced else 1.0
     end = float(spectra[0].frequency_hz[-1]) / unit
     strong = [
@@ -317,8 +318,15 @@ def _highest_shown(spectra: Sequence[Spectrum], forced: bool) -> float:
     ]
     chosen = max((line.frequency_hz / unit for s in spectra for line in s.lines if line.kind == "chosen"), default=0.0)
     limit = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=end)
+    if broadband:  # the content is not in lines alone
+        limit = max(limit, *(float(s.frequency_hz[_content(s)]) / unit for s in spectra))
     limit = max(limit, 1.05 * chosen)
     return min(limit, end) or 1.0
+
+
+def _content(s: Spectrum) -> int:
+    """The last point of a spectrum less than `CONTENT_DB` below its highest."""
+    return int(np.flatnonzero(s.amplitude_db > np.max(s.amplitude_db) - CONTENT_DB)[-1])
 
 
 def _place(result: RunResult, at: str | None) -> SnubberHistory | ProbeHistory:

@@ -3,6 +3,7 @@
 import math
 import os
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from beamsim.errors import ResultFileError
+from beamsim.fields import changed
 from beamsim.plots import run as plots
 from beamsim.plots.layout import lay_out
 from beamsim.plots.png import write_png
@@ -118,6 +120,17 @@ def test_every_panel_is_measured_once_and_drawn_once(fabricated_run, tmp_path, m
     assert {name for name, _ in counts} == {"draw", "get_tightbbox"}
 
 
+def test_wider_tick_labels_of_the_final_size_have_room():
+    """A panel may get ticks at 2.5, 5, 7.5 ... where the first guess of its size had them at 5, 10 ..."""
+    figure = Figure(figsize=(8.0, 5.6), layout="constrained", dpi=150)
+    for ax, top in zip(figure.subplots(2, 1), (31.0, 17.3), strict=True):
+        ax.plot([0.0, 1.0], [0.0, top])
+        ax.set_ylabel("Contact force (N)")
+    canvas = FigureCanvasAgg(figure)
+    lay_out(figure, canvas.get_renderer())
+    assert all(ax.get_tightbbox(canvas.get_renderer()).x0 >= 0.0 for ax in figure.axes)
+
+
 @pytest.mark.parametrize("how", [{}, {"snubbers": tuple("abcdefgh")}, {"chain": True}])
 def test_labels_lie_in_the_figure_and_panels_do_not_overlap(how, fabricated_run):
     for figure in plots.run_figures(fabricated_run(**how)).values():
@@ -180,3 +193,14 @@ def test_thinning_keeps_the_extremes():
     assert (few_x.max(), few_x.min(), few_x[-1]) == (5.0, -7.0, 1.0)
     assert few_t[few_x.argmax()] == 123_457
     assert thinned(time[:100], x[:100])[0].size == 100
+
+
+def test_a_broadband_spectrum_is_shown_as_far_as_it_has_content(fabricated_run):
+    """Not only up to its highest line: a random response has power where it has no line."""
+    result = fabricated_run(frequency=math.nan)
+    s = next(iter(result.spectra.values()))
+    level = np.where(s.frequency_hz < 0.5 * s.frequency_hz[-1], -20.0, -90.0)
+    line = replace(s.lines[0], kind="other", frequency_hz=1.0, amplitude_db=-10.0)
+    broad = [changed(x, amplitude_db=level, lines=(line,)) for x in result.spectra.values()]
+    assert plots._highest_shown(broad, forced=False, broadband=False) == 1.5
+    assert plots._highest_shown(broad, forced=False, broadband=True) == s.frequency_hz[level > -60.0][-1]

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import beamsim
 from beamsim.analyses.run.random_response import rms_interval
 from beamsim.analyses.sweep.linear_response import transfer
 from beamsim.cli.report import table_rows
 from beamsim.inputs.random_input import noise
+from beamsim.plots.layout import lay_out
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_run
@@ -82,7 +84,12 @@ def test_the_statistics_are_stored_and_drawn(result, tmp_path):
     for a, b in zip((stored.input, *stored.signals), (result.random.input, *result.random.signals), strict=True):
         assert (a.name, a.quantity, a.rms, a.kurtosis) == (b.name, b.quantity, b.rms, b.kurtosis)
         np.testing.assert_array_equal(a.density, b.density)
-    assert "random" in run_figures(result)
+    figure = run_figures(result)["random"]
+    canvas = FigureCanvasAgg(figure)
+    lay_out(figure, canvas.get_renderer())
+    for label in (ax.yaxis.label.get_window_extent(canvas.get_renderer()) for ax in figure.axes):
+        assert label.y0 >= 0.0
+        assert label.y1 <= figure.bbox.y1
     assert "mass absolute_acceleration" in result.summary["random"]
 
 
