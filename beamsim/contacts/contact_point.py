@@ -34,7 +34,7 @@ def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPo
         modes = natural_modes(model)
         omega, vectors = modes.omega, modes.vectors
     else:
-        patterns = [LoadPattern(model.row(loaded), loaded.coordinate) for loaded in model.loaded_sites([site])]
+        patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
         basis = reduce_model(model, patterns, count=requested + _EXTRA_MODES)
         omega, vectors = basis.omega, basis.vectors
     return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
@@ -57,10 +57,11 @@ def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[f
     -------
     (count,) natural frequencies, Hz, and (count, p) deflections at the p positions.
     """
-    model = assemble(scenario, scenario.located_snubber(snubber).bodies)
+    bodies = scenario.located_snubber(snubber).bodies
+    model = assemble(scenario, bodies)
     rigid = model.rigid.shape[1]
     modes = natural_modes(model, count=count + rigid).first(count + rigid)
     frequencies = modes.omega[rigid:] * model.frequency_scale / (2 * np.pi)
     return np.asarray(frequencies), np.asarray(
-        (model.rows([Place(model.name, x) for x in positions]) @ modes.vectors[:, rigid:]).T
+        (model.rows([Place(bodies[0], x) for x in positions]) @ modes.vectors[:, rigid:]).T
     )

@@ -1,4 +1,4 @@
-r"""Springs of a chain other than those of its row, as used by the linear model, statics and the exact flow.
+r"""Springs other than those of a chain's row, as used by the linear model, statics and the exact flow.
 
 With the slope :math:`k_0` about zero stretch x, breakpoints :math:`b_i` and the changes of slope :math:`\Delta_i` at
 them going away from zero, a piecewise-linear force is
@@ -25,6 +25,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
+from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ class SpringInfo:
 
     name: str
     kind: str  # "cubic" or "piecewise_linear"
-    masses: tuple[int, ...]  # the mass that it connects to the ground, or the two masses that it joins
+    places: tuple[str, ...]  # what it connects to the ground, or the two places that it joins, for people
+    masses: tuple[int, ...]  # their numbers where they are masses
     shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
@@ -46,7 +48,7 @@ class SpringInfo:
     @property
     def on_ground(self) -> bool:
         """Whether it depends on the absolute displacement."""
-        return len(self.masses) == 1
+        return len(self.places) == 1
 
     def force(self, stretch: Floats) -> Floats:
         """N, positive where it pulls back a positive stretch (any shape)."""
@@ -64,8 +66,9 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
     """
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
-    for row, (path, _, spring) in zip(shape, springs, strict=True):
-        masses = tuple(sorted(spring.masses)) if hasattr(spring, "masses") else (spring.mass,)
+    for row, (path, body, spring) in zip(shape, springs, strict=True):
+        places = tuple(end.label for end in ends_of(site_of(spring, body)))
+        masses = tuple(place.mass for place in spring.places if place.mass is not None)
         if spring.kind == "cubic":
             numbers = (float(spring.stiffness), 0.0, None)
         else:
@@ -79,7 +82,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             numbers = (0.0, float(spring.slope_at_rest), law)
-        infos.append(SpringInfo(spring.name, spring.kind, masses, row, *numbers))
+        infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, *numbers))
     return tuple(infos)
 
 

@@ -22,8 +22,9 @@ from beamsim.scenario.quantities import (
     MassPerLength,
     Modulus,
     PointMassValue,
-    Position,
+    PositionOrShare,
     SecondMoment,
+    Share,
 )
 
 Support = Literal["clamped", "pinned", "free", "guided"]
@@ -122,8 +123,8 @@ class Supports(Schema):
 class PointMass(Schema):
     """A lumped mass on the beam, such as an accelerometer; a node is placed there."""
 
-    position: Position
-    """Distance from the left end."""
+    position: PositionOrShare
+    """Distance from the left end, or the share of the length: 60 %."""
     mass: PointMassValue
     """The mass; it has no rotary inertia."""
 
@@ -135,6 +136,7 @@ class BeamBody(Body):
     """What beams answer, whatever their bending stiffness was given by."""
 
     body_kind: ClassVar[str] = "beam"
+    has_slope: ClassVar[bool] = True
 
     length: Length
     """Length."""
@@ -196,7 +198,9 @@ class BeamBody(Body):
         return "middle", AtPlace(position=self.length / 2.0)
 
     def on_the_body(self, position: float) -> float:
-        """The position, moved to the end if it is beyond it by round-off only."""
+        """The position, of a share that of the length, moved to the end if it is beyond it by round-off only."""
+        if isinstance(position, Share):
+            return self.length * position
         return self.length if self.length < position <= self.length * (1.0 + 1e-12) else position
 
     def problems(self, where: Path) -> Iterator[Problem]:

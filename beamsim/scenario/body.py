@@ -36,6 +36,9 @@ class Body(Schema):
     if TYPE_CHECKING:
         damping: Any  # every kind of body has its own sort of it
 
+    has_slope: ClassVar[bool] = False
+    """Whether its points turn as well as deflect."""
+
     reduced_by_default: ClassVar[bool] = True
     """Whether it has modes that are left out unless they are asked for."""
 
@@ -81,7 +84,7 @@ class Body(Schema):
         raise NotImplementedError
 
     def on_the_body(self, position: float) -> float:
-        """The position, moved to the end if it is beyond it by round-off only."""
+        """The position in m where it is given as a share; at the end if it is beyond it by round-off only."""
         return position
 
     def holds(self, position: float) -> bool:

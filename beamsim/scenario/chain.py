@@ -12,11 +12,13 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import Path, counted, fail, known, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.names import DEFAULT_NAMES, named
+from beamsim.scenario.names import named
 from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 from beamsim.scenario.snubber import ChainSnubber
 from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring
+
+_NAMED = ("snubbers", "springs_to_ground", "springs_between")
 
 
 class Chain(Body):
@@ -42,7 +44,7 @@ class Chain(Body):
 
     def settle(self) -> None:
         """Check the lengths of the lists; resolve dashpots and names."""
-        for name in DEFAULT_NAMES:
+        for name in _NAMED:
             if known(items := self.__dict__[name]):
                 self.resolve(name, named(items, name))
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots)
@@ -78,7 +80,7 @@ class Chain(Body):
 
     def own_names(self) -> list[tuple[Path, tuple[Any, ...]]]:
         """Snubbers and springs share one set of names."""
-        return [((name,), getattr(self, name)) for name in ("snubbers", "springs_to_ground", "springs_between")]
+        return [((name,), getattr(self, name)) for name in _NAMED]
 
     def default_probe(self) -> tuple[str, AtPlace]:
         """The last mass."""
@@ -86,7 +88,7 @@ class Chain(Body):
 
     def problems(self, where: Path) -> Iterator[Problem]:
         """Snubbers and springs on masses that there are not."""
-        for name in ("snubbers", "springs_to_ground", "springs_between"):
+        for name in _NAMED:
             for index, item in enumerate(getattr(self, name)):
                 for key in ("mass", "between", "masses"):
                     value = getattr(item, key, None)

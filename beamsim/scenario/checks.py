@@ -50,6 +50,12 @@ class _Checked(ScenarioParts, Protocol):
     @property
     def chain(self) -> Body | None: ...
     @property
+    def joints(self) -> tuple[Any, ...]: ...
+    @property
+    def springs_to_ground(self) -> tuple[Any, ...]: ...
+    @property
+    def springs_between(self) -> tuple[Any, ...]: ...
+    @property
     def snubbers(self) -> tuple[Any, ...]: ...
     @property
     def probes(self) -> tuple[Probe, ...]: ...
@@ -58,7 +64,7 @@ class _Checked(ScenarioParts, Protocol):
 def problems(scenario: _Checked) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
     checks = (
-        _structure, _places, _names, _run, _start, _sweep, _identification, _modes, _phase_resonance, _designs,
+        _structure, _places, _joints, _names, _run, _start, _sweep, _identification, _modes, _phase_resonance, _designs,
         _limits,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
@@ -127,16 +133,55 @@ def _place(scenario: _Checked, path: Path, part: Schema) -> Found:
     elif place.position is not None:
         if path[0] == "snubbers" and where == ("chain",):  # see `_structure`
             return
-        what = {"snubbers": "a snubber", "probes": "", "constant_forces": ""}.get(str(path[0]), "a force")
-        yield from body.position_problems(where, (*path, "position"), place.position, what)
+        yield from body.position_problems(
+            where, (*path, "position"), place.position, _SITED.get(str(path[0]), "a force")
+        )
+
+
+_SITED = {
+    "snubbers": "a snubber",
+    "springs_to_ground": "a spring",
+    "springs_between": "a spring",
+    "probes": "",
+    "constant_forces": "",
+    "joints": "",
+}
+"""What sits at places of a section; nothing for what may sit on a support."""
+
+
+def _joints(scenario: _Checked) -> Found:
+    """A rotation acts only between points that turn."""
+    for index, joint in enumerate(scenario.joints):
+        yield from _guarded(_joint(scenario, ("joints", index), joint))
+
+
+def _joint(scenario: _Checked, where: Path, joint: Any) -> Found:
+    for place in joint.places:
+        name = place.body or scenario.default_body
+        body = scenario.all_bodies.get(name)
+        if body is not None and not body.has_slope and joint.turns_against:
+            yield _problem(
+                where,
+                f"acts on the rotation of {name}, but the points of a {body.body_kind} only deflect",
+                "use kind: hinge, or kind: spring with stiffness alone",
+            )
+    if len(joint.places) == 2 and len({place.body or scenario.default_body for place in joint.places}) == 1:
+        name = joint.places[0].body or scenario.default_body
+        if joint.kind != "spring" and scenario.all_bodies[name].has_slope:
+            yield _problem(
+                where, f"joins {name} to itself: the two points would have to deflect alike", "use kind: spring"
+            )
 
 
 def _names(scenario: _Checked) -> Found:
-    shared: list[tuple[Path, Sequence[Any]]] = [(("snubbers",), scenario.snubbers)]
+    shared: list[tuple[Path, Sequence[Any]]] = [
+        ((key,), getattr(scenario, key)) for key in ("snubbers", "springs_to_ground", "springs_between")
+    ]
     for name, body in scenario.all_bodies.items():
         shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]
     yield from _guarded(_unique(shared))
     yield from _guarded(_unique([(("probes",), scenario.probes)]))
+    yield from _guarded(_unique([(("joints",), scenario.joints)]))
 
 
 def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Found:

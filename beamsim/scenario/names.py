@@ -15,7 +15,12 @@ class Named(Schema):
     """Name, unique; made of the kind and a number by default."""
 
 
-DEFAULT_NAMES = {"snubbers": "snubber", "springs_to_ground": "ground_spring", "springs_between": "link_spring"}
+DEFAULT_NAMES = {
+    "snubbers": "snubber",
+    "springs_to_ground": "ground_spring",
+    "springs_between": "link_spring",
+    "joints": "joint",
+}
 """Lists whose items have a name by default: this and their number."""
 
 AnyNamed = TypeVar("AnyNamed", bound=Named)

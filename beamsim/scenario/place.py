@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from beamsim.scenario.base import Path, Schema, fail
-from beamsim.scenario.quantities import Force, MassNumber, Name, Position
+from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare
 
 _REMEDY = "give position: 270 mm on a beam, or mass: 2 on a chain"
 
@@ -14,8 +14,8 @@ _REMEDY = "give position: 270 mm on a beam, or mass: 2 on a chain"
 class PointOfBody(Schema):
     """A point of a body, by its position or the number of a mass."""
 
-    position: Position | None = None
-    """Distance from the left end of the beam."""
+    position: PositionOrShare | None = None
+    """Distance from the left end of the beam, or the share of its length: 60 %."""
     mass: MassNumber | None = None
     """Number of the mass of the chain, from 1."""
 

@@ -94,6 +94,23 @@ class Quantity(FieldType):
         return schema
 
 
+class Share(float):
+    """A share of a length that is not known yet."""
+
+
+@dataclass(frozen=True)
+class PositionType(Quantity):
+    """A length, or a share of the body's length in percent."""
+
+    def read(self, value: Any) -> float:
+        """Return the SI number, or the share."""
+        if isinstance(value, Share):
+            return value
+        if isinstance(value, str) and value.rstrip().endswith("%"):
+            return Share(self.bounded(units.read_quantity(value, units.RATIO)))
+        return super().read(value)
+
+
 class LevelValue(float):
     """An excitation level with the quantity given by its unit (``None`` for a bare number)."""
 
@@ -310,6 +327,7 @@ Ratio = Annotated[float, _not_negative(units.RATIO)]
 Length = Annotated[float, _positive(units.LENGTH)]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
 Position = Annotated[float, _not_negative(replace(units.LENGTH, name="position"))]
+PositionOrShare = Annotated[float, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
 Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
 Area = Annotated[float, _positive(units.AREA)]
 SecondMoment = Annotated[float, _positive(units.SECOND_MOMENT)]
@@ -323,6 +341,8 @@ Stiffness = Annotated[float, _positive(units.STIFFNESS)]
 NonNegativeStiffness = Annotated[float, _not_negative(units.STIFFNESS)]
 CubicStiffness = Annotated[float, Quantity(units.CUBIC_STIFFNESS)]
 Dashpot = Annotated[float, _not_negative(units.DASHPOT)]
+RotationalStiffness = Annotated[float, _not_negative(units.ROTATIONAL_STIFFNESS)]
+RotationalDashpot = Annotated[float, _not_negative(units.ROTATIONAL_DASHPOT)]
 ViscousPerLength = Annotated[float, _not_negative(units.VISCOUS_PER_LENGTH)]
 PerTime = Annotated[float, _not_negative(units.PER_TIME)]
 Duration = Annotated[float, _positive(units.TIME)]

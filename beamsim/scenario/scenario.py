@@ -18,13 +18,15 @@ from beamsim.scenario.chain import Chain
 from beamsim.scenario.designs import Vary
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.joint import AnyJoint
 from beamsim.scenario.limits import Limits
-from beamsim.scenario.names import named
+from beamsim.scenario.names import DEFAULT_NAMES, named
 from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.place import AtPlace, ConstantForce, Probe
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Gravity, Name, Text
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
+from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring
 from beamsim.scenario.sweep import Sweep
 from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
@@ -41,6 +43,12 @@ class Scenario(Schema):
     """The structure, if it is a chain of masses."""
     bodies: dict[Name, AnyBody] = Field(default_factory=dict)
     """The bodies by name, where there are several; beam or chain alone is short for one."""
+    joints: tuple[AnyJoint, ...] = ()
+    """What joins two points of bodies, or a point and the base: rigid, hinge or spring."""
+    springs_to_ground: tuple[PointGroundSpring, ...] = ()
+    """Springs from points of bodies to the ground: linear, cubic, piecewise linear (those of a chain may be in it)."""
+    springs_between: tuple[PointLinkSpring, ...] = ()
+    """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
     snubbers: tuple[AnySnubber, ...] = ()
     """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
     gravity: Gravity = 0.0
@@ -68,8 +76,9 @@ class Scenario(Schema):
 
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""
-        if known(self.snubbers):
-            self.resolve("snubbers", named(self.snubbers, "snubbers"))
+        for name in DEFAULT_NAMES:
+            if known(items := self.__dict__[name]):
+                self.resolve(name, named(items, name))
         self._snap_to_ends()
         if known(self.run, self.excitation, self.beam, self.chain, self.bodies):
             self._choose_sample_rate()
@@ -156,7 +165,15 @@ class Scenario(Schema):
 
     @property
     def located_snubbers(self) -> tuple[Located, ...]:
-        """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies."""
+        """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies.
+
+        Both stops of a pair have its path.
+        """
+        return tuple(located._replace(item=stop) for located in self._written_snubbers for stop in located.item.stops)
+
+    @property
+    def _written_snubbers(self) -> tuple[Located, ...]:
+        """The same with a pair of stops as one."""
         bodies = self.all_bodies
         shared = (Located(("snubbers", k), self.default_body, snubber) for k, snubber in enumerate(self.snubbers))
         of_bodies = (
@@ -172,8 +189,14 @@ class Scenario(Schema):
 
     @property
     def nonlinear_springs(self) -> tuple[Located, ...]:
-        """The nonlinear springs of all bodies, with their paths."""
-        return tuple(
+        """The nonlinear springs of the scenario and of all bodies, with their paths."""
+        shared = tuple(
+            Located((key, index), self.default_body, spring)
+            for key in ("springs_to_ground", "springs_between")
+            for index, spring in enumerate(getattr(self, key))
+            if spring.kind != "linear"
+        )
+        return shared + tuple(
             Located((*self.body_path(name), *path), name, spring)
             for name, body in self.all_bodies.items()
             for path, spring in body.nonlinear_springs()
@@ -199,10 +222,10 @@ class Scenario(Schema):
             return self.probes
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
-        for _, body, snubber in self.located_snubbers:
+        for _, body, snubber in self._written_snubbers:
             if len(snubber.places) == 1:
                 probes[snubber.name] = _on(body if several else None, snubber.places[0])
-        for _, body, snubber in self.located_snubbers:
+        for _, body, snubber in self._written_snubbers:
             for place in snubber.probed_places if len(snubber.places) > 1 else ():
                 probed = _on(body if several else None, place)
                 probes.setdefault(_probe_name(probed), probed)
@@ -230,7 +253,7 @@ class Scenario(Schema):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
-        return (*self._left_out, *doubts(self))
+        return tuple(dict.fromkeys((*self._left_out, *doubts(self))))
 
     def to_yaml(self) -> str:
         """Return the resolved scenario as YAML: SI numbers, defaults filled in; it loads to an equal scenario."""
@@ -275,7 +298,7 @@ class Scenario(Schema):
         if self.bodies:
             self.resolve("bodies", {name: _snapped(body, bodies, name) for name, body in self.bodies.items()})
         default = self.default_body
-        for name in ("snubbers", "constant_forces", "excitation", "probes", "run"):
+        for name in (*DEFAULT_NAMES, "constant_forces", "excitation", "probes", "run"):
             self.resolve(name, _snapped(self.__dict__[name], bodies, default))
 
 
@@ -312,6 +335,6 @@ def _snapped(value: object, bodies: dict[str, Body], default: str) -> object:
         new = _snapped(old, bodies, default)
         if key == "position" and isinstance(old, float) and isinstance(name, str) and name in bodies:
             new = bodies[name].on_the_body(old)
-        if new != old if isinstance(old, float) else new is not old:
+        if (new != old or type(new) is not type(old)) if isinstance(old, float) else new is not old:
             changed[key] = new
     return value.model_copy(update=changed) if changed else value

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, counted, fail
+from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import (
@@ -18,7 +18,7 @@ from beamsim.scenario.quantities import (
     Ratio,
     Stiffness,
 )
-from beamsim.scenario.spring import Pair, check_pair
+from beamsim.scenario.spring import Pair, check_pair, check_places
 
 
 class SnubberRatioDamping(Schema):
@@ -77,6 +77,11 @@ class SnubberBase(Named):
         return self.places
 
     @property
+    def stops(self) -> tuple[Self, ...]:
+        """Itself."""
+        return (self,)
+
+    @property
     def places(self) -> tuple[AtPlace, ...]:
         """The place, or both places, the lower one first."""
         raise NotImplementedError
@@ -87,13 +92,23 @@ class SnubberBase(Named):
         return tuple(() for _ in self.places)
 
 
+_SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")
+
+
 class _Stop(SnubberBase):
     """A snubber mounted on the base or on the ground."""
 
-    side: Literal["below", "above"]
-    """Below resists negative displacements, above positive ones."""
+    side: Literal["below", "above", "both"]
+    """Below resists negative displacements, above positive ones; both is a pair of stops, NAME.above and NAME.below."""
     mounted_on: Literal["base", "ground"] = "base"
     """Base: moves with the base excitation; ground: fixed."""
+
+    @property
+    def stops(self) -> tuple[Self, ...]:
+        """Itself, or both stops of a pair."""
+        if self.side != "both":
+            return (self,)
+        return tuple(self.model_copy(update={"side": side, "name": f"{self.name}.{side}"}) for side in _SIDES)
 
 
 class Snubber(Sited, _Stop):
@@ -115,11 +130,7 @@ class BodySnubber(SnubberBase):
 
     def settle(self) -> None:
         """Demand two different places."""
-        if len(self.between) != 2:
-            remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
-            raise fail(f"names {counted(len(self.between), 'place')}", remedy, ("between",))
-        if self.between[0] == self.between[1]:
-            raise fail("joins a place to itself", "name two different places", ("between",))
+        check_places(self.between)
         super().settle()
 
     @property

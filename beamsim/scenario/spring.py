@@ -1,4 +1,4 @@
-"""Additional springs of a chain: from a mass to the ground, or between any two masses."""
+"""Springs from a point of a body or a mass of a chain to the ground, or between two of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import Field
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_KIND, Schema, counted, fail
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
 
 Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
@@ -65,6 +65,40 @@ class BetweenMasses(Spring):
     def places(self) -> tuple[AtPlace, ...]:
         """Both places, the mass with the lower number first."""
         return tuple(AtPlace(mass=number) for number in sorted(self.masses))
+
+
+class AtPoint(Sited, Spring):
+    """A spring from a point of a body to the ground."""
+
+    def settle(self) -> None:
+        """Demand exactly one place."""
+        Sited.settle(self)
+
+
+class BetweenPoints(Spring):
+    """A spring between points of two bodies or of one."""
+
+    between: Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    """The two places; the stretch is positive when the second moves up from the first."""
+
+    def settle(self) -> None:
+        """Demand two different places."""
+        check_places(self.between)
+        super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Both places."""
+        return self.between
+
+
+def check_places(places: tuple[AtPlace, ...]) -> None:
+    """Reject anything but two different places."""
+    if len(places) != 2:
+        remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
+        raise fail(f"names {counted(len(places), 'place')}", remedy, ("between",))
+    if places[0] == places[1]:
+        raise fail("joins a place to itself", "name two different places", ("between",))
 
 
 class LinearSpring(Schema):
@@ -152,5 +186,31 @@ class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, BetweenMasses):
     """A piecewise-linear spring between two masses."""
 
 
+class LinearPointSpring(LinearSpring, AtPoint):
+    """A linear spring from a point to the fixed ground."""
+
+
+class CubicPointSpring(CubicSpring, AtPoint):
+    """A cubic spring from a point to the fixed ground."""
+
+
+class PiecewiseLinearPointSpring(PiecewiseLinearSpring, AtPoint):
+    """A piecewise-linear spring from a point to the fixed ground."""
+
+
+class LinearSpringBetween(LinearSpring, BetweenPoints):
+    """A linear spring between two points."""
+
+
+class CubicSpringBetween(CubicSpring, BetweenPoints):
+    """A cubic spring between two points."""
+
+
+class PiecewiseLinearSpringBetween(PiecewiseLinearSpring, BetweenPoints):
+    """A piecewise-linear spring between two points."""
+
+
 GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_KIND]
 LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_KIND]
+PointGroundSpring = Annotated[LinearPointSpring | CubicPointSpring | PiecewiseLinearPointSpring, BY_KIND]
+PointLinkSpring = Annotated[LinearSpringBetween | CubicSpringBetween | PiecewiseLinearSpringBetween, BY_KIND]

@@ -57,6 +57,8 @@ MASS_PER_LENGTH = Dimension("mass per length", "kg/m", "3.1 kg/m")
 STIFFNESS = Dimension("stiffness", "N/m", "151.1 kN/m")
 CUBIC_STIFFNESS = Dimension("cubic stiffness", "N/m^3", "0.5 N/m^3", power=2)
 DASHPOT = Dimension("dashpot coefficient", "N s/m", "12 N s/m")
+ROTATIONAL_STIFFNESS = Dimension("rotational stiffness", "N m/rad", "200 N m/rad")
+ROTATIONAL_DASHPOT = Dimension("rotational dashpot coefficient", "N m s/rad", "0.05 N m s/rad")
 VISCOUS_PER_LENGTH = Dimension("viscous coefficient per unit length", "N s/m^2", "3 N s/m^2")
 PER_TIME = Dimension("reciprocal time", "1/s", "2 1/s")
 TIME = Dimension("time", "s", "0.4 s")
@@ -77,6 +79,7 @@ _GRAVITY = re.compile(r"(?<![A-Za-z_µμ])(m?)g(?![A-Za-z_0-9])")
 _OWN_NAMES = re.compile(r"(?<![A-Za-z_µμ])(rev|revs)(?![A-Za-z_0-9])")
 _ANGULAR = frozenset({"radian", "degree", "turn", "revolutions_per_minute", "revolutions_per_second"})
 _ANGULAR_NAMES = _ANGULAR | {"arcminute", "arcsecond", "milliarcsecond", "grade", "mil", "milliradian"}
+_PER_ANGLE = "/rad"
 _RATE = re.compile(r"(oct|octave|octaves|dec|decade|decades)\s*/\s*(s|sec|second|min|minute|h|hour)")
 _SECONDS = {"s": 1, "sec": 1, "second": 1, "min": 60, "minute": 60, "h": 3600, "hour": 3600}
 
@@ -256,7 +259,9 @@ def _common(text: str, dimension: Dimension) -> float | None:
     """`_factor` of a common unit; None for every other."""
     if dimension in (ANGLE, NUMBER):
         return None
-    return common_factor(text, dimension.unit, gravity=dimension.gravity)
+    if dimension.unit.endswith(_PER_ANGLE):
+        text = text.removesuffix(_PER_ANGLE)
+    return common_factor(text, dimension.unit.removesuffix(_PER_ANGLE), gravity=dimension.gravity)
 
 
 @lru_cache(maxsize=1024)
@@ -280,7 +285,7 @@ def _factor(text: str, dimension: Dimension) -> float:
     if dimension is ANGLE:
         if not angular:
             raise wrong
-    elif angular and dimension is not FREQUENCY:
+    elif angular and dimension is not FREQUENCY and not (dimension.unit.endswith(_PER_ANGLE) and _per_angle(units)):
         raise wrong
     if dimension is NUMBER:
         raise wrong
@@ -302,6 +307,11 @@ def _linear_factor(units: Any, target: Any) -> float | None:
 
 def _is_angular(units: Any) -> bool:
     return any(name in _ANGULAR_NAMES or name.endswith(("radian", "degree")) for name in units._units)
+
+
+def _per_angle(units: Any) -> bool:
+    """Whether every angle of a unit is in its denominator, once."""
+    return all(power == -1 for name, power in units._units.items() if name in _ANGULAR_NAMES)
 
 
 def _turn(units: Any) -> float:
@@ -330,6 +340,7 @@ _NAMED = (
     STIFFNESS,
     CUBIC_STIFFNESS,
     DASHPOT,
+    ROTATIONAL_DASHPOT,
     VISCOUS_PER_LENGTH,
     TIME,
     FREQUENCY,

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from beamsim.scenario.base import path_text
 from beamsim.scenario.damping import ModalDamping
 from beamsim.scenario.excitation import HalfSine, Step
+from beamsim.scenario.joint import Joint, points_apart
 from beamsim.scenario.place import ConstantForce, Probe, Sited
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.whole import ScenarioParts
@@ -25,6 +26,9 @@ class _Doubted(ScenarioParts, Protocol):
     constant_forces: tuple[ConstantForce, ...]
     probes: tuple[Probe, ...]
 
+    @property
+    def joints(self) -> tuple[Joint, ...]: ...
+
 
 def doubts(scenario: _Doubted) -> Iterator[str]:
     """Yield a sentence for each questionable value."""
@@ -34,6 +38,11 @@ def doubts(scenario: _Doubted) -> Iterator[str]:
     for name, body in scenario.all_bodies.items():
         yield from _damping(path_text(scenario.body_path(name)), body.damping)
     yield from _snubbers(scenario)
+    for apart in points_apart(scenario.joints, scenario.default_body):
+        yield (
+            f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
+            f"place {apart.through}: it acts as if they were together; check its positions"
+        )
     yield from _idle_forces(scenario)
     yield from _timing(scenario)
     reduction = scenario.reduction

@@ -7,23 +7,51 @@ from typing import TYPE_CHECKING, Any
 
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.chain import assemble_chain
+from beamsim.structures.joined import join
+from beamsim.structures.joints import couplings_of
 from beamsim.structures.places import Site, site_of
-from beamsim.structures.several import assemble_bodies
+from beamsim.structures.several import assemble_side_by_side
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located, Scenario
-    from beamsim.structures.structure import Structure
+    from beamsim.structures.structure import BodyStructure, Coupling, Structure
 
-ASSEMBLE: dict[str, Callable[[Any, str], Structure]] = {"beam": assemble_beam, "chain": assemble_chain}
-"""A line a kind of body."""
+ASSEMBLE: dict[str, Callable[[Any, str, Sequence[float]], BodyStructure]] = {
+    "beam": assemble_beam,
+    "chain": assemble_chain,
+}
+"""A line a kind of body; the third argument is where something joins it."""
 
 
 def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structure:
-    """The structure without snubbers; of several bodies only those with these names, where given."""
+    """The structure without snubbers: bodies that are coupled make one part of it.
+
+    With ``names`` only the parts that hold one of these bodies.
+    """
+    couplings = couplings_of(scenario)
     sections = scenario.all_bodies
-    chosen = list(sections) if names is None else names
-    bodies = [ASSEMBLE[sections[name].body_kind](sections[name], name) for name in chosen]
-    return bodies[0] if len(bodies) == 1 else assemble_bodies(bodies)
+    parts: list[Structure] = []
+    for group in _groups(list(sections), couplings):
+        if names is not None and not set(names) & set(group):
+            continue
+        within = [coupling for coupling in couplings if coupling.ends[0].body in group]
+        bodies = [
+            ASSEMBLE[sections[name].body_kind](
+                sections[name], name, [end.point for coupling in within for end in coupling.ends if end.body == name]
+            )
+            for name in group
+        ]
+        parts.append(join(bodies, within) if within else bodies[0])
+    return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
+
+
+def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[str]]:
+    """The bodies that are coupled to one another, directly or by others, in the order of the scenario."""
+    group = {name: name for name in names}
+    for coupling in couplings:
+        first, last = (group[end.body] for end in (coupling.ends[0], coupling.ends[-1]))
+        group = {name: first if of == last else of for name, of in group.items()}
+    return [[name for name in names if group[name] == label] for label in dict.fromkeys(group.values())]
 
 
 def site_in(scenario: Scenario, item: Any) -> Site:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from beamsim.structures.places import Site
 from beamsim.typing import Floats, Ints
 
 
@@ -12,7 +13,7 @@ class LoadPattern:
     """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
 
     vector: Floats  # (N,) scaled load on the free dofs
-    position: float | None  # of the unit force (m, or mass number); None for the inertia load (gravity)
+    site: Site | None  # of the unit force; None for the inertia load (gravity)
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.beam_fields import largest_deflection, project_polynomial
+from beamsim.structures.beam_fields import PolynomialField, largest_deflection
 from beamsim.structures.beam_model import BeamModel, deflection_row
 from beamsim.structures.beam_sensitivity import beam_sensitivities
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
-from beamsim.structures.places import Site, SpringEnd
+from beamsim.structures.places import Place, Site, SpringEnd
 from beamsim.structures.recovery import beam_recovery
 from beamsim.structures.stations import Recovery
-from beamsim.structures.structure import Path
+from beamsim.structures.structure import MemberBody, Path
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -81,23 +81,26 @@ class BeamStructure(BeamModel):
         """E I / L^3, N/m."""
         return self.beam.bending_stiffness / self.beam.length**3
 
+    @property
+    def stated_damping(self) -> Any:
+        """That of the beam."""
+        return self.beam.damping
+
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""
-        return damping_matrix(self.beam.damping, self, basis, omega)
+        return damping_matrix(self, basis, omega)
 
-    def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
         """Deflection, bending moment and stress along the beam."""
-        return (beam_recovery(self, basis, sites, base_moves),)
+        return beam_recovery(self, member, basis, sites, base_moves)
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), also between the nodes."""
         return largest_deflection(self.mesh, self.whole_field(field))
 
-    def project(self, basis: ReducedBasis, numbers: Sequence[float], quantity: str) -> tuple[Floats, float]:
-        """Coordinates of a polynomial in x (m) from the left end, and the relative error."""
-        q, kinetic, bending = project_polynomial(self, basis, numbers)
-        # A velocity has kinetic energy only; a displacement's error matters in the strain energy too.
-        return q, max(kinetic, bending) if quantity == "displacement" else kinetic
+    def given_field(self, numbers: Sequence[float]) -> PolynomialField:
+        """A polynomial in x (m) from the left end, by its coefficients."""
+        return PolynomialField(self, numbers)
 
     def sensitivities(
         self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
@@ -106,13 +109,14 @@ class BeamStructure(BeamModel):
         return beam_sensitivities(self, path, ends, v, k, squared)
 
 
-def assemble_beam(beam: Beam, name: str = "beam") -> BeamStructure:
+def assemble_beam(beam: Beam, name: str = "beam", nodes: Sequence[float] = ()) -> BeamStructure:
     """Sparse matrices of a beam on its supports (equations: docs/theory.md, section 1).
 
-    Point masses are placed on nodes of their own; consistent mass everywhere else.
+    Point masses are placed on nodes of their own, as is what joins the beam, at ``nodes`` (m); consistent mass
+    everywhere else.
     """
     length = beam.length
-    mesh = build_mesh(beam.elements, [m.position / length for m in beam.point_masses])
+    mesh = build_mesh(beam.elements, [x / length for x in (*(m.position for m in beam.point_masses), *nodes)])
     size = 2 * mesh.nodes.size
     dofs = mesh.dofs
     mass_scale = beam.mass_per_length * length

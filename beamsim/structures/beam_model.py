@@ -11,24 +11,27 @@ import numpy as np
 
 from beamsim.structures.hermite import shape_functions
 from beamsim.structures.mesh import Mesh
-from beamsim.structures.places import Link, Place, Site
-from beamsim.structures.structure import Structure
+from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site, ends_of
+from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Beam
 
 
-def deflection_row(mesh: Mesh, x: float) -> Floats:
-    """(2 nodes,) row that gives the deflection at adimensional x."""
+_DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
+
+
+def deflection_row(mesh: Mesh, x: float, derivative: int = 0) -> Floats:
+    """(2 nodes,) row that gives the deflection at nondimensional x, or its derivative by that."""
     row = np.zeros(2 * mesh.nodes.size)
     element, xi = mesh.locate(x)
-    row[mesh.dofs[element]] = shape_functions(xi, mesh.lengths[element])
+    row[mesh.dofs[element]] = shape_functions(xi, mesh.lengths[element], derivative)
     return row
 
 
 @dataclass(frozen=True)
-class BeamModel(Structure, ABC):
+class BeamModel(BodyStructure, ABC):
     """An Euler-Bernoulli beam in cubic Hermite elements; places are metres from its left end."""
 
     beam: Beam
@@ -48,19 +51,15 @@ class BeamModel(Structure, ABC):
 
     def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
         """Single places: moments are recovered from one point force at a time."""
-        single = [place for s in sites for place in ((s.first, s.second) if isinstance(s, Link) else (s,))]
-        return list(dict.fromkeys(single))
+        return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
 
-    def deflection_row(self, place: Place) -> Floats:
-        """(N,) deflection at a place for a unit of each degree of freedom."""
-        return deflection_row(self.mesh, place.point / self.beam.length)[self.free]
-
-    def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
-        """(k,) deflections of k fields (N, k) at a place, and their slopes (derivatives by x in m)."""
-        field = self.whole_field(vectors)
-        element, xi = self.mesh.locate(place.point / self.beam.length)
-        local, h = field[self.mesh.dofs[element]], self.mesh.lengths[element]
-        return shape_functions(xi, h) @ local, shape_functions(xi, h, 1) @ local / self.beam.length
+    def place_row(self, place: Place) -> Floats:
+        """(N,) deflection or slope at a place for a unit of each degree of freedom."""
+        if place.direction not in _DERIVATIVE:
+            raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
+        derivative = _DERIVATIVE[place.direction]
+        row = deflection_row(self.mesh, place.point / self.beam.length, derivative)[self.free]
+        return row / self.beam.length if derivative else row
 
     def whole_field(self, vectors: Floats) -> Floats:
         """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.scenario.beam import Beam, StiffnessBeam
-from beamsim.structures.places import Place, SpringEnd
+from beamsim.structures.places import SLOPE, Place, SpringEnd
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ def beam_sensitivities(
 
 
 def _deflection_and_slope(structure: BeamModel, v: Floats, position: float) -> tuple[float, float]:
-    w, slope = structure.deflection_and_slope(v[:, None], Place(structure.name, position))
-    return float(w[0]), float(slope[0])
+    place = Place(structure.name, position)
+    return float(structure.row(place) @ v), float(structure.row(replace(place, direction=SLOPE)) @ v)
 
 
 def _properties(beam: BeamBody) -> list[tuple[Path, float, float]]:

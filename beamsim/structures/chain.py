@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.structures.damping import damping_matrix
-from beamsim.structures.places import Place, Site, SpringEnd, site_of
+from beamsim.structures.places import DEFLECTION, Place, Site, SpringEnd, site_of
 from beamsim.structures.stations import MASSES, Recovery
-from beamsim.structures.structure import Path, Structure
+from beamsim.structures.structure import BodyStructure, MemberBody, Path
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -63,7 +63,25 @@ def linear_stiffness(spring: Any) -> float:
 
 
 @dataclass(frozen=True)
-class ChainStructure(Structure):
+class MassField:
+    """Displacements or velocities of the masses."""
+
+    structure: ChainStructure
+    numbers: Floats  # (N,)
+
+    def products(self, vectors: Floats) -> Floats:
+        """(n,) products with fields (N, n) in the scaled mass matrix."""
+        return np.asarray(vectors.T @ (self.structure.mass @ self.numbers))
+
+    def error(self, vectors: Floats, q: Floats, quantity: str) -> float:
+        """Relative error of ``vectors @ q`` in the kinetic norm."""
+        mass, missed = self.structure.mass, self.numbers - vectors @ q
+        norm = float(self.numbers @ (mass @ self.numbers))
+        return float(np.sqrt(float(missed @ (mass @ missed)) / norm)) if norm > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class ChainStructure(BodyStructure):
     """Masses in a row; places are their numbers from 1."""
 
     chain: Chain
@@ -72,39 +90,37 @@ class ChainStructure(Structure):
         """All of them."""
         return self.size
 
-    def deflection_row(self, place: Place) -> Floats:
+    def place_row(self, place: Place) -> Floats:
         """(N,) displacement of a mass for a unit of each degree of freedom."""
+        if place.direction != DEFLECTION:
+            raise ValueError(f"the masses of a chain have no motion {place.direction}")
         return np.asarray(np.eye(self.size)[round(place.point) - 1])
-
-    def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
-        """There is nothing between the masses."""
-        raise ValueError("a chain has no positions between its masses")
 
     def unit_stiffness(self, site: Site) -> float:
         """The stiffest spring of the row, N/m."""
         return max(self.chain.springs)
 
+    @property
+    def stated_damping(self) -> Any:
+        """That of the chain as a whole."""
+        return self.chain.damping
+
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""
-        return damping_matrix(self.chain.damping, self, basis, omega)
+        return damping_matrix(self, basis, omega)
 
-    def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
         """The displacements of all masses."""
-        shapes = basis.vectors * (1 / np.sqrt(self.mass_scale))
-        return (Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes),)
+        shapes = member.field(basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
+        return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute displacement of a mass."""
         return float(np.abs(field).max())
 
-    def project(self, basis: ReducedBasis, numbers: Sequence[float], quantity: str) -> tuple[Floats, float]:
-        """Kinetic (M-orthogonal) projection of one number a mass, and the relative error in the kinetic norm."""
-        field = np.asarray(numbers, dtype=float)
-        q = basis.vectors.T @ (self.mass @ field)
-        error = field - basis.vectors @ q
-        norm = float(field @ (self.mass @ field))
-        relative = np.sqrt(float(error @ (self.mass @ error)) / norm) if norm > 0 else 0.0
-        return q * np.sqrt(self.mass_scale), float(relative)
+    def given_field(self, numbers: Sequence[float]) -> MassField:
+        """One number a mass."""
+        return MassField(self, np.asarray(numbers, dtype=float))
 
     def sensitivities(
         self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
@@ -131,12 +147,12 @@ class ChainStructure(Structure):
         return rates
 
 
-def assemble_chain(chain: Chain, name: str = "chain") -> ChainStructure:
+def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = ()) -> ChainStructure:
     """Matrices of a chain: dashpots and springs between neighbours and walls, and the linear part of all other springs.
 
     The walls move with the base; the ground does not, so under base motion a spring to ground pulls
     with -k d(t) on the relative coordinates (field ``ground``). What is not linear in a spring has no place in this
-    model; see `beamsim.contacts.springs`.
+    model; see `beamsim.contacts.springs`. ``nodes``, where something joins the chain, are masses anyhow.
     """
     from scipy.sparse import csc_array, csr_array
 

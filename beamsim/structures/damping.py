@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import ModalDamping, RayleighDamping, ViscousDamping
     from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import Structure
+    from beamsim.structures.structure import BodyStructure, Structure
 
 
-def damping_matrix(
-    damping: ModalDamping | RayleighDamping | ViscousDamping | None,
-    structure: Structure,
-    basis: ReducedBasis,
-    omega: Floats,
-) -> Floats:
+def damping_matrix(body: BodyStructure, basis: ReducedBasis, omega: Floats) -> Floats:
     """(n, n) symmetric C, 1/s, of one open body.
 
     Parameters
     ----------
-    damping : of the body, from the scenario.
-    structure, basis : the full model (dashpots and viscous damping) and the reduced basis.
+    body, basis : the full model (stated damping, dashpots and viscous damping) and the reduced basis.
     omega : (n,) physical angular frequencies of the coordinates, rad/s.
 
     Notes
@@ -34,19 +27,68 @@ def damping_matrix(
     modes (which are not damped); higher modes and static vectors have the last ratio. Rayleigh:
     alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the physical matrix.
     """
-    c = np.zeros((omega.size, omega.size))
-    if damping is not None and damping.kind == "modal":
-        given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
-        ratio = np.full(omega.size, given[-1])
-        count = min(given.size, basis.modes)
-        ratio[:count] = given[:count]
-        c += np.diag(2 * ratio * omega)
-    elif damping is not None and damping.kind == "rayleigh":
+    damping = body.stated_damping
+    c = np.diag(2 * _modal_ratios(damping, omega.size, basis.modes) * omega)
+    if damping is not None and damping.kind == "rayleigh":
         c += np.diag(damping.mass + damping.stiffness * omega**2)
-    if structure.damping is not None:
-        projected = basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
-        c += (projected + projected.T) / 2
-    return c
+    return c + _of_dashpots(body, basis)
+
+
+def joined_damping(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
+    r"""(n, n) symmetric C, 1/s, of bodies that are joined, each with damping of its own.
+
+    Notes
+    -----
+    Modal ratios are weighted by strain energy: with the strain energy matrix :math:`E_b` of body b in the coordinates
+    (their sum with that of the joints' springs is diag(omega^2)),
+
+    .. math:: C_{ij} = \sum_b 2 \sqrt{\xi_{b,i} \xi_{b,j}}\, (E_b)_{ij} / \sqrt{\omega_i \omega_j},
+
+    so that a mode has the mean of its bodies' ratios, weighted by the share of its strain energy in each (composite
+    modal damping), and equal ratios give that ratio. The sum is positive semidefinite. Ratio i of a list belongs to
+    mode i of the joined structure. Springs of joints are not damped but by their dashpots. Rayleigh damping is that of
+    the body's own matrices.
+    """
+    root = np.sqrt(omega)
+    inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
+    squared = structure.frequency_scale**2
+    ratios = [_modal_ratios(m.body.stated_damping, omega.size, basis.modes) for m in structure.members]
+    # The first body's ratio for everything, then the others' differences: equal ratios leave exact zeros.
+    common = np.sqrt(ratios[0])
+    c = np.diag(2 * ratios[0] * omega)
+    in_springs = np.diag(omega**2)
+    for member, ratio in zip(structure.members, ratios, strict=True):
+        fields = member.field(basis.vectors)
+        bent = np.asarray(member.body.factor @ fields)
+        energy = (bent.T @ bent) * member.stiffness_ratio * squared
+        in_springs -= energy
+        weight = np.outer(np.sqrt(ratio), np.sqrt(ratio)) - np.outer(common, common)
+        c += 2 * weight * energy * np.outer(inverse, inverse)
+        stated = member.body.stated_damping
+        if stated is not None and stated.kind == "rayleigh":
+            c += stated.mass * member.mass_ratio * (fields.T @ (member.body.mass @ fields)) + stated.stiffness * energy
+    if any(coupling.stiffness for coupling in structure.couplings):
+        c -= 2 * np.outer(common, common) * in_springs * np.outer(inverse, inverse)
+    return np.asarray((c + c.T) / 2) + _of_dashpots(structure, basis)
+
+
+def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:
+    """(size,) ratios of the coordinates, the first ``modes`` of which are modes; zeros without modal damping."""
+    if damping is None or damping.kind != "modal":
+        return np.zeros(size)
+    given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
+    ratio = np.full(size, given[-1])
+    count = min(given.size, modes)
+    ratio[:count] = given[:count]
+    return ratio
+
+
+def _of_dashpots(structure: Structure, basis: ReducedBasis) -> Floats | float:
+    """(n, n) projection of the physical damping matrix, 1/s."""
+    if structure.damping is None:
+        return 0.0
+    projected = basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
+    return np.asarray((projected + projected.T) / 2)
 
 
 def damping_ratios(c: Floats, omega: Floats) -> Floats:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
@@ -28,16 +28,15 @@ class Modes:
         return Modes(self.omega[:count], self.vectors[:, :count])
 
 
-def orient(vectors: Floats, deflection_dofs: Ints) -> Floats:
-    """Columns with the sign that makes the last significant deflection (more than a tenth of the largest) positive.
+def orient(vectors: Floats, deflections: Floats) -> Floats:
+    """Columns whose last significant deflection (more than a tenth of the largest) is positive.
 
     The free end of a cantilever then moves up in every mode. A threshold instead of the maximum keeps the sign of
-    symmetric shapes independent of round-off.
+    symmetric shapes independent of round-off. ``deflections`` (d, k) are those of the columns, by station.
     """
-    w = vectors[deflection_dofs]
-    moved = np.abs(w) > 0.1 * np.abs(w).max(axis=0)
-    last = w.shape[0] - 1 - np.argmax(moved[::-1], axis=0)
-    sign = np.where(w[last, np.arange(w.shape[1])] < 0, -1.0, 1.0)
+    moved = np.abs(deflections) > 0.1 * np.abs(deflections).max(axis=0)
+    last = deflections.shape[0] - 1 - np.argmax(moved[::-1], axis=0)
+    sign = np.where(deflections[last, np.arange(vectors.shape[1])] < 0, -1.0, 1.0)
     return np.asarray(vectors * sign)
 
 
@@ -110,7 +109,7 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
     else:
         omega, vectors = np.zeros(0), np.zeros((model.size, 0))
     vectors = np.hstack([model.rigid, vectors])
-    return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflection_dofs))
+    return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflections(vectors)))
 
 
 def _of_parts(model: Structure, count: int | None, below: float | None) -> Modes:

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+DEFLECTION, SLOPE = "z", "slope"
+"""Directions of motion at a place: the deflection, m, and its derivative along the body's axis, rad."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -13,7 +16,7 @@ class Place:
 
     body: str
     point: float  # m along a beam; number of a mass
-    direction: str = "w"
+    direction: str = DEFLECTION
     label: str = field(default="", compare=False)  # for people
 
     @property
@@ -41,6 +44,11 @@ class Link:
 
 
 Site = Place | Link
+
+
+def ends_of(site: Site) -> tuple[Place, ...]:
+    """The place, or both places of a link."""
+    return (site.first, site.second) if isinstance(site, Link) else (site,)
 
 
 @dataclass(frozen=True)

@@ -8,23 +8,29 @@ deflection row s of the spring's point. With the closed structure's mode scaled 
 one linear solve for all parameters. The beam's length follows from the others because k, made
 adimensional, depends on adimensional numbers only.
 
-A spring between two bodies that nothing else joins has :math:`1/k = 1/k_1 + 1/k_2`, with the stiffness
-:math:`k_i` that would give body i alone the frequency.
+A spring between two parts that nothing else joins has :math:`1/k = 1/k_1 + 1/k_2`, with the stiffness
+:math:`k_i` that would give part i alone the frequency.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.scenario.base import walk
+from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.assembly import assemble, snubber_site
-from beamsim.structures.places import spring_ends
+from beamsim.structures.places import SpringEnd, spring_ends
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.structures.structure import Path, Structure
+
+
+_STEP = 1e-5  # relative, of central differences
 
 
 def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> dict[Path, float]:
@@ -34,22 +40,92 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
     length changes.
     """
     contact = scenario.located_snubber(snubber)
-    paths = [(*contact.path, *path) for path in contact.item.place_paths]
-    ends = spring_ends(snubber_site(contact), paths)
-    compliance: dict[str, float] = {}
-    rates: dict[str, dict[Path, float]] = {}
-    for name in contact.bodies:
-        body = assemble(scenario, [name])
-        squared = (omega / body.frequency_scale) ** 2
-        on_body = [end for end in ends if end.place.body == name]
-        row = np.sum([end.sign * body.deflection_row(end.place) for end in on_body], axis=0)
-        if not row.any():  # a support: the body adds no compliance
+    ends = spring_ends(snubber_site(contact), [(*contact.path, *path) for path in contact.item.place_paths])
+    structure = assemble(scenario, contact.bodies)
+    rates: dict[Path, float] = {}
+    total = 0.0
+    for part in [each.structure for each in structure.parts] or [structure]:
+        squared = (omega / part.frequency_scale) ** 2
+        row = _row(part, ends)
+        if not row.any():  # a support: the part adds no compliance
             continue
-        v, k = _mode(body, row, squared)
-        compliance[name] = 1.0 / (k * body.stiffness_scale)
-        rates[name] = body.sensitivities(scenario.body_path(name), on_body, v, k, squared)
-    total = sum(compliance.values())
-    return {path: compliance[name] / total * rate for name, part in rates.items() for path, rate in part.items()}
+        v, k = _mode(part, row, squared)
+        compliance = 1.0 / (k * part.stiffness_scale)
+        total += compliance
+        for member in part.members:
+            body = member.body
+            own = body.sensitivities(
+                scenario.body_path(body.name),
+                _on(ends, [body.name]),
+                member.field(v),
+                k / member.stiffness_ratio,
+                (omega / body.frequency_scale) ** 2,
+            )
+            rates |= {path: compliance * rate for path, rate in own.items()}
+    rates = {path: rate / total for path, rate in rates.items()}
+    if structure.couplings:
+        # Lengths and positions move joints and their slopes: their rates are differences, as are those of joints.
+        geometric = [path for path in rates if path[-1] in ("length", "position")]
+        rates |= {path: _difference(scenario, snubber, omega, path) for path in (*geometric, *_joint_numbers(scenario))}
+    return rates
+
+
+def _on(ends: Sequence[SpringEnd], names: Sequence[str]) -> list[SpringEnd]:
+    return [end for end in ends if end.place.body in names]
+
+
+def _row(part: Structure, ends: Sequence[SpringEnd]) -> Floats:
+    """(N,) stretch of the spring for a unit of each degree of freedom of a part."""
+    on_part = _on(ends, [member.body.name for member in part.members])
+    return np.asarray(sum((end.sign * part.row(end.place) for end in on_part), np.zeros(part.size)))
+
+
+def _joint_numbers(scenario: Scenario) -> list[Path]:
+    """Stiffnesses of joints and of linear springs between points."""
+    return [
+        (section, index, key)
+        for section in ("joints", "springs_to_ground", "springs_between")
+        for index, item in enumerate(getattr(scenario, section))
+        for key in ("stiffness", "rotational_stiffness")
+        if getattr(item, "kind", "") not in ("cubic", "piecewise_linear") and getattr(item, key, 0.0) > 0.0
+    ]
+
+
+def _difference(scenario: Scenario, snubber: str, omega: float, path: Path) -> float:
+    """d ln k / d ln p by a central difference; what sits on a beam's end moves with it."""
+    value = float(value_at(scenario, path))
+    moved = {path: value}
+    if path[-1] == "length":
+        name = next(name for name in scenario.all_bodies if scenario.body_path(name) == path[:-1])
+        moved |= dict.fromkeys(_on_end(scenario, name, value), value)
+    stiffness = [
+        _stiffness(with_values(scenario, {at: x * (1.0 + step) for at, x in moved.items()}), snubber, omega)
+        for step in (_STEP, -_STEP)
+    ]
+    return float(np.log(stiffness[0] / stiffness[1]) / (2 * _STEP))
+
+
+def _on_end(scenario: Scenario, name: str, length: float) -> Iterator[Path]:
+    """Positions on the right end of a beam that belong to the structure or the snubbers."""
+    for path, part in walk(scenario):
+        if path[:1] not in (("joints",), ("springs_to_ground",), ("springs_between",), ("snubbers",), ("bodies",)):
+            continue
+        body = path[1] if path[0] == "bodies" else getattr(part, "body", None) or scenario.default_body
+        if body == name and getattr(part, "position", None) == length:
+            yield (*path, "position")
+
+
+def _stiffness(scenario: Scenario, snubber: str, omega: float) -> float:
+    """The stiffness, N/m, at the snubber that makes omega a natural frequency."""
+    contact = scenario.located_snubber(snubber)
+    ends = spring_ends(snubber_site(contact), [(*contact.path, *path) for path in contact.item.place_paths])
+    structure = assemble(scenario, contact.bodies)
+    compliance = 0.0
+    for part in [each.structure for each in structure.parts] or [structure]:
+        row = _row(part, ends)
+        if row.any():
+            compliance += 1.0 / (_mode(part, row, (omega / part.frequency_scale) ** 2)[1] * part.stiffness_scale)
+    return 1.0 / compliance
 
 
 def _mode(model: Structure, row: Floats, squared: float) -> tuple[Floats, float]:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.structures.basis import LoadPattern
 from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
-from beamsim.structures.places import Link, Site
+from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import ALONG, Recovery
 from beamsim.typing import Floats
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.beam_model import BeamModel
     from beamsim.structures.mesh import Mesh
+    from beamsim.structures.structure import MemberBody
 
 
 def stations(mesh: Mesh, extra: list[float]) -> Floats:
@@ -40,42 +42,54 @@ def deflection_rows(mesh: Mesh, x: Floats, vectors: Floats) -> Floats:
     return np.asarray(np.einsum("xd,xdn->xn", shape, vectors[mesh.dofs[element]]))
 
 
-def beam_recovery(structure: BeamModel, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> Recovery:
-    """Deflection, bending moment and stress along a beam; stations are nodes, element midpoints and the sites."""
-    beam, scale = structure.beam, 1 / np.sqrt(structure.mass_scale)
+def beam_recovery(
+    model: BeamModel, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool
+) -> Recovery:
+    """Deflection, bending moment and stress along a beam; stations are nodes, element midpoints and the sites.
+
+    Parameters
+    ----------
+    model, member : the beam, and how it lies in its structure.
+    basis : reduced coordinates of the whole structure.
+    sites : where forces act on the beam.
+    base_moves : whether the static share of the modes left out is needed.
+    """
+    beam, scale = model.beam, 1 / np.sqrt(member.whole.mass_scale)
     length = beam.length
-    points = [p.point for s in sites for p in ((s.first, s.second) if isinstance(s, Link) else (s,))]
-    x = stations(structure.mesh, [point / length for point in points])
-    moment = moment_rows(structure, basis, x, length)
-    remainder = inertia_remainder(structure, basis, x, moment) if base_moves else np.zeros(x.size)
+    x = stations(model.mesh, [place.point / length for place in sites])
+    moment = moment_rows(model, member, basis, x)
+    remainder = inertia_remainder(model, member, basis, x, moment) if base_moves else np.zeros(x.size)
     return Recovery(
-        body=structure.name,
+        body=model.name,
         axis=ALONG,
         position=x * length,
-        deflection=deflection_rows(structure.mesh, x, structure.whole_field(basis.vectors)) * scale,
+        deflection=deflection_rows(model.mesh, x, model.whole_field(member.field(basis.vectors))) * scale,
         bending_moment=moment * (scale * beam.bending_stiffness / length**2),
         stress_per_moment=beam.stress_per_moment,
-        base_moment=-remainder * (structure.mass_scale * length),
+        base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
     )
 
 
 @dataclass(frozen=True)
 class _Fields:
-    """Columns of displacement with the loads in equilibrium with them, K u = M a + point forces."""
+    """Columns of displacement of a beam with the loads in equilibrium with them, K u = M a + point forces.
+
+    What joints and supports hold acts on nodes, and so on no element.
+    """
 
     displacement: Floats  # (all dofs, c)
     acceleration: Floats  # (all dofs, c)
-    point: Floats  # (patterns, c) unit point forces
+    point: list[tuple[float, Floats]]  # nondimensional place and unit point forces (c,)
 
 
-def moment_rows(model: BeamModel, basis: ReducedBasis, x: Floats, length: float) -> Floats:
+def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
     """(nx, n) scaled moments w'' at nondimensional x, for a unit of each column of the basis.
 
     Parameters
     ----------
-    model, basis : the full beam model and its reduced basis.
+    model, member : the beam, and how it lies in its structure.
+    basis : reduced coordinates of the whole structure.
     x : (nx,) nondimensional stations.
-    length : m, makes the positions of the load patterns nondimensional.
 
     Notes
     -----
@@ -83,16 +97,15 @@ def moment_rows(model: BeamModel, basis: ReducedBasis, x: Floats, length: float)
     mesh does not resolve (with numbers above the number of elements) are then corrected so that the moments of the
     static deflections are exact in this case as well.
     """
-    places = [None if pattern.position is None else pattern.position / length for pattern in basis.patterns]
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
-    moment = _moments(model, x, places, _fields(model, places, basis.vectors, a, basis.pattern))
+    moment = _moments(model, member, x, _fields(model, member, basis.patterns, basis.vectors, a, basis.pattern))
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
-    if basis.modes == model.size and basis.patterns:
-        moment = moment + _static_correction(model, basis, x, places, moment)
+    if basis.modes == member.whole.size and basis.patterns:
+        moment = moment + _static_correction(model, member, basis, x, moment)
     return moment
 
 
-def inertia_remainder(model: BeamModel, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
+def inertia_remainder(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx,) static moment under the uniform inertia load that the reduced basis does not represent, scaled.
 
     Under base motion, moments need many more modes than deflections. The omitted modes respond statically; this is
@@ -102,24 +115,33 @@ def inertia_remainder(model: BeamModel, basis: ReducedBasis, x: Floats, moment: 
     ----------
     moment : (nx, n) moment rows of the basis at x.
     """
-    u = static_deflections(model, model.inertia[:, None])
-    relief = -model.rigid @ (model.rigid.T @ model.inertia[:, None])
-    exact = _moments(model, x, [None], _fields(model, [None], u, relief, np.ones((1, 1))))[:, 0]
+    whole = member.whole
+    u = static_deflections(whole, whole.inertia[:, None])
+    relief = -whole.rigid @ (whole.rigid.T @ whole.inertia[:, None])
+    uniform = (LoadPattern(whole.inertia, None),)
+    exact = _moments(model, member, x, _fields(model, member, uniform, u, relief, np.ones((1, 1))))[:, 0]
     flexible = slice(basis.rigid, None)
-    coordinates = basis.vectors[:, flexible].T @ model.inertia / basis.omega[flexible] ** 2
+    coordinates = basis.vectors[:, flexible].T @ whole.inertia / basis.omega[flexible] ** 2
     return np.asarray(exact - moment[:, flexible] @ coordinates)
 
 
-def _fields(model: BeamModel, places: list[float | None], u: Floats, a: Floats, p: Floats) -> _Fields:
-    """Fields on all dofs; the inertia pattern (place None) becomes a uniform acceleration, supports included."""
-    displacement, acceleration = model.whole_field(u), model.whole_field(a)
-    for place, row in zip(places, p, strict=True):
-        if place is None:
-            acceleration[0::2] += row
-    return _Fields(displacement, acceleration, p)
+def _fields(
+    model: BeamModel, member: MemberBody, patterns: Sequence[LoadPattern], u: Floats, a: Floats, p: Floats
+) -> _Fields:
+    """Fields on all dofs of the beam; an inertia pattern becomes a uniform acceleration, supports included."""
+    inertia = member.mass_ratio / member.stiffness_ratio
+    displacement = model.whole_field(member.field(u))
+    acceleration = model.whole_field(member.field(a)) * inertia
+    point = []
+    for pattern, row in zip(patterns, p, strict=True):
+        if pattern.site is None:
+            acceleration[0::2] += row * inertia
+        elif isinstance(pattern.site, Place) and member.whole.member(pattern.site.body).body is model and row.any():
+            point.append((pattern.site.point / model.beam.length, row / member.stiffness_ratio))
+    return _Fields(displacement, acceleration, point)
 
 
-def _moments(model: BeamModel, x: Floats, places: list[float | None], fields: _Fields) -> Floats:
+def _moments(model: BeamModel, member: MemberBody, x: Floats, fields: _Fields) -> Floats:
     """(nx, c) scaled moments of the fields."""
     mesh = model.mesh
     h, dofs = mesh.lengths, mesh.dofs
@@ -128,9 +150,7 @@ def _moments(model: BeamModel, x: Floats, places: list[float | None], fields: _F
     force -= np.einsum("edc,ecn->edn", mass_matrix(h), a)
     element, xi = mesh.locate(x)
     levers: list[tuple[Floats, Floats]] = []
-    for place, p in zip(places, fields.point, strict=True):
-        if place is None or not p.any():
-            continue
+    for place, p in fields.point:
         at, inside = mesh.locate(place)
         e, within = int(at), float(inside)
         force[e] -= shape_functions(within, h[e])[:, None] * p
@@ -145,18 +165,18 @@ def _moments(model: BeamModel, x: Floats, places: list[float | None], fields: _F
     return np.asarray(moment)
 
 
-def _static_correction(
-    model: BeamModel, basis: ReducedBasis, x: Floats, places: list[float | None], moment: Floats
-) -> Floats:
+def _static_correction(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
+    whole = member.whole
     loads = np.array([pattern.vector for pattern in basis.patterns]).T
-    u = static_deflections(model, loads)
-    relief = -model.rigid @ (model.rigid.T @ loads)
-    exact = _moments(model, x, places, _fields(model, places, u, relief, np.eye(len(places))))
-    coordinates = basis.vectors.T @ (model.mass @ u)
+    u = static_deflections(whole, loads)
+    relief = -whole.rigid @ (whole.rigid.T @ loads)
+    exact = _moments(model, member, x, _fields(model, member, basis.patterns, u, relief, np.eye(len(basis.patterns))))
+    coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates
-    high = slice(min(model.mesh.elements, basis.size - 1), None)
+    resolved = basis.size if whole.most_modes is None else whole.most_modes
+    high = slice(min(resolved, basis.size - 1), None)
     # The part of a motion along the static deflections, by projection in the energy norm.
     static = basis.omega[high, None] * coordinates[high]
     correction = np.zeros_like(moment)

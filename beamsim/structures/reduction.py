@@ -144,10 +144,10 @@ def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern])
     acting = []
     for pattern in patterns:
         vector = pattern.vector[part.dofs]
-        if pattern.position is None:
+        if pattern.site is None:
             acting.append(LoadPattern(part.structure.inertia, None))
         elif np.any(vector):
-            acting.append(LoadPattern(vector, pattern.position))
+            acting.append(LoadPattern(vector, pattern.site))
     return acting
 
 
@@ -222,7 +222,7 @@ def _with_static_vectors(
     static_omega = np.sqrt(
         np.sum(np.asarray(model.factor @ static) ** 2, axis=0) / np.sum(static * (model.mass @ static), axis=0)
     )
-    sign = np.sum(orient(static, model.deflection_dofs) * static, axis=0) / np.sum(static * static, axis=0)
+    sign = np.sum(orient(static, model.deflections(static)) * static, axis=0) / np.sum(static * static, axis=0)
     static, transform = static * sign, transform * sign
 
     size = kept + static.shape[1]

@@ -1,85 +1,99 @@
-"""Several bodies as one structure: block matrices, each block with modes of its own.
+"""Several bodies as one structure: block matrices, each part with modes of its own.
 
-Nothing linear couples the bodies, so the modes, static vectors and modal damping of each are its own, whatever
-frequencies the others have; equal bodies keep modes that belong to one of them each.
+Nothing linear couples the parts, so the modes, static vectors and modal damping of each are its own, whatever
+frequencies the others have; equal parts keep modes that belong to one of them each. A part is a body, or bodies that
+are joined (`beamsim.structures.joined`).
 """
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.places import Link, Place, Site, SpringEnd
+from beamsim.structures.places import Place, Site, ends_of
 from beamsim.structures.stations import Recovery
-from beamsim.structures.structure import Part, Path, Structure
+from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, Structure
 from beamsim.typing import Floats, Ints
 
 
 @dataclass(frozen=True)
-class Assembly(Structure):
-    """Bodies side by side."""
+class SeveralBodies(Structure, ABC):
+    """What follows from the bodies alone, whatever joins them."""
 
-    bodies: tuple[Part, ...]
+    expansions: tuple[tuple[BodyStructure, Any], ...]  # every body, and (N of the body, N) its dofs from those here
 
-    @property
-    def parts(self) -> tuple[Part, ...]:
+    @cached_property
+    def members(self) -> tuple[MemberBody, ...]:
         """The bodies."""
-        return self.bodies
+        return tuple(MemberBody(body, self, expansion) for body, expansion in self.expansions)
 
-    def _part(self, name: str) -> Part:
-        return next(part for part in self.bodies if part.structure.name == name)
+    def deflections(self, vectors: Floats) -> Floats:
+        """Deflections (d,) or (d, k) of all bodies, in order of the stations."""
+        return np.concatenate([member.body.deflections(member.field(vectors)) for member in self.members])
 
     def frequency_count(self, omega: float) -> int:
-        """A bound on the number of modes below the scaled angular frequency omega."""
+        """A bound on the number of modes below the scaled angular frequency omega: what joins bodies raises all."""
         physical = omega * self.frequency_scale
-        return sum(p.structure.frequency_count(physical / p.structure.frequency_scale) for p in self.bodies)
+        return sum(m.body.frequency_count(physical / m.body.frequency_scale) for m in self.members)
 
-    def deflection_row(self, place: Place) -> Floats:
-        """(N,) deflection at a place for a unit of each degree of freedom."""
-        part = self._part(place.body)
-        row = np.zeros(self.size)
-        row[part.dofs] = part.structure.deflection_row(place)
-        return row
+    def place_row(self, place: Place) -> Floats:
+        """(N,) motion at a place in its direction for a unit of each degree of freedom."""
+        member = self.member(place.body)
+        return member.on_whole(member.body.place_row(place))
 
     def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
         """Both ends of a link between two bodies; within a body what that body asks for."""
         loaded: list[Site] = []
         for site in sites:
-            if isinstance(site, Link) and site.first.body != site.second.body:
-                loaded += [site.first, site.second]
-            else:
-                body = site.first.body if isinstance(site, Link) else site.body
-                loaded += self._part(body).structure.loaded_sites([site])
+            bodies = {end.body for end in ends_of(site)}
+            loaded += ends_of(site) if len(bodies) > 1 else self.member(bodies.pop()).body.loaded_sites([site])
         return list(dict.fromkeys(loaded))
-
-    def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
-        """(k,) deflections of k fields (N, k) at a place, and their derivatives by its coordinate."""
-        part = self._part(place.body)
-        return part.structure.deflection_and_slope(vectors[part.dofs], place)
 
     def unit_stiffness(self, site: Site) -> float:
         """That of the body, of a link that of the softer of its two."""
-        ends = (site.first, site.second) if isinstance(site, Link) else (site,)
-        return min(self._part(end.body).structure.unit_stiffness(end) for end in ends)
+        return min(self.member(end.body).body.unit_stiffness(end) for end in ends_of(site))
+
+    def largest_deflection(self, field: Floats) -> float:
+        """Largest absolute deflection of a field (N,)."""
+        return max(member.body.largest_deflection(member.field(field)) for member in self.members)
+
+
+@dataclass(frozen=True)
+class Assembly(SeveralBodies):
+    """Parts side by side."""
+
+    blocks: tuple[Part, ...]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts."""
+        return self.blocks
+
+    @property
+    def couplings(self) -> tuple[Coupling, ...]:
+        """Those within the parts."""
+        return tuple(coupling for part in self.blocks for coupling in part.structure.couplings)
 
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s, body by body."""
+        """(n, n) C of the reduced model, 1/s, part by part."""
         damping = np.zeros((omega.size, omega.size))
-        for part, (reduced, columns) in zip(self.bodies, basis.blocks, strict=True):
+        for part, (reduced, columns) in zip(self.blocks, basis.blocks, strict=True):
             damping[np.ix_(columns, columns)] = part.structure.reduced_damping(reduced, omega[columns])
         return damping
 
     def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
-        """Those of every body, with the sites that are on it."""
+        """Those of every part, with the sites that are on it."""
         recovered: list[Recovery] = []
-        for part, (reduced, columns) in zip(self.bodies, basis.blocks, strict=True):
-            ends = [end for s in sites for end in ((s.first, s.second) if isinstance(s, Link) else (s,))]
-            on_it = [end for end in ends if end.body == part.structure.name]
+        for part, (reduced, columns) in zip(self.blocks, basis.blocks, strict=True):
+            names = {member.body.name for member in part.structure.members}
+            on_it = [end for site in sites for end in ends_of(site) if end.body in names]
             for recovery in part.structure.recoveries(reduced, on_it, base_moves):
                 moment = recovery.bending_moment
                 recovered.append(
@@ -91,20 +105,6 @@ class Assembly(Structure):
                 )
         return tuple(recovered)
 
-    def largest_deflection(self, field: Floats) -> float:
-        """Largest absolute deflection of a field (N,)."""
-        return max(part.structure.largest_deflection(field[part.dofs]) for part in self.bodies)
-
-    def project(self, basis: ReducedBasis, numbers: Sequence[float], quantity: str) -> tuple[Floats, float]:
-        """No list of numbers describes a field of several bodies."""
-        raise ValueError("the shape of several bodies is not given by one list of numbers")
-
-    def sensitivities(
-        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
-    ) -> dict[Path, float]:
-        """Each body is asked for its numbers."""
-        raise ValueError("several bodies have no common path; ask each of them")
-
 
 def _widened(rows: Floats, columns: Ints, size: int) -> Floats:
     """(nx, n) rows of a body in all coordinates."""
@@ -113,40 +113,46 @@ def _widened(rows: Floats, columns: Ints, size: int) -> Floats:
     return wide
 
 
-def assemble_bodies(bodies: Sequence[Structure]) -> Assembly:
-    """Block matrices of several bodies, all with the scales of the heaviest and the stiffest of them."""
-    from scipy.sparse import block_diag
+def assemble_side_by_side(parts: Sequence[Structure]) -> Assembly:
+    """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
+    from scipy.sparse import block_diag, eye_array
 
-    mass_scale = max(body.mass_scale for body in bodies)
-    stiffness_scale = max(body.stiffness_scale for body in bodies)
-    mass_ratio = [body.mass_scale / mass_scale for body in bodies]
-    starts = np.cumsum([0, *(body.size for body in bodies)]).tolist()
+    mass_scale = max(part.mass_scale for part in parts)
+    stiffness_scale = max(part.stiffness_scale for part in parts)
+    mass_ratio = [part.mass_scale / mass_scale for part in parts]
+    starts = np.cumsum([0, *(part.size for part in parts)]).tolist()
     dofs = [slice(start, end) for start, end in pairwise(starts)]
-    factors = [body.factor * np.sqrt(body.stiffness_scale / stiffness_scale) for body in bodies]
+    factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in parts]
     damping = None
-    if any(body.damping is not None for body in bodies):
-        damping = block_diag([_zeros(body) if body.damping is None else body.damping for body in bodies], format="csc")
+    if any(part.damping is not None for part in parts):
+        damping = block_diag([_zeros(part) if part.damping is None else part.damping for part in parts], format="csc")
     rigid = block_diag(
-        [body.rigid / np.sqrt(ratio) for body, ratio in zip(bodies, mass_ratio, strict=True)], format="csr"
+        [part.rigid / np.sqrt(ratio) for part, ratio in zip(parts, mass_ratio, strict=True)], format="csr"
     ).toarray()
+    identity: Any = eye_array(starts[-1], format="csr")
     return Assembly(
         name="",
-        mass=block_diag([body.mass * ratio for body, ratio in zip(bodies, mass_ratio, strict=True)], format="csc"),
+        mass=block_diag([part.mass * ratio for part, ratio in zip(parts, mass_ratio, strict=True)], format="csc"),
         factor=block_diag(factors, format="csr"),
         damping=damping,
-        inertia=np.concatenate([body.inertia * ratio for body, ratio in zip(bodies, mass_ratio, strict=True)]),
-        ground=np.concatenate([body.ground for body in bodies]),
+        inertia=np.concatenate([part.inertia * ratio for part, ratio in zip(parts, mass_ratio, strict=True)]),
+        ground=np.concatenate([part.ground for part in parts]),
         rigid=np.asarray(rigid, dtype=float),
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.concatenate(
-            [body.deflection_dofs + start for body, start in zip(bodies, starts[:-1], strict=True)]
+            [part.deflection_dofs + start for part, start in zip(parts, starts[:-1], strict=True)]
         ),
-        bodies=tuple(Part(body, columns) for body, columns in zip(bodies, dofs, strict=True)),
+        expansions=tuple(
+            (member.body, identity[columns] if member.expansion is None else member.expansion @ identity[columns])
+            for part, columns in zip(parts, dofs, strict=True)
+            for member in part.members
+        ),
+        blocks=tuple(Part(part, columns) for part, columns in zip(parts, dofs, strict=True)),
     )
 
 
-def _zeros(body: Structure) -> Any:
+def _zeros(part: Structure) -> Any:
     from scipy.sparse import csc_array
 
-    return csc_array((body.size, body.size))
+    return csc_array((part.size, part.size))

@@ -9,11 +9,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from beamsim.structures.places import Link, Place, Site, SpringEnd
+from beamsim.structures.places import Link, Place, Site, SpringEnd, ends_of
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -24,11 +24,64 @@ Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """What acts between two places, or a place and the base or the ground, in one direction of motion."""
+
+    name: str  # of the joint or spring
+    site: Site  # a place alone is coupled to the base, or to the ground
+    stiffness: float | None  # N/m or N m/rad; None where nothing moves apart
+    dashpot: float = 0.0  # N s/m or N m s/rad
+    to_ground: bool = False  # which stays where it is when the base moves
+
+    @property
+    def ends(self) -> tuple[Place, ...]:
+        """One place or two."""
+        return ends_of(self.site)
+
+
+class GivenField(Protocol):
+    """A displacement or velocity of a body that is to be met by the coordinates of a reduced model."""
+
+    def products(self, vectors: Floats) -> Floats:
+        """(n,) its products with fields (N, n) of the body in the scaled mass matrix."""
+
+    def error(self, vectors: Floats, q: Floats, quantity: str) -> float:
+        """Relative error of ``vectors @ q`` as a displacement or velocity, in the norm of that quantity."""
+
+
+@dataclass(frozen=True)
 class Part:
-    """One of the bodies of an assembly, and which of the assembly's degrees of freedom are its own."""
+    """A part of a structure that nothing linear couples to the others, and which of the dofs are its own."""
 
     structure: Structure
     dofs: slice
+
+
+@dataclass(frozen=True)
+class MemberBody:
+    """A body, and how its fields follow from those of the structure that it belongs to."""
+
+    body: BodyStructure
+    whole: Structure
+    expansion: Any = None  # (N of the body, N of the whole) sparse; None where the body is the whole structure
+
+    def field(self, vectors: Floats) -> Floats:
+        """Fields (N,) or (N, k) of the whole structure on the dofs of the body."""
+        return vectors if self.expansion is None else np.asarray(self.expansion @ vectors)
+
+    def on_whole(self, row: Floats) -> Floats:
+        """A row (N of the body,) on the dofs of the whole structure."""
+        return row if self.expansion is None else np.asarray(self.expansion.T @ row)
+
+    @property
+    def mass_ratio(self) -> float:
+        """Unit of mass of the body over that of the whole structure."""
+        return self.body.mass_scale / self.whole.mass_scale
+
+    @property
+    def stiffness_ratio(self) -> float:
+        """Unit of stiffness of the body over that of the whole structure."""
+        return self.body.stiffness_scale / self.whole.stiffness_scale
 
 
 @dataclass(frozen=True)
@@ -74,14 +127,33 @@ class Structure(ABC):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Bodies that nothing linear couples, each with its own modes; none for a single body."""
+        """Parts that nothing linear couples, each with its own modes; none where all is coupled."""
         return ()
 
+    @property
+    @abstractmethod
+    def members(self) -> tuple[MemberBody, ...]:
+        """The bodies."""
+
+    @property
+    def couplings(self) -> tuple[Coupling, ...]:
+        """What joins the bodies to one another, to the base and to the ground."""
+        return ()
+
+    def member(self, name: str) -> MemberBody:
+        """The body of this name; of a single body that body, whatever the name."""
+        members = self.members
+        return members[0] if len(members) == 1 else next(each for each in members if each.body.name == name)
+
+    def deflections(self, vectors: Floats) -> Floats:
+        """Those of the values (N,) or (N, k) that are deflections, in order of the stations."""
+        return np.asarray(vectors[self.deflection_dofs])
+
     def row(self, site: Site) -> Floats:
-        """(N,) deflection there for a unit of each degree of freedom; of a link how far its ends draw apart."""
+        """(N,) motion there for a unit of each degree of freedom; of a link how far its ends draw apart."""
         if isinstance(site, Link):
-            return np.asarray(self.deflection_row(site.second) - self.deflection_row(site.first))
-        return self.deflection_row(site)
+            return np.asarray(self.place_row(site.second) - self.place_row(site.first))
+        return self.place_row(site)
 
     def rows(self, sites: Sequence[Site]) -> Floats:
         """(m, N) rows of m sites."""
@@ -101,17 +173,13 @@ class Structure(ABC):
         """A bound on the number of modes below the scaled angular frequency omega."""
 
     @abstractmethod
-    def deflection_row(self, place: Place) -> Floats:
-        """(N,) deflection at a place for a unit of each degree of freedom."""
-
-    @abstractmethod
-    def deflection_and_slope(self, vectors: Floats, place: Place) -> tuple[Floats, Floats]:
-        """(k,) deflections of k fields (N, k) at a place, and their derivatives by its coordinate.
+    def place_row(self, place: Place) -> Floats:
+        """(N,) motion at a place in its direction, m or rad, for a unit of each degree of freedom.
 
         Raises
         ------
         ValueError
-            Where places are not on a continuous axis.
+            Where a place of the body does not move in that direction.
         """
 
     @abstractmethod
@@ -122,20 +190,41 @@ class Structure(ABC):
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) symmetric C of the reduced model, 1/s; ``omega`` (n,) rad/s are the coordinates' frequencies."""
 
-    @abstractmethod
     def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
         """What can be recovered along each body, with stations at the sites where forces act."""
+        ends = [end for site in sites for end in ends_of(site)]
+        return tuple(
+            member.body.recovery(
+                member, basis, [end for end in ends if self.member(end.body).body is member.body], base_moves
+            )
+            for member in self.members
+        )
 
     @abstractmethod
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,)."""
 
-    @abstractmethod
-    def project(self, basis: ReducedBasis, numbers: Sequence[float], quantity: str) -> tuple[Floats, float]:
-        """Coordinates (n,) of a field given by numbers, as the kind of body reads them, and the relative error.
 
-        ``quantity`` is "displacement" or "velocity".
-        """
+class BodyStructure(Structure, ABC):
+    """One body; a kind of body is a subclass."""
+
+    @property
+    def members(self) -> tuple[MemberBody, ...]:
+        """Itself."""
+        return (MemberBody(self, self),)
+
+    @property
+    @abstractmethod
+    def stated_damping(self) -> Any:
+        """The damping that the scenario gives the body; None without."""
+
+    @abstractmethod
+    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+        """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself."""
+
+    @abstractmethod
+    def given_field(self, numbers: Sequence[float]) -> GivenField:
+        """A field that a scenario gives by numbers, as the kind of body reads them."""
 
     @abstractmethod
     def sensitivities(

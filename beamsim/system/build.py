@@ -21,12 +21,13 @@ from beamsim.structures.assembly import snubber_site
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
-from beamsim.structures.places import Place
+from beamsim.structures.places import SLOPE, Place, Site
 from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
+from beamsim.system.mechanisms import check_mechanisms, held_problems
 from beamsim.system.parts import Parts, force_sites, point_of_excitation, reduced_parts, start_of
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
@@ -109,7 +110,7 @@ def build_with_moving_point(
 
     def shape_at(position: float) -> tuple[Floats, Floats]:
         place = replace(first, point=position)
-        deflection, slope = parts.structure.deflection_and_slope(parts.basis.vectors, place)
+        deflection, slope = parts.structure.rows([place, replace(place, direction=SLOPE)]) @ parts.basis.vectors
         return deflection * scale, slope * scale
 
     return system, shape_at
@@ -125,6 +126,10 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     springs = describe_springs(nonlinear, parts.shapes([snubber_site(spring) for spring in nonlinear]))
     cubic = cubic_springs(springs, basis.size)
 
+    problems = held_problems(parts, _acting(parts))
+    if problems:
+        raise ScenarioError(problems)
+    free = check_mechanisms(parts, np.vstack([stops.shape, *(spring.shape for spring in springs)]))
     loads = constant_loads(parts)
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     if cubic.count:  # what integrates these in time knows one-sided springs alone
@@ -161,9 +166,20 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
         springs=springs,
-        warnings=(*warnings, *(correction.warnings() if correction else ())),
+        warnings=(*free, *warnings, *(correction.warnings() if correction else ())),
         base_correction=correction,
     )
+
+
+def _acting(parts: Parts) -> list[tuple[Path, Site, str]]:
+    """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
+    scenario = parts.scenario
+    acting: list[tuple[Path, Site, str]] = [
+        (located.path, snubber_site(located), f"{located.item.name}")
+        for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
+    ]
+    point = point_of_excitation(scenario)
+    return acting if point is None else [*acting, (("excitation", "applied_to"), point, "a force")]
 
 
 def _mode_table(

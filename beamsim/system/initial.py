@@ -11,6 +11,7 @@ from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilib
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
+from beamsim.structures.projection import project
 from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
 
@@ -90,16 +91,11 @@ def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:
 
 def _given_field(parts: Parts, given: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]) -> Floats:
     """Coordinates of fields given body by body: a polynomial in x along a beam, one number a mass of a chain."""
-    field = np.zeros(parts.basis.size)
-    blocks = zip(parts.structure.parts, parts.basis.blocks, strict=True)
-    bodies = [(part.structure, basis, columns) for part, (basis, columns) in blocks]
-    for body, basis, columns in bodies or [(parts.structure, parts.basis, np.arange(parts.basis.size))]:
-        numbers = getattr(given[body.name], quantity) if body.name in given else ()
-        if not any(numbers):
-            continue
-        field[columns], error = body.project(basis, numbers, quantity)
+    numbers = {name: getattr(start, quantity) for name, start in given.items()}
+    field, errors = project(parts.structure, parts.basis, numbers, quantity)
+    for name, error in errors.items():
         if error > _PROJECTION_TOLERANCE:
-            where = f"bodies.{body.name}.{quantity}" if bodies else quantity
+            where = f"bodies.{name}.{quantity}" if len(parts.structure.members) > 1 else quantity
             warnings.append(
                 f"run.start.{where} is met by the reduced model to a relative error of {error:.2g} only: "
                 "it breaks the supports' conditions or needs more modes (reduction: {modes: all})"

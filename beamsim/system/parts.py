@@ -88,12 +88,13 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     """
     shared = SharedBuilds() if shared is None else shared
     bodies = tuple(scenario.all_bodies.items())
-    structure = shared.once("structure", bodies, lambda: assemble(scenario))
+    coupled = (scenario.joints, scenario.springs_to_ground, scenario.springs_between)
+    structure = shared.once("structure", (bodies, coupled), lambda: assemble(scenario))
     sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
     gravity = scenario.gravity != 0
     reduced = shared.once(
         "reduction",
-        (bodies, tuple(sites), gravity, tuple(asked.items())),
+        (bodies, coupled, tuple(sites), gravity, tuple(asked.items())),
         lambda: ReducedStructure(structure, reduce_model(structure, _patterns(structure, sites, gravity), **asked)),
     )
     return Parts(scenario, reduced, shared)
@@ -131,7 +132,7 @@ def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[Site]:
 
 
 def _patterns(structure: Structure, sites: Sequence[Site], gravity: bool) -> list[LoadPattern]:
-    patterns = [LoadPattern(structure.row(site), site.coordinate) for site in structure.loaded_sites(sites)]
+    patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
     return [*patterns, LoadPattern(structure.inertia, None)] if gravity else patterns
 
 

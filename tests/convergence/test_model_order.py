@@ -50,7 +50,7 @@ def test_bending_moments_from_equilibrium_gain_two_orders(mode, recovery):
         x = model.mesh.nodes
         if recovery == "equilibrium":
             x = np.sort(np.append(x, x[:-1] + model.mesh.lengths / 2))
-            moment = moment_rows(model, basis, x, 1.0)[:, mode]
+            moment = moment_rows(model, model.members[0], basis, x)[:, mode]
         else:
             u = np.zeros(2 * x.size)
             u[model.free] = basis.vectors[:, mode]
@@ -78,7 +78,7 @@ def test_static_vectors_speed_up_the_convergence_in_modes():
     exact = first(None, ())
     counts = np.array([2, 4, 8])
     plain = [first(c, ()) / exact - 1 for c in counts]
-    enriched = [first(c, [LoadPattern(row, 1.0)]) / exact - 1 for c in counts]
+    enriched = [first(c, [LoadPattern(row, Place("beam", 1.0))]) / exact - 1 for c in counts]
     assert order(counts, plain) < 4
     assert enriched[0] < plain[2]
     assert order(counts[:2], enriched[:2]) > 7

@@ -108,12 +108,13 @@ def at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = 
         return scenario.model_copy(update=changed)
     changed["excitation"] = excitation.model_copy(update={"frequency": orbit.frequency_hz, "level": orbit.level})
     if orbit.parameter in ("gap", "stiffness"):
-        names = [snubber.name for snubber in scenario.snubbers]
+        stops = [stop for snubber in scenario.snubbers for stop in snubber.stops]
+        names = [stop.name for stop in stops]
         if orbit.snubber not in names:
             _reject(f"follows the {orbit.parameter} of {orbit.snubber}, which is not in snubbers", "list it there")
         k = names.index(orbit.snubber)
-        moved = scenario.snubbers[k].model_copy(update={orbit.parameter: orbit.value})
-        changed["snubbers"] = (*scenario.snubbers[:k], moved, *scenario.snubbers[k + 1 :])
+        stops[k] = stops[k].model_copy(update={orbit.parameter: orbit.value})
+        changed["snubbers"] = tuple(stops)
     elif orbit.parameter == "position":
         _reject("follows a position, in coordinates of its own", "start from a continuation in another parameter")
     return scenario.model_copy(update=changed)

@@ -75,14 +75,14 @@ class SnubberHistory(SnubberNumbers):
 
 @declared
 class SpringHistory:
-    """One nonlinear spring of a chain at the output times."""
+    """One nonlinear spring at the output times."""
 
     name: str = key("name of the spring")
     kind: str = attribute("", "cubic or piecewise_linear")
-    masses: tuple[int, ...] = attribute("", "number of the mass it ties to the ground, or of the two it joins")
-    stretch: Floats = dataset(
-        "m", "stretch of the spring; to the ground the absolute displacement of the mass", along=_TIME
+    masses: tuple[int, ...] = attribute(
+        "", "number of the mass it ties to the ground, or of the two it joins; none between points of beams"
     )
+    stretch: Floats = dataset("m", "stretch of the spring; to the ground the absolute displacement there", along=_TIME)
     force: Floats = dataset("N", "force of the spring, positive where it pulls back a positive stretch", along=_TIME)
 
 

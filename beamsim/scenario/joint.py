@@ -1,0 +1,149 @@
+"""Joints between two points of bodies, or between a point and the base."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, Tag
+
+from beamsim.scenario.base import BY_KIND, Variants, counted, fail
+from beamsim.scenario.names import Named
+from beamsim.scenario.place import AtPlace, names_a_place
+from beamsim.scenario.quantities import (
+    Dashpot,
+    Name,
+    NonNegativeStiffness,
+    RotationalDashpot,
+    RotationalStiffness,
+)
+
+
+def _choose_end(value: Any) -> str | None:
+    return "<base>" if value == "base" else "<place>" if names_a_place(value) else None
+
+
+JointEnd = Annotated[
+    Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")],
+    Variants(
+        _choose_end,
+        "names neither a point of a body nor the base",
+        "write {body: panel, position: 0 mm}, {body: chain, mass: 2} or base",
+    ),
+]
+
+
+class Joint(Named):
+    """Common part of all joints."""
+
+    name: Name = ""
+    """Name, unique; joint_1, joint_2, ... by default."""
+    between: Annotated[tuple[JointEnd, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    """Two points of bodies, or a point and base."""
+
+    def settle(self) -> None:
+        """Demand two different ends, at least one of them on a body."""
+        if len(self.between) != 2:
+            remedy = "name the two that it joins: [{body: yoke, position: 300 mm}, {body: panel, position: 0 mm}]"
+            raise fail(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
+        if self.between[0] == self.between[1]:
+            raise fail("joins a point to itself", "name two different points", ("between",))
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The points of bodies, one or two."""
+        return tuple(end for end in self.between if isinstance(end, AtPlace))
+
+    @property
+    def turns_against(self) -> bool:
+        """Whether a rotation of one end acts on the other."""
+        return False
+
+
+class RigidJoint(Joint):
+    """Deflection and slope are the same on both sides."""
+
+    kind: Literal["rigid"] = "rigid"
+    """Holds deflection and slope."""
+
+    @property
+    def turns_against(self) -> bool:
+        """Always."""
+        return True
+
+
+class _Turning(Joint):
+    rotational_stiffness: RotationalStiffness = 0.0
+    """Moment per difference of the slopes; none by default."""
+    rotational_dashpot: RotationalDashpot = 0.0
+    """Moment per difference of their rates; none by default."""
+
+    @property
+    def turns_against(self) -> bool:
+        """Where it has a rotational spring or dashpot."""
+        return self.rotational_stiffness > 0.0 or self.rotational_dashpot > 0.0
+
+
+class HingeJoint(_Turning):
+    """The deflection is the same on both sides; the slopes differ."""
+
+    kind: Literal["hinge"] = "hinge"
+    """Holds the deflection."""
+
+
+class SpringJoint(_Turning):
+    """Springs and dashpots between deflections and between slopes."""
+
+    kind: Literal["spring"] = "spring"
+    """Holds nothing; springs act."""
+    stiffness: NonNegativeStiffness = 0.0
+    """Force per difference of the deflections; none by default."""
+    dashpot: Dashpot = 0.0
+    """Force per difference of the velocities; none by default."""
+
+    def settle(self) -> None:
+        """Demand something that acts."""
+        super().settle()
+        if not (self.stiffness or self.dashpot or self.turns_against):
+            raise fail("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
+
+
+AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_KIND]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A joint whose points do not lie together, as the joints before it place the bodies."""
+
+    index: int  # of the joint
+    distance: float  # m along the bodies' common axis
+    through: str  # body of the second point
+
+
+def points_apart(joints: Sequence[Joint], default_body: str) -> Iterator[Apart]:
+    """Joints that close a loop between bodies whose positions do not fit; all bodies lie along one axis.
+
+    Bodies have no place of their own: the first joint between two of them puts its points together.
+    """
+    origin: dict[str, float] = {}
+    group: dict[str, int] = {}
+    for index, joint in enumerate(joints):
+        ends = [(place.body or default_body, place.position) for place in joint.places]
+        if len(ends) != 2:
+            continue
+        (first, x), (second, y) = ends
+        if x is None or y is None or first == second:
+            continue
+        for number, name in enumerate((first, second)):
+            origin.setdefault(name, 0.0)
+            group.setdefault(name, 2 * index + number)
+        gap = origin[first] + x - origin[second] - y
+        if group[first] == group[second]:
+            if abs(gap) > 1e-6 * max(x, y):
+                yield Apart(index, abs(gap), second)
+            continue
+        merged = group[second]
+        for name in [name for name, label in group.items() if label == merged]:
+            origin[name] += gap
+            group[name] = group[first]

@@ -1,0 +1,382 @@
+"""Bodies that joints make one structure: against one body, closed forms, and matrices assembled by hand."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.structures.assembly import assemble
+from beamsim.structures.joined import null_space_basis
+from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.system.build import build_system
+
+BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
+FREE = {"supports": {"left": "free", "right": "free"}}
+EI, MASS = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
+SHAKEN = {
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": 3.0, "frequency": 20.0},
+    "run": {"duration": 0.2, "sample_rate": 4000.0},
+}
+
+
+def at(body, position):
+    return {"body": body, "position": position}
+
+
+def beam(length, elements=10, left="free", right="free", **more):
+    return {**BEAM, "length": length, "elements": elements, "supports": {"left": left, "right": right}, **more}
+
+
+def joined(bodies, joints, **more):
+    return {"bodies": bodies, "joints": joints, "reduction": {"modes": "all"}, **more}
+
+
+def frequencies(case):
+    return build_system(load_scenario(case)).modes.open_frequencies_hz
+
+
+def span_frequencies(roots, length):
+    return np.asarray(roots) ** 2 * np.sqrt(EI / MASS) / (2 * np.pi * length**2)
+
+
+@pytest.mark.parametrize("modes", ["all", 6])
+def test_beam_cut_in_two_and_joined_rigidly_is_the_same(modes):
+    damping = {"damping": {"kind": "modal", "ratio": [0.02, 0.01]}}
+    stop = {"name": "s", "side": "both", "stiffness": 1e4, "gap": 1e-3}
+    common = {**SHAKEN, "gravity": 9.81, "reduction": {"modes": modes}}
+    whole = {key: value for key, value in beam(1.0, 20, "clamped", **damping).items() if key != "kind"}
+    one = {
+        **common,
+        "beam": whole,
+        "snubbers": [{**stop, "position": "100 %"}],
+        "probes": [{"name": "p", "position": 0.8}],
+    }
+    two = {
+        **common,
+        "bodies": {"a": beam(0.5, 10, "clamped", **damping), "b": beam(0.5, **damping)},
+        "joints": [{"kind": "rigid", "between": [at("a", 0.5), at("b", 0.0)]}],
+        "snubbers": [{**stop, "at": at("b", "100 %")}],
+        "probes": [{"name": "p", "at": at("b", "60 %")}],
+    }
+    first, second = (beamsim.run(load_scenario(case)) for case in (one, two))
+    assert second.summary["contacts"] == first.summary["contacts"]
+    assert first.summary["contacts"]["s.below"] >= 2
+    for name in ("open_frequencies_hz", "damping_ratios"):
+        np.testing.assert_allclose(getattr(second.modes, name), getattr(first.modes, name), rtol=1e-10)
+    scale = np.abs(first.probes["p"].displacement).max()
+    np.testing.assert_allclose(second.probes["p"].displacement, first.probes["p"].displacement, atol=1e-10 * scale)
+    stress = [body.peak_bending_stress for body in (first.bodies["beam"], *second.bodies.values())]
+    np.testing.assert_allclose(
+        np.concatenate([stress[1], stress[2][1:]]), stress[0], rtol=0, atol=1e-8 * stress[0].max()
+    )
+
+
+def test_two_span_beam_over_a_support_in_the_middle():
+    """Antisymmetric modes are those of a pinned span, symmetric ones those of a clamped-pinned span."""
+    spans = {"a": beam(0.6, 20, "pinned"), "b": beam(0.6, 20, right="pinned")}
+    joints = [
+        {"kind": "rigid", "between": [at("a", 0.6), at("b", 0.0)]},
+        {"kind": "hinge", "between": [at("b", 0.0), "base"]},
+    ]
+    clamped = [brentq(lambda b: np.tan(b) - np.tanh(b), (n + 0.1) * np.pi, (n + 0.4) * np.pi) for n in (1, 2)]
+    expected = np.sort(np.concatenate([span_frequencies([np.pi, 2 * np.pi], 0.6), span_frequencies(clamped, 0.6)]))
+    np.testing.assert_allclose(frequencies(joined(spans, joints))[:4], expected, rtol=2e-5)
+
+
+def test_hinge_in_the_middle_of_a_clamped_beam():
+    """No moment at the hinge: symmetric modes are cantilevers', antisymmetric ones those of clamped-pinned beams."""
+    halves = {"a": beam(0.6, 20, "clamped"), "b": beam(0.6, 20, right="clamped")}
+    joints = [{"name": "middle", "kind": "hinge", "between": [at("a", "100 %"), at("b", "0 %")]}]
+    system = build_system(load_scenario(joined(halves, joints)))
+    cantilever = [brentq(lambda b: np.cos(b) * np.cosh(b) + 1, *ends) for ends in ((1.5, 2.0), (4.5, 4.9))]
+    pinned = [brentq(lambda b: np.tan(b) - np.tanh(b), (n + 0.1) * np.pi, (n + 0.4) * np.pi) for n in (1, 2)]
+    expected = np.sort(np.concatenate([span_frequencies(cantilever, 0.6), span_frequencies(pinned, 0.6)]))
+    np.testing.assert_allclose(system.modes.open_frequencies_hz[:4], expected, rtol=2e-5)
+    left, right = system.bodies
+    largest = np.abs(left.bending_moment[:, :4]).max(axis=0)
+    assert np.all(np.abs(left.bending_moment[-1, :4]) < 1e-7 * largest)
+    assert np.all(np.abs(right.bending_moment[0, :4]) < 1e-7 * largest)
+
+
+def test_rotational_spring_at_the_root_adds_its_compliance_and_its_dashpot_damps():
+    """A tip force F bends the beam by F L^3 / 3 E I and turns the root by F L / k."""
+    stiffness, dashpot, length = 200.0, 0.3, 0.8
+    root = {"kind": "hinge", "rotational_stiffness": stiffness, "rotational_dashpot": dashpot}
+    case = joined({"a": beam(length)}, [{**root, "between": [at("a", 0.0), "base"]}])
+    case |= {"snubbers": [{"at": at("a", length), "side": "below", "stiffness": 1.0, "gap": 1.0}]}
+    system = build_system(load_scenario(case))
+    shape = system.snubbers[0].shape
+    compliance = shape @ (shape / system.dynamics.stiffness)
+    assert compliance == pytest.approx(length**3 / (3 * EI) + length**2 / stiffness, rel=1e-10)
+    moment = system.bodies[0].bending_moment[0]  # at the root, that of the spring
+    slope = moment / stiffness
+    np.testing.assert_allclose(system.dynamics.damping, dashpot * np.outer(slope, slope), rtol=1e-4, atol=1e-3)
+
+
+def test_spring_joint_and_springs_of_the_scenario_are_the_same():
+    bodies = {"a": beam(0.5, left="clamped"), "b": beam(0.5, left="clamped")}
+    ends = [at("a", 0.5), at("b", 0.35)]
+    joint = frequencies(joined(bodies, [{"kind": "spring", "stiffness": 3e3, "between": ends}]))
+    spring = {"kind": "linear", "stiffness": 3e3}
+    np.testing.assert_allclose(
+        frequencies({**joined(bodies, []), "springs_between": [{**spring, "between": ends}]}), joint, rtol=1e-12
+    )
+    to_base = frequencies(joined(bodies, [{"kind": "spring", "stiffness": 3e3, "between": [ends[0], "base"]}]))
+    grounded = {**joined(bodies, []), "springs_to_ground": [{**spring, "at": ends[0]}], **SHAKEN}
+    np.testing.assert_allclose(frequencies(grounded), to_base, rtol=1e-12)
+    load = build_system(load_scenario(grounded)).forcing.load  # the ground stays where it is when the base moves
+    assert load.shape[0] == 2
+
+
+def test_modal_ratios_are_weighted_by_strain_energy():
+    damping = [{"damping": {"kind": "modal", "ratio": ratio}} for ratio in (0.03, 0.01)]
+    bodies = {"a": beam(0.5, 40, "clamped", **damping[0]), "b": beam(0.4, 40, **damping[1])}
+    joint = {"kind": "hinge", "rotational_stiffness": 300.0, "between": [at("a", 0.5), at("b", 0.0)]}
+    system = build_system(load_scenario(joined(bodies, [joint])))
+    total = system.dynamics.stiffness
+    shares = []
+    for body in system.bodies:
+        squared = CubicSpline(body.position, body.bending_moment**2)
+        shares.append(squared.integrate(*body.position[[0, -1]]) / EI / total)
+    expected = 0.03 * shares[0] + 0.01 * shares[1]  # the joint's spring has none
+    np.testing.assert_allclose(system.modes.damping_ratios[:4], expected[:4], rtol=1e-3)
+    assert np.linalg.eigvalsh(system.dynamics.damping).min() > -1e-9 * np.abs(system.dynamics.damping).max()
+
+
+def textbook(length, elements):
+    """Mass, stiffness and base vector of a free beam: deflection and slope of each node."""
+    h = length / elements
+    k = EI / h**3 * np.array(
+        [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h], [-12, -6 * h, 12, -6 * h],
+         [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
+    )  # fmt: skip
+    m = MASS * h / 420 * np.array(
+        [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h], [54, 13 * h, 156, -22 * h],
+         [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
+    )  # fmt: skip
+    whole = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+    for e in range(elements):
+        dofs = slice(2 * e, 2 * e + 4)
+        whole[0, dofs, dofs] += m
+        whole[1, dofs, dofs] += k
+    return whole
+
+
+def test_hinged_pair_between_stops_against_integration_with_restarts_at_contacts():
+    """The hinge shares one deflection: the second beam's first column is added to the first beam's last deflection."""
+    turning, stiffness, gap, level = 40.0, 2e4, 0.4e-3, 30.0
+    first, second = textbook(0.3, 2), textbook(0.4, 2)
+    n = 6 + 6 - 1
+    places = [np.arange(6), np.array([4, *range(6, 11)])]
+    m, k = np.zeros((n, n)), np.zeros((n, n))
+    for own, dofs in zip((first, second), places, strict=True):
+        m[np.ix_(dofs, dofs)] += own[0]
+        k[np.ix_(dofs, dofs)] += own[1]
+    twist = np.zeros(n)
+    twist[5], twist[6] = -1, 1
+    k += turning * np.outer(twist, twist)
+    rise = np.isin(np.arange(n), [0, 2, 4, 7, 9]).astype(float)
+    inertia = (m @ rise)[2:]
+    m, k = m[2:, 2:], k[2:, 2:]
+    tip = np.zeros(n - 2)
+    tip[7] = 1.0
+    inverse = np.linalg.inv(m)
+    n -= 2
+
+    case = joined(
+        {"a": beam(0.3, 2, "clamped"), "b": beam(0.4, 2)},
+        [{"kind": "hinge", "rotational_stiffness": turning, "between": [at("a", 0.3), at("b", 0.0)]}],
+        snubbers=[{"name": "end", "at": at("b", "100 %"), "side": "both", "stiffness": stiffness, "gap": gap}],
+        probes=[{"name": "tip", "at": at("b", 0.4)}],
+        excitation={"kind": "harmonic", "applied_to": "base", "level": level, "frequency": 25.0},
+        run={"duration": 0.1, "sample_rate": 2000.0, "start": "rest"},
+    )
+    squared = eigh(k, m, eigvals_only=True)
+    np.testing.assert_allclose(frequencies(case), np.sqrt(squared) / (2 * np.pi), rtol=1e-8)
+    result = beamsim.run(load_scenario(case))
+
+    def rates(t, y, side):
+        force = -inertia * level * np.sin(2 * np.pi * 25 * t) - k @ y[:n]
+        if side:
+            force = force - tip * stiffness * (tip @ y[:n] - side * gap)
+        return np.concatenate([y[n:], inverse @ force])
+
+    def faces(t, y, side):
+        w = tip @ y[:n]
+        return gap - side * w if side else (gap - w) * (gap + w)
+
+    faces.terminal = True
+    times, pieces = result.time, []
+    t, y, side, contacts = 0.0, np.zeros(2 * n), 0, 0
+    while t < 0.1:
+        faces.direction = 1 if side else -1
+        part = solve_ivp(
+            rates, (t, 0.1), y, "DOP853", args=(side,), events=faces, dense_output=True, rtol=1e-11, atol=1e-14
+        )
+        inside = (times >= t) & (times < part.t[-1]) if part.status == 1 else times >= t
+        pieces.append(part.sol(times[inside])[7])
+        t, y = part.t[-1], part.y[:, -1]
+        side = 0 if side else int(np.sign(tip @ y[:n])) if part.status == 1 else 0
+        contacts += side != 0
+    expected = np.concatenate(pieces)
+    assert contacts == sum(result.summary["contacts"].values()) >= 4
+    np.testing.assert_allclose(result.probes["tip"].displacement, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def yoke(order=("yoke", "panel", "alone")):
+    bodies = {
+        "yoke": beam(0.3, left="clamped", damping={"kind": "modal", "ratio": 0.02}),
+        "panel": beam(0.9, damping={"kind": "modal", "ratio": 0.01}),
+        "alone": beam(0.7, left="clamped", damping={"kind": "modal", "ratio": 0.01}),
+    }
+    joint = {"kind": "hinge", "rotational_stiffness": 200.0, "between": [at("yoke", 0.3), at("panel", 0.0)]}
+    return {
+        "bodies": {name: bodies[name] for name in order},
+        "joints": [joint],
+        "snubbers": [
+            {"name": "end", "at": at("panel", 0.9), "side": "both", "stiffness": 1e5, "preload": 2.0},
+            {"name": "gap", "between": [at("alone", 0.7), at("panel", 0.4)], "stiffness": 1e4, "gap": 1e-3},
+        ],
+        "probes": [{"name": name, "at": at(name, 0.25)} for name in ("yoke", "panel", "alone")],
+        **SHAKEN,
+    }
+
+
+def test_order_of_the_bodies_changes_nothing():
+    first = beamsim.run(load_scenario(yoke()))
+    assert min(first.summary["contacts"].values()) >= 1
+    for order in (("alone", "panel", "yoke"), ("panel", "alone", "yoke")):
+        other = beamsim.run(load_scenario(yoke(order)))
+        assert other.summary["contacts"] == first.summary["contacts"]
+        for name, probe in first.probes.items():
+            scale = np.abs(probe.displacement).max()
+            np.testing.assert_allclose(other.probes[name].displacement, probe.displacement, atol=1e-9 * scale)
+        for name, body in first.bodies.items():
+            np.testing.assert_allclose(
+                other.bodies[name].peak_bending_stress, body.peak_bending_stress, rtol=0,
+                atol=1e-7 * body.peak_bending_stress.max(),
+            )  # fmt: skip
+
+
+def test_a_body_that_nothing_joins_keeps_its_own_modes():
+    case = yoke() | {"snubbers": []}
+    alone = {key: value for key, value in case["bodies"]["alone"].items() if key != "kind"}
+    expected = frequencies({"beam": alone, "reduction": {"modes": "all"}})
+    system = build_system(load_scenario(case | {"reduction": {"modes": "all"}}))
+    part = next(part for part in system.stations if part.body == "alone")
+    own = np.abs(system.modes.shapes[:, part.stations]).max(axis=1) > 0
+    np.testing.assert_allclose(system.modes.open_frequencies_hz[own], expected, rtol=1e-12)
+
+
+def test_mechanism_is_refused_with_the_name_of_the_free_motion():
+    case = yoke()
+    del case["joints"][0]["rotational_stiffness"]
+    stopped = build_system(load_scenario(case))
+    assert any("joints[0] (joint_1) leaves panel free to turn there" in text for text in stopped.warnings)
+    case["snubbers"] = []
+    with pytest.raises(ScenarioError, match=r"joints\[0\] \(joint_1\) leaves panel free to turn there, and nothing"):
+        build_system(load_scenario(case))
+
+
+def test_floating_as_a_whole_is_no_mechanism():
+    bodies = {"a": beam(0.5), "b": beam(0.5)}
+    case = joined(bodies, [{"kind": "rigid", "between": [at("a", 0.5), at("b", 0.0)]}])
+    whole = {key: value for key, value in beam(1.0, 20).items() if key != "kind"}
+    together, expected = frequencies(case), frequencies({"beam": whole, "reduction": {"modes": "all"}})
+    np.testing.assert_array_equal(together[:2], 0.0)
+    np.testing.assert_allclose(together[2:], expected[2:], rtol=1e-10)
+
+
+def test_points_that_do_not_lie_together_give_a_warning_with_their_distance():
+    bodies = {"a": beam(0.5, left="clamped"), "b": beam(0.5)}
+    joints = [
+        {"kind": "spring", "stiffness": 1e4, "between": [at("a", x), at("b", y)]} for x, y in ((0.1, 0.0), (0.5, 0.38))
+    ]
+    (warning,) = load_scenario(joined(bodies, joints)).warnings
+    assert "joints[1] joins points that lie 20 mm apart" in warning
+    joints[1]["between"][1] = at("b", 0.4)
+    assert not load_scenario(joined(bodies, joints)).warnings
+
+
+@pytest.mark.parametrize(
+    ("joint", "message"),
+    [
+        (
+            {"kind": "hinge", "between": [at("a", 0.5), at("bb", 0.0)]},
+            r"between\[1\].body = bb is an unknown",
+        ),
+        ({"kind": "hinge", "between": [at("a", 0.7), at("b", 0.0)]}, r"joints\[0\].between\[0\].position = 0.7 m lies"),
+        ({"kind": "hinge", "between": [at("a", 0.5)]}, r"joints\[0\].between names 1 end"),
+        ({"kind": "hinge", "between": [at("a", 0.5), at("a", 0.5)]}, "joins a point to itself"),
+        ({"kind": "rigid", "between": [at("a", 0.5), at("a", 0.3)]}, "joins a to itself"),
+        ({"kind": "rigid", "between": [at("a", 0.5), {"body": "c", "mass": 1}]}, "acts on the rotation of c"),
+        ({"kind": "spring", "between": [at("a", 0.5), at("b", 0.0)]}, "has neither a stiffness nor a dashpot"),
+        ({"kind": "hinge", "between": ["base", "ground"]}, "names neither a point of a body nor the base"),
+        ({"kind": "hinge", "between": ["base", "base"]}, "joins a point to itself"),
+    ],
+)
+def test_faults_of_joints_are_located(joint, message):
+    bodies = {"a": beam(0.5, left="clamped"), "b": beam(0.5), "c": {"kind": "chain", "masses": [1.0], "springs": [1e3]}}
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario(joined(bodies, [joint]))
+
+
+def test_snubber_where_a_joint_leaves_no_motion_is_refused():
+    case = joined({"a": beam(0.5, left="clamped")}, [{"kind": "hinge", "between": [at("a", 0.5), "base"]}])
+    case["snubbers"] = [{"name": "end", "at": at("a", 0.5), "side": "below", "stiffness": 1e4}]
+    with pytest.raises(ScenarioError, match=r"snubbers\[0\] acts at a 0.5 m, where a joint leaves no motion"):
+        build_system(load_scenario(case))
+
+
+def test_mass_of_a_chain_hinged_to_a_beam_is_a_point_mass():
+    bodies = {"a": beam(0.5, left="clamped"), "c": {"kind": "chain", "masses": [0.3], "springs": [0.0]}}
+    case = joined(bodies, [{"kind": "hinge", "between": [at("a", 0.5), {"body": "c", "mass": 1}]}])
+    alone = {key: value for key, value in bodies["a"].items() if key != "kind"}
+    alone["point_masses"] = [{"position": 0.5, "mass": 0.3}]
+    expected = frequencies({"beam": alone, "reduction": {"modes": "all"}})
+    np.testing.assert_allclose(frequencies(case), expected, rtol=1e-9)
+
+
+def test_sensitivities_of_a_beam_cut_in_two_add_up_to_those_of_the_whole():
+    stop = {"name": "s", "side": "below", "stiffness": 1e4}
+    whole = {key: value for key, value in beam(1.0, 20, "clamped").items() if key != "kind"}
+    one = load_scenario({"beam": whole, "snubbers": [{**stop, "position": 1.0}]})
+    halves = {"a": beam(0.5, 10, "clamped"), "b": beam(0.5, 10)}
+    joint = {"kind": "rigid", "between": [at("a", 0.5), at("b", 0.0)]}
+    two = load_scenario(joined(halves, [joint], snubbers=[{**stop, "at": at("b", 0.5)}]))
+    omega = 2 * np.pi * 30.0
+    expected, parted = (stiffness_sensitivities(case, "s", omega) for case in (one, two))
+    for number, tolerance in (("youngs_modulus", 1e-9), ("density", 1e-9), ("width", 1e-9), ("length", 1e-6)):
+        total = sum(parted["bodies", name, number] for name in "ab")
+        assert total == pytest.approx(expected["beam", number], rel=tolerance)
+
+
+def test_null_space_is_orthonormal_sparse_and_complete():
+    rng = np.random.default_rng(3)
+    rows = np.zeros((5, 400))
+    for row, dofs in zip(rows, ([3, 4], [10, 11, 12], [12, 13], [3, 4], [399]), strict=True):
+        row[dofs] = rng.normal(size=len(dofs))
+    rows[3] = -7 * rows[0]  # says the same twice
+    basis = null_space_basis(rows)
+    assert basis.shape == (400, 396)
+    assert basis.nnz < 400 + 16
+    np.testing.assert_allclose((basis.T @ basis).toarray(), np.eye(396), atol=1e-14)
+    np.testing.assert_allclose(rows @ basis, 0.0, atol=1e-14)
+
+
+def test_ten_beams_keep_the_sparsity_of_one():
+    names = [f"b{i}" for i in range(10)]
+    bodies = {name: beam(0.5, 100, "clamped" if name == "b0" else "free") for name in names}
+    pairs = pairwise(names)
+    joints = [{"kind": "rigid", "between": [at(a, 0.5), at(b, 0.0)]} for a, b in pairs]
+    structure = assemble(load_scenario(joined(bodies, joints)))
+    one = assemble(load_scenario({"beam": {k: v for k, v in beam(5.0, 1000, "clamped").items() if k != "kind"}}))
+    assert structure.size == one.size
+    assert structure.mass.nnz <= one.mass.nnz + 9 * 16
