@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Tag
 
@@ -73,6 +73,9 @@ class Driven(Schema):
     """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several."""
     quantity: Quantity | None = None
     """Acceleration, velocity or displacement of the base, or force at a point; by default as the unit of the level."""
+
+    shock: ClassVar[bool] = False
+    """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
 
     def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
         """Return the levels with their paths."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -16,6 +16,8 @@ from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, Level
 
 class NoExcitation(Schema):
     """Free motion."""
+
+    shock: ClassVar[bool] = False
 
     kind: Literal["none"] = "none"
     """No excitation."""
@@ -86,7 +88,21 @@ class MultiTone(Driven):
         return tuple(tone.frequency for tone in self.tones)
 
 
-class Step(Driven):
+class Shock(Driven):
+    """Common part of what begins at ``time`` with one level; a pulse of duration T goes up to 1 / (2 T)."""
+
+    shock: ClassVar[bool] = True
+
+    if TYPE_CHECKING:
+        level: float
+        time: float
+
+    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+        """Return the level with its path."""
+        return [(("level",), self.level)]
+
+
+class Step(Shock):
     """Zero before `time`, `level` after it."""
 
     kind: Literal["step"] = "step"
@@ -95,10 +111,6 @@ class Step(Driven):
     """Value after the step; for the base only an acceleration."""
     time: Time = 0.0
     """When it steps."""
-
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
-        """Return the level with its path."""
-        return [(("level",), self.level)]
 
     def settle(self) -> None:
         """Reject steps that need an infinite acceleration."""
@@ -111,7 +123,7 @@ class Step(Driven):
             )
 
 
-class HalfSine(Driven):
+class HalfSine(Shock):
     """Half a sine period starting at `time`, zero before and after."""
 
     kind: Literal["half_sine"] = "half_sine"
@@ -122,10 +134,6 @@ class HalfSine(Driven):
     """Duration of the pulse."""
     time: Time = 0.0
     """Start of the pulse."""
-
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
-        """Return the level with its path."""
-        return [(("level",), self.level)]
 
     def settle(self) -> None:
         """Reject pulses that need an infinite acceleration."""

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from beamsim.scenario.base import path_text
 from beamsim.scenario.damping import ModalDamping
-from beamsim.scenario.excitation import HalfSine, Step
+from beamsim.scenario.excitation import Shock
 from beamsim.scenario.joint import Joint, points_apart
 from beamsim.scenario.place import ConstantForce, Probe, Sited
 from beamsim.scenario.run import Reduction, Run
@@ -103,12 +103,12 @@ def _timing(scenario: _Doubted) -> Iterator[str]:
             f"run.sample_rate = {run.output_rate:g} Hz is {run.output_rate / highest:.3g} samples a period: "
             "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
         )
-    if isinstance(excitation, HalfSine) and run.output_rate < 10.0 / excitation.duration:
+    if isinstance(excitation, Shock) and run.output_rate < 20.0 * excitation.highest_frequency_hz:
         yield (
             f"run.sample_rate = {run.output_rate:g} Hz puts fewer than 10 samples into the pulse of "
-            f"{excitation.duration:g} s"
+            f"{0.5 / excitation.highest_frequency_hz:g} s"
         )
-    if isinstance(excitation, (HalfSine, Step)) and excitation.time >= run.duration:
+    if isinstance(excitation, Shock) and excitation.time >= run.duration:
         yield f"excitation.time = {excitation.time:g} s lies after the end of the run, {run.duration:g} s"
     if run.output_rate * run.duration > 1.01 * MANY_SAMPLES:
         yield f"{run.output_rate * run.duration:.3g} output samples make a very large result file"

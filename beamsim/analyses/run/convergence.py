@@ -50,7 +50,6 @@ WINDOWS = 8  # parts of the motion after the sequences have parted
 SAMPLES = 512  # in each of them
 FREQUENCIES = 6  # natural frequencies that are compared
 ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is compared with
-TRANSIENT = ("none", "step", "half_sine")  # excitations that end, so that no statistics exist
 SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for their extremes
 
 Changes = Figures  # relative, by entry of the summary
@@ -124,7 +123,7 @@ def check_convergence(
         parted = parting(first.trajectory, second.trajectory, len(first.system.snubbers))
     end = min(first.end, second.end)
     scatter: Changes = {}
-    if parted < end and scenario.excitation.kind not in TRANSIENT:
+    if parted < end and scenario.excitation.kind != "none" and not scenario.excitation.shock:
         changes, scatter = _statistical(scenario, first, second, parted, end)
         assert first.trajectory is not None
         assert second.trajectory is not None

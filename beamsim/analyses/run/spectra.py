@@ -125,10 +125,9 @@ def _even_size(samples: float) -> int:
 
 def _suited_window(scenario: Scenario, x: Floats) -> str:
     """Hann for a motion that lasts, ``decaying`` for a shock and for what dies away, of which the beginning counts."""
-    kind = scenario.excitation.kind
-    if kind in ("half_sine", "step"):
+    if scenario.excitation.shock:
         return "decaying"
-    if kind in ("none", "sampled") and x.size >= 4:
+    if scenario.excitation.kind in ("none", "sampled") and x.size >= 4:
         quarter, y = x.size // 4, x - np.mean(x)
         first, last = (float(np.sqrt(np.mean(part**2))) for part in (y[:quarter], y[-quarter:]))
         if last < DECAYED * first:
