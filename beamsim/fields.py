@@ -26,7 +26,8 @@ Fields that are None are left out of the file. A field that a file lacks gets it
 the field was added still opens. Fields without a declaration are not stored.
 
 An array that takes work to compute may be given as `later`: it is computed when the field is first read, and then kept.
-`changed` replaces other fields without reading it.
+`changed` replaces other fields without reading it. A history may be given as `by_rows`, so that who takes it in parts
+by `rows_of` (the writer of result files, plots, exports) never holds the whole of it.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
+
+import numpy as np
 
 _DECLARED = "declared"
 _Value = TypeVar("_Value")
@@ -352,10 +355,59 @@ def later(compute: Callable[[], _Value]) -> _Value:
     return _Later(compute)  # type: ignore[return-value]
 
 
+class RowBlocks:
+    """A one-dimensional array that is computed or read in parts; sliced (with step 1) like an array.
+
+    Parameters
+    ----------
+    count : length of the array.
+    rows : its part between two indices.
+    whole : all of it, where that is cheaper than ``rows(0, count)``.
+    dtype : of its values.
+    block : number of values that are computed or read together; parts are best taken in multiples of it.
+    """
+
+    ndim = 1
+
+    def __init__(
+        self, count: int, rows: Callable[[int, int], Any], whole: Callable[[], Any] | None, dtype: type, block: int
+    ) -> None:
+        self.size, self.shape, self.dtype, self.block = count, (count,), np.dtype(dtype), block
+        self._rows, self._whole = rows, whole
+
+    def __len__(self) -> int:
+        return self.size
+
+    def __getitem__(self, part: slice) -> Any:
+        first, last, step = part.indices(self.size)
+        if step != 1:
+            raise IndexError("blocks of rows have no step")
+        return self._rows(first, max(first, last))
+
+    @cached_property
+    def value(self) -> Any:
+        """The whole array."""
+        return self._rows(0, self.size) if self._whole is None else self._whole()
+
+
+def by_rows(
+    count: int, rows: Callable[[int, int], _Value], *, block: int, whole: Callable[[], _Value] | None = None,
+    dtype: type = float,
+) -> _Value:  # fmt: skip
+    """An array for a declared field that can be taken in parts; see `RowBlocks` and `rows_of`."""
+    return RowBlocks(count, rows, whole, dtype, block)  # type: ignore[return-value]
+
+
+def rows_of(owner: Any, name: str) -> Any:
+    """A field to be sliced: an array, or `RowBlocks` whose parts are computed or read when they are asked for."""
+    value = vars(owner).get(name)
+    return value if isinstance(value, RowBlocks) else getattr(owner, name)
+
+
 def is_computed(owner: Any, name: str) -> bool:
     """Whether the value of a field is known, or still to be computed."""
     value = vars(owner)[name]
-    return not isinstance(value, _Later) or "value" in vars(value)
+    return not isinstance(value, (_Later, RowBlocks)) or "value" in vars(value)
 
 
 def changed(owner: _Value, **changes: Any) -> _Value:
@@ -374,7 +426,7 @@ class _Array:
         values = {} if owner is None else vars(owner)
         if self.name not in values:
             raise AttributeError(self.name)
-        if isinstance(values[self.name], _Later):
+        if isinstance(values[self.name], (_Later, RowBlocks)):
             values[self.name] = values[self.name].value
         return values[self.name]
 

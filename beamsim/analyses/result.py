@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from beamsim.fields import Entry, attribute, changed, declared_base, ending, stored, summary_of
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import Outcome, OutcomeCode
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -72,6 +72,11 @@ class Result:
             If the summary does not declare a value.
         """
         return changed(self, summary=summary_of(self, **computed))
+
+    def interrupted(self, during: str) -> Self:
+        """The result, marked as incomplete because something was given up on request."""
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during=during)
+        return changed(self, outcome=outcome, summary={**self.summary, "status": outcome.text})
 
     @property
     def status(self) -> str:

@@ -77,6 +77,9 @@ def located(scenario: Scenario) -> Iterator[None]:
 def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
     """Write the result file and conclude.
 
+    Long histories are written part by part, and plotted from the file. A first interruption that comes meanwhile ends
+    them there.
+
     Raises
     ------
     ResultFileError
@@ -84,9 +87,17 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
     StoppedEarlyError, LimitExceededError
         See `conclude`.
     """
-    from beamsim.store.results import write_result
+    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.progress import progress_bar
+    from beamsim.store.results import has_long_histories, open_result, write_result, write_until
 
-    write_result(result, target)
+    if signal or not has_long_histories(result):
+        write_result(result, target)
+    else:
+        bar = progress_bar(f"writing {target.name}", shown=reporting.progress)
+        with interruptible() as interrupted, bar as progress:
+            write_until(result, target, interrupted, progress)
+        result, signal = open_result(target, kind), interrupted.signal
     conclude(kind, result, target, reporting, signal)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
 from beamsim.cli.report import SHARED, Row, Texts, base_correction, change_text, counted, percent, si
+from beamsim.fields import rows_of
 
 LINES_SHOWN = 6
 
@@ -16,7 +17,15 @@ NEGLIGIBLE = 1e-12  # of the largest displacement: round-off
 
 
 def _method(result: RunResult, method: str) -> str:
-    return f"{method}, {result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
+    time = rows_of(result, "time")
+    first, last = time[:1][0], time[-1:][0]
+    return f"{method}, {first:g} to {last:g} s, {time.size} samples"
+
+
+def _memory(result: RunResult, memory: float) -> str:
+    kept = result.summary.get("contact_states_kept")
+    text = f"at most {si(memory, 'B')}"
+    return text if kept is None else f"{text}; {kept} of {result.work.states} contact states kept at once"
 
 
 def _displacement(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
@@ -152,7 +161,7 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[s
                 (name, *(_figure(figure, number, unit) for number in (exact, stepped)), _change(exact, stepped))
             )
     until = compared["agrees_until_s"]
-    whole = until >= result.time[-1]
+    whole = until >= rows_of(result, "time")[-1:][0]
     part = "" if whole else f" until {si(until, 's')}, where the contacts part"
     state, late = compared["largest_state_difference"], compared["largest_time_difference_s"]
     rows.append((f"displacement{part}", "", "", percent(state)))
@@ -184,6 +193,7 @@ TEXTS: Texts = {
     "against": _against,
     **SHARED,
     "base_correction_share": base_correction,
+    "memory_bytes": _memory,
     "method": _method,
     "peak_displacement_m": _displacement,
     "contact_share": _contact,

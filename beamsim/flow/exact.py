@@ -24,15 +24,14 @@ if TYPE_CHECKING:
     from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
-TABLE_MEMORY = 256e6  # bytes for the tables of the contact states that are kept at once, unless their number is given
 FEWEST_STATES = 8  # that are kept in any case
 HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 
 
-def states_in_memory(system: PiecewiseLinearSystem) -> int:
-    """Number of contact states whose tables fit into 256 MB."""
+def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
+    """Number of contact states whose tables fit into ``memory`` bytes."""
     N, watched = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
-    return max(FEWEST_STATES, int(TABLE_MEMORY / (32.0 * N * N + 24.0 * N * watched)))
+    return max(FEWEST_STATES, int(memory / (32.0 * N * N + 24.0 * N * watched)))
 
 
 @dataclass

@@ -138,6 +138,18 @@ class Trajectory:
             event_phase=self.event_phase[early], final_y=self.states_at(np.array([min(end, self.end)]))[0],
         )  # fmt: skip
 
+    def within(self, begin: float, end: float) -> Trajectory:
+        """The segments of a part of the motion; the first begins at or before ``begin``, the last ends at ``end``."""
+        first = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
+        last = max(int(np.searchsorted(self.time, end, side="right")), first + 1)
+        part = slice(first, last)
+        length = self.length[part].copy()
+        length[-1] = min(length[-1], max(end - float(self.time[last - 1]), 0.0))
+        return replace(
+            self, end=min(end, self.end), time=self.time[part], length=length, state=self.state[part],
+            piece=self.piece[part], y=self.y[part],
+        )  # fmt: skip
+
     @property
     def _phases(self) -> Ints:
         """(states, m)."""
@@ -221,28 +233,37 @@ class Trajectory:
         left_of: Callable[[Ints], LinearOutput],
         right_of: Callable[[Ints], LinearOutput],
         weight: Floats,
+        begin: float = 0.0,
     ) -> Floats:
-        """(nt, Q) integrals from 0 to ``times`` of ``sum_k weight[k, q] left_k right_k``.
+        """(nt, Q) integrals from ``begin`` to ``times`` of ``sum_k weight[k, q] left_k right_k``.
 
         In closed form; where polynomials in time are long and the times close together (sampled inputs), by
         Gauss-Legendre panels short against the motion.
         """
-        parts, first, before = [], 0, np.zeros(weight.shape[1])
+        parts: list[Floats] = []
+        first, before = 0, np.zeros(weight.shape[1])
         for part in self.parts():
             table = np.concatenate([part.flow.output_table(left_of), part.flow.output_table(right_of)], axis=2)
             last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
             ends = times[first:last] if last == times.size else np.append(times[first:last], part.end)
-            integrals = before + part.integrals(ends, table, weight)
+            after = 0.0 if parts else begin - float(part.time[0])
+            integrals = before + part.integrals(ends, table, weight, after)
             parts.append(integrals[: last - first])
             first = last
             if last < times.size:
                 before = integrals[-1]
         return np.concatenate(parts)
 
-    def integrals(self, times: Floats, table: Complexes, weight: Floats) -> Floats:
-        """The same of outputs in a table (S, T, 2 K), the left factors first."""
+    def integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
+        """The same of outputs in a table (S, T, 2 K), the left factors first, from ``after`` the first segment began.
+
+        Times must not lie before that.
+        """
         if not many_pieces(self):
-            return self._integrals(times, table, weight)
+            return self._integrals(times, table, weight, after)
+        if after > 0.0:
+            since = self.integrals(np.append(self.time[0] + after, times), table, weight)
+            return since[1:] - since[0]
         sums = np.cumsum(self.segment_integrals(table, weight).astype(np.longdouble), axis=0)
         before = np.vstack([np.zeros(weight.shape[1]), sums]).astype(float)
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
@@ -266,12 +287,12 @@ class Trajectory:
         out[left] = np.diff(few._integrals(few.time + few.length, table, weight), axis=0, prepend=0.0)
         return out
 
-    def _integrals(self, times: Floats, table: Complexes, weight: Floats) -> Floats:
+    def _integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
         from beamsim.flow.integral_kernels import product_integrals
 
         flow, out, weight = self.flow, np.empty((times.size, weight.shape[1])), np.ascontiguousarray(weight)
         group, degree = zip(*(_groups(s.exponent, s.power) for s in flow.states), strict=True)
-        at, total, lost = np.zeros(3), np.zeros(weight.shape[1]), np.zeros(weight.shape[1])
+        at, total, lost = np.array([0.0, 0.0, after]), np.zeros(weight.shape[1]), np.zeros(weight.shape[1])
         arguments = (
             flow.tables(), flow.inputs(), table, weight, self.time, self.length, self.state, self.piece, self.y,
             np.ascontiguousarray(times), pad(list(group)), pad(list(degree)), *_gauss_rules(), at, total, lost, out,

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, SnubberHistory, Spectrum
+from beamsim.fields import rows_of
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, thinned
+from beamsim.plots.style import AT_ONCE, MOST_CURVES, Scale, curve_style, finish, legend, scale_for, thinned
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
-from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-History = TypeVar("History", ProbeHistory, SnubberHistory)
-
 STANDARD_GRAVITY = 9.80665  # m/s^2
+MOST_STATES = 2**18  # samples in a phase portrait
 MOST_DOUBTS = 4  # named in a plot
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
@@ -35,19 +35,17 @@ _FREE, _CLOSED = "0.45", "#d1495b"
 
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the probe displacements relative to the base."""
-    _histories(result, ax, result.probes.values(), lambda p: p.displacement, "Relative displacement", "m", last_part)
+    names = dict.fromkeys(result.probes, "displacement")
+    _histories(result, ax, result.probes, names, "Relative displacement", "m", last_part)
     return ax if last_part else _doubts(result, ax, "peak_displacement_m")
 
 
 def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the absolute accelerations of the probes, in g; behind the filter where there is one."""
     label = "Absolute acceleration" if result.low_pass_hz is None else f"Acceleration below {result.low_pass_hz:g} Hz"
-    _histories(
-        result, ax, result.probes.values(),
-        lambda p: (p.absolute_acceleration if p.low_passed_acceleration is None else p.low_passed_acceleration)
-        / STANDARD_GRAVITY,
-        label, "g", last_part,
-    )  # fmt: skip
+    kind = "absolute" if result.low_pass_hz is None else "low_passed"
+    names = dict.fromkeys(result.probes, f"{kind}_acceleration")
+    _histories(result, ax, result.probes, names, label, "g", last_part)
     return ax if last_part else _doubts(result, ax, "peak_acceleration_g")
 
 
@@ -72,10 +70,13 @@ def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of:
 
 def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the contact forces; if there are many snubbers, those with the largest peaks."""
-    strongest = sorted(result.snubbers.values(), key=lambda s: -float(np.max(s.force, initial=0.0)))
-    kept = {s.name for s in strongest[:MOST_CURVES]}
-    snubbers = [s for s in result.snubbers.values() if s.name in kept]
-    _histories(result, ax, snubbers, lambda s: s.force, "Contact force", "N", last_part, known=len(result.snubbers))
+    peaks = {
+        name: float(np.max(thinned(rows_of(s, "force"), rows_of(s, "force"))[1], initial=0.0))
+        for name, s in result.snubbers.items()
+    }
+    strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
+    names = {name: "force" for name in result.snubbers if name in strongest}
+    _histories(result, ax, result.snubbers, names, "Contact force", "N", last_part)
     if ax.lines and not any(np.any(line.get_ydata()) for line in ax.lines):
         ax.set_ylim(-0.05, 1.0)
         ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", color="0.5")
@@ -125,14 +126,18 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
 def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:
     """Velocity over displacement at a snubber (at the first probe if there is none), contact emphasised.
 
-    The part before the window of the spectrum is drawn in light grey.
+    Of a long run the last part is drawn, which the picture says. The part before the window of the spectrum is drawn in
+    light grey.
     """
     place = _place(result, at)
-    closed = place.closed if isinstance(place, SnubberHistory) else np.zeros(result.time.size, dtype=bool)
-    length, speed = scale_for("m", place.displacement), scale_for("m/s", place.velocity)
-    w, v = place.displacement * length.factor, place.velocity * speed.factor
+    times = rows_of(result, "time")
+    shown = slice(max(times.size - MOST_STATES, 0), times.size)
+    time, w, v = times[shown], rows_of(place, "displacement")[shown], rows_of(place, "velocity")[shown]
+    closed = rows_of(place, "closed")[shown] if isinstance(place, SnubberHistory) else np.zeros(time.size, dtype=bool)
+    length, speed = scale_for("m", w), scale_for("m/s", v)
+    w, v = w * length.factor, v * speed.factor
     begin = min((s.start_s for s in result.spectra.values()), default=0.0)
-    early = result.time < begin
+    early = time < begin
     if np.any(early):
         ax.plot(w[early], v[early], color="0.85", linewidth=0.5, zorder=1)
     free = np.where(early | closed, np.nan, v)
@@ -143,17 +148,25 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
         ax.plot(w, np.where(touching & ~early, v, np.nan), color=_CLOSED, linewidth=1.5, zorder=3, label="in contact")
         if at is None or at == next(iter(result.snubbers)):
             legend(ax, 2, 2, "")
-    finish(ax, f"Displacement at {place.name} ({length.unit})", f"Velocity ({speed.unit})")
+    part = "" if time.size == times.size else f", last {time[-1] - time[0]:.3g} s"
+    finish(ax, f"Displacement at {place.name} ({length.unit}){part}", f"Velocity ({speed.unit})")
     return ax
 
 
 def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
     """Force of the nonlinear springs over their stretch, in the range covered by the motion."""
     springs = list(result.springs.values())[:MOST_CURVES]
-    length, newton = scale_for("m", *(s.stretch for s in springs)), scale_for("N", *(s.force for s in springs))
-    for k, spring in enumerate(springs):
-        order = np.argsort(spring.stretch, kind="stable")
-        stretch, force = spring.stretch[order] * length.factor, spring.force[order] * newton.factor
+    curves = []
+    for spring in springs:
+        force, stretch = rows_of(spring, "force"), rows_of(spring, "stretch")
+        if stretch.size > AT_ONCE:  # the force follows from the stretch
+            force, stretch = thinned(force, stretch, AT_ONCE)
+        order = np.argsort(stretch[:], kind="stable")
+        curves.append((stretch[:][order], force[:][order]))
+    length = scale_for("m", *(stretch for stretch, _ in curves))
+    newton = scale_for("N", *(force for _, force in curves))
+    for k, (spring, (stretch, force)) in enumerate(zip(springs, curves, strict=True)):
+        stretch, force = stretch * length.factor, force * newton.factor
         ax.plot(*thinned(stretch, force), label=spring.name, **curve_style(k))
     finish(ax, f"Stretch ({length.unit})", f"Spring force ({newton.unit})")
     legend(ax, len(springs), len(result.springs), "springs")
@@ -276,32 +289,42 @@ def save_run_plots(
 def _histories(
     result: RunResult,
     ax: Axes,
-    items: Iterable[History],
-    values: Callable[[History], Floats],
+    places: Mapping[str, ProbeHistory] | Mapping[str, SnubberHistory],
+    fields: Mapping[str, str],
     label: str,
     unit: str,
     last_part: bool,
-    known: int | None = None,
 ) -> Axes:
-    items = list(items)
-    known = len(items) if known is None else known
-    items = items[:MOST_CURVES]
-    begin = _last_part(result) if last_part else float(result.time[0])
-    part = result.time >= begin
-    time = result.time[part]
-    curves = [values(item)[part] for item in items]
-    scale = scale_for(unit, *curves) if unit != "g" else scale_for("")
-    for k, (item, curve) in enumerate(zip(items, curves, strict=True)):
-        ax.plot(*thinned(time, curve * scale.factor), label=item.name, **curve_style(k))
-    ax.set_xlim(begin, float(result.time[-1]) if result.time[-1] > begin else begin + 1.0)
-    finish(ax, "Time (s)", f"{label} ({scale.unit or unit})")
-    legend(ax, len(items), known, "probes" if items and isinstance(items[0], ProbeHistory) else "snubbers")
+    """Draw one field of each of some places; accelerations are shown in g."""
+    time, names = rows_of(result, "time"), list(fields)[:MOST_CURVES]
+    begin, end = _ends(result)
+    if last_part:
+        begin = _last_part(result)
+    first = _first_from(time, begin)
+    curves = [thinned(time, rows_of(places[name], fields[name]), begin=first) for name in names]
+    scale = scale_for(unit, *(x for _, x in curves)) if unit != "g" else Scale(1.0 / STANDARD_GRAVITY, "g")
+    for k, (name, (t, x)) in enumerate(zip(names, curves, strict=True)):
+        ax.plot(t, x * scale.factor, label=name, **curve_style(k))
+    ax.set_xlim(begin, end if end > begin else begin + 1.0)
+    finish(ax, "Time (s)", f"{label} ({scale.unit})")
+    legend(ax, len(names), len(places), "probes" if places is result.probes else "snubbers")
     return ax
+
+
+def _ends(result: RunResult) -> tuple[float, float]:
+    """First and last output time, s."""
+    time = rows_of(result, "time")
+    return float(time[:1][0]), float(time[-1:][0])
+
+
+def _first_from(time: Any, begin: float) -> int:
+    """Number of the first output time that is not before ``begin``; not all of them are read."""
+    return bisect_left(range(time.size), True, key=lambda k: bool(time[k : k + 1][0] >= begin))
 
 
 def _last_part(result: RunResult) -> float:
     """Start of a close-up: a few excitation periods before the end."""
-    begin, end = float(result.time[0]), float(result.time[-1])
+    begin, end = _ends(result)
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
     length = PERIODS_SHOWN / excitation if np.isfinite(excitation) else SHARE_SHOWN * (end - begin)
     return max(begin, end - length)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+AT_ONCE = 2**18  # samples of a long history that are read together
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
@@ -89,14 +90,29 @@ def legend(ax: Axes, shown: int, known: int, what: str) -> None:
         )  # fmt: skip
 
 
-def thinned(time: Floats, x: Floats, most: int = 40_000) -> tuple[Floats, Floats]:
-    """The same curve with at most about ``most`` points: the minimum and maximum of every block of samples."""
-    length = -(-2 * time.size // most)
-    if time.size <= most or length < 3:
-        return time, x
-    whole = time.size // length * length
+def thinned(time: Any, x: Any, most: int = 40_000, begin: int = 0) -> tuple[Floats, Floats]:
+    """The same curve with at most about ``most`` points: the minimum and maximum of every few samples.
+
+    Parameters
+    ----------
+    time, x : (n,) arrays, or histories that are read in parts (`beamsim.fields.RowBlocks`).
+    begin : number of the first sample.
+    """
+    count = x.size - begin
+    length = -(-2 * count // most)
+    if count <= most or length < 3:
+        return time[begin:], x[begin:]
+    part = length * max(AT_ONCE // length, 1)
+    parts = [_extremes(time[k : k + part], x[k : k + part], length) for k in range(begin, x.size, part)]
+    times, values = zip(*parts, strict=True)
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _extremes(time: Floats, x: Floats, length: int) -> tuple[Floats, Floats]:
+    """Lowest and highest of every ``length`` samples, in order of time, and what remains at the end."""
+    whole = x.size // length * length
     blocks = x[:whole].reshape(-1, length)
     first = np.arange(blocks.shape[0]) * length
     pick = np.sort(np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
-    pick = np.append(pick, np.arange(whole, time.size))
+    pick = np.append(pick, np.arange(whole, x.size))
     return time[pick], x[pick]

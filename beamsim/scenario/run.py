@@ -14,6 +14,7 @@ from beamsim.scenario.quantities import (
     Count,
     Duration,
     Frequency,
+    Memory,
     Modes,
     Name,
     NotNegativeWhole,
@@ -159,8 +160,12 @@ class Run(Schema):
     """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
     max_events: Count = 1_000_000
     """Largest number of contact events, after which the run stops (chattering)."""
+    memory: Memory = 2e9
+    """Bound on what a run keeps in memory: half of it for the motion between events (which ends when this is full), an
+    eighth for the tables of contact states. Histories are computed and written in small parts."""
     most_contact_states: Annotated[Count, Field(ge=2)] | None = None
-    """Contact states whose tables are kept at once; the least recently used makes room. By default those in 256 MB."""
+    """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
+    into run.memory."""
 
     @property
     def output_rate(self) -> float:

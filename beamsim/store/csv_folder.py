@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 
+ROWS_AT_ONCE = 2**16  # of a table that are written together
 _UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
 
 
@@ -70,10 +70,13 @@ class CsvFolder:
         with self._table(name, columns) as stream:
             csv.writer(stream).writerows(values)
 
-    def numbers(self, name: str, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Write a table from columns of numbers."""
+    def numbers(self, name: str, columns: Mapping[str, Any]) -> None:
+        """Write a table from columns of numbers: arrays, or histories that are read in parts."""
         with self._table(name, list(columns)) as stream:
-            np.savetxt(stream, np.column_stack([*columns.values()]), fmt="%.17g", delimiter=",", newline="\r\n")
+            for first in range(0, max(len(column) for column in columns.values()), ROWS_AT_ONCE):
+                part = slice(first, first + ROWS_AT_ONCE)
+                rows = np.column_stack([column[part] for column in columns.values()])
+                np.savetxt(stream, rows, fmt="%.17g", delimiter=",", newline="\r\n")
 
     def summary(self, summary: Mapping[str, Any]) -> None:
         """Write the table ``summary``: one number per row."""

@@ -6,11 +6,14 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, get_args, get_origin
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any, TypeGuard, get_args, get_origin
 
 import h5py
 import numpy as np
 
+from beamsim.errors import ResultFileError
 from beamsim.fields import (
     Along,
     Arrays,
@@ -23,15 +26,21 @@ from beamsim.fields import (
     Member,
     Members,
     PerName,
+    RowBlocks,
     Table,
+    by_rows,
     filled,
     members_of,
+    rows_of,
 )
 from beamsim.store.outcomes import failures_text, outcome_attributes, read_failures, read_outcome
 from beamsim.store.schema import group_name, plain
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+ROWS_AT_ONCE = 2**18  # of a history that are held in memory; longer ones are written and read in parts
+
 _TEXT = h5py.string_dtype("utf-8")
+_unfilled: ContextVar[list[tuple[h5py.Dataset, RowBlocks]]] = ContextVar("unfilled")
 
 
 # --- Writing ---------------------------------------------------------------------------------------------------------
@@ -48,9 +57,38 @@ def write(group: h5py.Group, value: Any, names: Sequence[Any] = (), *, on: str =
     """
     names, cls = (value, *names), cls or type(value)
     for member in sorted(members_of(cls), key=_rank):
-        field = getattr(value, member.name)
+        field = rows_of(value, member.name)
         if field is not None:
             _write_member(group, member, field, names, on)
+
+
+def write_in_parts(file: h5py.File, value: Any) -> Iterator[tuple[int, int]]:
+    """Write the declared fields of a result into a file, its long histories part by part, all of them side by side.
+
+    Yields
+    ------
+    Rows written so far and rows in all, after each part. All histories have the same length then.
+    """
+    token = _unfilled.set([])
+    try:
+        write(file, value)
+        histories = _unfilled.get()
+    finally:
+        _unfilled.reset(token)
+    count = max((history.size for _, history in histories), default=0)
+    part = max((history.block for _, history in histories), default=1)
+    for first in range(0, count, part):
+        last = min(first + part, count)
+        values = [history[first:last] for _, history in histories]  # none is written before all are there
+        for (dataset, _), item in zip(histories, values, strict=True):
+            dataset.resize((last,))
+            dataset[first:last] = item
+        yield last, count
+
+
+def is_long(value: Any) -> TypeGuard[RowBlocks]:
+    """Whether an array is written in parts."""
+    return isinstance(value, RowBlocks) and value.size > ROWS_AT_ONCE
 
 
 def _rank(member: Member) -> int:
@@ -179,7 +217,7 @@ def _write_array(
     if declared.phase:
         parts = [(name, np.abs(value), unit, meaning)]
         parts.append((f"{name}_phase_deg", np.degrees(np.angle(value)), "degree", declared.phase))
-    elif np.iscomplexobj(value):
+    elif not isinstance(value, RowBlocks) and np.iscomplexobj(value):
         real, imaginary = (meaning, declared.imaginary) if declared.imaginary else (
             f"{meaning}, real part", f"{meaning}, imaginary part"
         )  # fmt: skip
@@ -195,12 +233,23 @@ def _write_array(
 def _put(
     group: h5py.Group, name: str, declared: Dataset, value: Any, names: Sequence[Any], unit: str = "", meaning: str = ""
 ) -> h5py.Dataset:
-    values = np.asarray(value)
+    if is_long(value):
+        dataset = group.create_dataset(
+            filled(name, names), (0,), np.uint8 if declared.flags else value.dtype, maxshape=(value.size,),
+            chunks=(value.block,),
+        )  # fmt: skip
+        _unfilled.get().append((dataset, value))
+        return _described(dataset, declared, names, unit, meaning)
+    values = np.asarray(value.value if isinstance(value, RowBlocks) else value)
     if values.dtype.kind == "U" or (isinstance(value, tuple) and not value):
         values = np.array(value, dtype=_TEXT)
     if declared.flags is not None:
         values = values.astype(np.uint8)
-    dataset = group.create_dataset(filled(name, names), data=values)
+    return _described(group.create_dataset(filled(name, names), data=values), declared, names, unit, meaning)
+
+
+def _described(dataset: h5py.Dataset, declared: Dataset, names: Sequence[Any], unit: str, meaning: str) -> h5py.Dataset:
+    """The dataset with its attributes."""
     dataset.attrs["units"] = filled(unit or declared.unit, names)
     dataset.attrs["long_name"] = filled(meaning or declared.meaning, names)
     if declared.flags is not None:
@@ -451,10 +500,35 @@ def _read_array(group: h5py.Group, member: Member, declared: Dataset, names: Seq
     if _is_text(dataset):
         words = _words(dataset)
         return np.array(words) if get_origin(member.annotation) is np.ndarray else tuple(words)
+    if dataset.ndim == 1 and dataset.size > ROWS_AT_ONCE and get_origin(member.annotation) is np.ndarray:
+        return _stored_rows(dataset, bool if declared.flags is not None else float)
     values = dataset[()]
     if np.ndim(values) == 0 or get_origin(member.annotation) is tuple:
         return _converted(values, member.annotation)
     return values.astype(bool) if declared.flags is not None else values
+
+
+def _stored_rows(dataset: h5py.Dataset, dtype: type) -> Any:
+    """A long history, read when it is used and where it is used.
+
+    The file is opened for each part, so that nobody has to close it.
+    """
+    path, name = Path(dataset.file.filename), dataset.name
+    known = _identity(path)
+
+    def rows(first: int, last: int) -> Any:
+        if not path.exists() or _identity(path) != known:
+            raise ResultFileError(f"{path}: changed since it was opened; open it again")
+        with h5py.File(path, "r") as file:
+            return file[name][first:last].astype(dtype, copy=False)
+
+    return by_rows(dataset.size, rows, dtype=dtype, block=ROWS_AT_ONCE)
+
+
+def _identity(path: Path) -> tuple[int, int, int]:
+    """What changes when another file takes the place of this one."""
+    state = path.stat()
+    return state.st_ino, state.st_mtime_ns, state.st_size
 
 
 def _expected(dataset: Any, member: Member, declared: Dataset) -> h5py.Dataset:

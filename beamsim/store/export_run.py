@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics, SpectralLine, Spectrum
-from beamsim.fields import Attribute, Counter, Dataset, members_of
+from beamsim.fields import Attribute, Counter, Dataset, members_of, rows_of
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.structures.stations import Stations
 
@@ -89,9 +88,9 @@ def _names(cls: type, kind: type) -> list[str]:
     return [member.name for member in members_of(cls) if isinstance(member.declaration, kind)]
 
 
-def _channels(result: RunResult) -> dict[str, NDArray[Any]]:
+def _channels(result: RunResult) -> dict[str, Any]:
     """All quantities along the time of a run."""
-    columns = {header("time", _unit(result, "time")): result.time, **_along(result, "time")}
+    columns = {header("time", _unit(result, "time")): rows_of(result, "time"), **_along(result, "time")}
     for kind, owners in (("probe", result.probes), ("snubber", result.snubbers), ("spring", result.springs)):
         for name, owner in owners.items():
             columns |= _along(owner, "time", f"{kind}_{name}_")
@@ -102,9 +101,9 @@ def _along(owner: Any, axis: str, prefix: str = "") -> dict[str, Any]:
     """By header, the datasets of a dataclass that are along one axis alone, and not None."""
     columns = {}
     for member in members_of(type(owner)):
-        declared, values = member.declaration, getattr(owner, member.name)
+        declared, values = member.declaration, rows_of(owner, member.name)
         if isinstance(declared, Dataset) and values is not None and _is_along(declared, axis):
-            flags = values.astype(int) if values.dtype == bool else values
+            flags = values.astype(int) if isinstance(values, np.ndarray) and values.dtype == bool else values
             columns[header(f"{prefix}{member.stored_name.replace('/', '_')}", declared.unit)] = flags
     return columns
 

@@ -5,13 +5,23 @@ The fields of the result declare what is stored; see `beamsim.fields`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from beamsim.flow.stopping import never
 from beamsim.kinds import KINDS, named
 from beamsim.store import declared
-from beamsim.store.stored import LazyScenario, creating, kind_of, reading, root_fields, write_root
+from beamsim.store.stored import (
+    LazyScenario,
+    creating,
+    kind_of,
+    reading,
+    rewrite_outcome,
+    root_fields,
+    write_root,
+)
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
@@ -23,6 +33,8 @@ if TYPE_CHECKING:
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
 
+_Result = TypeVar("_Result", bound="Result")
+
 
 def write_result(result: Result, path: Path | str) -> Path:
     """Write a result to ``path``; an existing file is replaced only when the new one is complete.
@@ -32,10 +44,40 @@ def write_result(result: Result, path: Path | str) -> Path:
     ResultFileError
         If the file cannot be written (no permission, disk full, a folder of that name).
     """
+    write_until(result, path, never)
+    return Path(path)
+
+
+def write_until(
+    result: _Result, path: Path | str, stop: Callable[[], bool], progress: Callable[[float], None] | None = None
+) -> _Result:
+    """As `write_result`, but ended by ``stop``, which is asked between parts of long histories.
+
+    Then the file holds the histories up to there, and an outcome that says so.
+
+    Parameters
+    ----------
+    progress : called with the share of the histories that is written.
+
+    Returns
+    -------
+    The result with the outcome that is in the file.
+    """
     with creating(path) as file:
         write_root(file, result, KINDS[_kind_of_class(type(result))].command)
-        declared.write(file, result)
-    return Path(path)
+        for done, count in declared.write_in_parts(file, result):
+            if progress is not None:
+                progress(done / count)
+            if done < count and stop():
+                result = result.interrupted(f"the writing of the histories ({done} of {count} samples are kept)")
+                rewrite_outcome(file, result)
+                break
+    return result
+
+
+def has_long_histories(result: Result) -> bool:
+    """Whether histories are written in parts, so that they may take a while."""
+    return declared.is_long(vars(result).get("time"))
 
 
 def _kind_of_class(cls: type) -> str:

@@ -97,7 +97,7 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
     with replacing(path) as temporary, open(temporary, "x+b", buffering=0) as raw:
         sink = _Sink(raw)
         try:
-            with h5py.File(sink, "w") as file:
+            with h5py.File(sink, "w", rdcc_nbytes=0) as file:  # chunks are written whole
                 yield file
         finally:
             if sink.error is not None:
@@ -106,7 +106,6 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
 
 def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> None:
     """Write the attributes of every result file, the summary, and the attributes `more`."""
-    from beamsim.analyses.result import Result
     from beamsim.version import __version__
 
     file.attrs.update(
@@ -118,8 +117,15 @@ def write_root(file: h5py.File, result: Result, command: str, **more: Any) -> No
             **more,
         }
     )
+    rewrite_outcome(file, result)
+
+
+def rewrite_outcome(file: h5py.File, result: Result) -> None:
+    """Write what every result has, and the summary, over what there is of them."""
+    from beamsim.analyses.result import Result
+
     declared.write(file, result, cls=Result)
-    file.create_group("summary").attrs.update(schema.encode_summary(result.summary))
+    file.require_group("summary").attrs.update(schema.encode_summary(result.summary))
 
 
 def root_fields(file: h5py.File) -> dict[str, Any]:

@@ -99,16 +99,23 @@ def test_few_states_rebuild_more_often():
 
 def test_as_many_states_as_fit_into_memory():
     system = flow_of().system
-    assert states_in_memory(system) > 10_000
+    assert states_in_memory(system, 256e6) > 10_000
     states = simulate(flow_of(), np.zeros(2 * N)).flow.tables()
     size = sum(array.nbytes for array in states if array.ndim and array.shape[0] == states.horizon.size)
-    assert size / states.horizon.size < 4 * 256e6 / states_in_memory(system)
+    assert size / states.horizon.size < 4 * 256e6 / states_in_memory(system, 256e6)
+
+
+def test_the_summary_says_how_many_states_are_kept_where_some_were_dropped():
+    settings = beamsim.load_scenario(CASE, SHORT).run
+    for most, kept in ((5, 5), (None, None)):
+        flow = simulate(flow_of(most), np.zeros(2 * N)).flow
+        assert analysis._memory(flow, settings).get("contact_states_kept") == kept
 
 
 def test_the_setting_reaches_the_run(monkeypatch):
     given = []
     original = analysis.exact_flow
-    monkeypatch.setattr(analysis, "exact_flow", lambda *arguments: given.append(arguments[2]) or original(*arguments))
+    monkeypatch.setattr(analysis, "exact_flow", lambda *a, **k: given.append(a[2]) or original(*a, **k))
     for most in (2, None):
         beamsim.run(beamsim.load_scenario(CASE, {**SHORT, "run.most_contact_states": most}))
     assert given == [2, None]

@@ -13,6 +13,7 @@ from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
+from beamsim.fields import rows_of
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.typing import Floats
@@ -20,6 +21,7 @@ from beamsim.typing import Floats
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
 _UNITS = {"absolute_acceleration": "m/s^2", "velocity": "m/s", "force": "N"}
 _SHOWN_PERIODS = 4
+MOST_COMPARED = 2**21  # samples of a run, the last ones
 SETTLED = 0.01  # relative difference of periods of a settled motion, rms
 _UNEVEN = 1e-3  # relative scatter of the sampling interval
 
@@ -56,23 +58,26 @@ def compare(
     ).with_summary(comparisons=[_compared(channel) for channel in channels])
 
 
-def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
-    """(nt,) the computed history of a quantity at a probe or, for a force, at a snubber."""
-    if quantity == "force":
-        return result.snubbers[place].force
-    return np.asarray(getattr(result.probes[place], quantity))
+def predicted_history(result: RunResult, place: str, quantity: str) -> Any:
+    """(nt,) the computed history of a quantity at a probe or, for a force, at a snubber, to be sliced."""
+    return rows_of(result.snubbers[place] if quantity == "force" else result.probes[place], quantity)
 
 
 def _channel(
     result: RunResult, place: str, quantity: str, signal: MeasuredSignal, count: int, last: float | None,
     warnings: list[str],
 ) -> ChannelComparison:  # fmt: skip
-    x = predicted_history(result, place, quantity)
+    times, values = rows_of(result, "time"), predicted_history(result, place, quantity)
+    part = slice(max(times.size - MOST_COMPARED, 0), times.size)
+    time, x = times[part], np.asarray(values[part])
+    name = f"{place} {quantity.replace('_', ' ')}"
+    if part.start:
+        warnings.append(f"{name}: only the last {time[-1] - time[0]:.4g} s of the run are compared ({x.size} samples)")
     unit = _UNITS.get(quantity, "m")
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    start = _start(result, x, excitation, f"{place} {quantity.replace('_', ' ')}", warnings)
-    steady = result.time >= start
-    predicted_signal = MeasuredSignal(place, result.time[steady], x[steady])
+    start = _start(result, time, x, excitation, name, warnings)
+    steady = time >= start
+    predicted_signal = MeasuredSignal(place, time[steady], x[steady])
     if last is None and np.isfinite(excitation):
         last = float(predicted_signal.x[-1] - predicted_signal.x[0]) * (1 + 1e-9)
     try:
@@ -131,20 +136,20 @@ def _channel(
     )
 
 
-def _start(result: RunResult, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
+def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
     """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
     if settings is not None and (settings.last is not None or settings.periods is not None):
         duration = max((s.duration_s for s in result.spectra.values()), default=np.inf)
-        share = min(duration / float(result.time[-1] - result.time[0]), 1.0)
-        return float(result.time[-round(share * (result.time.size - 1))])  # whole periods: one end of the two
+        share = min(duration / float(time[-1] - time[0]), 1.0)
+        return float(time[-round(share * (time.size - 1))])  # whole periods: one end of the two
     if not np.isfinite(excitation):
-        return float(result.time[0])
-    start, deviation = settled_from(result.time, x, 1.0 / excitation)
+        return float(time[0])
+    start, deviation = settled_from(time, x, 1.0 / excitation)
     if deviation > SETTLED:
         warnings.append(
             f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
-            f"{result.time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
+            f"{time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
         )
     return start
 

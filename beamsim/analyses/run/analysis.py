@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +35,15 @@ from beamsim.analyses.run.figures import (
 from beamsim.analyses.run.histories import ExactHistories, Grace, Histories, SampledHistories
 from beamsim.analyses.run.low_pass import filtered, filtered_samples
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
-from beamsim.analyses.run.outputs import OutputSet, bending_stress, exact_flow, in_every_state, output_groups
+from beamsim.analyses.run.output_times import OutputTimes
+from beamsim.analyses.run.outputs import (
+    OutputSet,
+    bending_stress,
+    events_in_memory,
+    exact_flow,
+    in_every_state,
+    output_groups,
+)
 from beamsim.analyses.run.result import (
     MAIN_QUANTITY,
     ONLY_BEAM,
@@ -58,9 +66,10 @@ from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.flow.exact import ExactFlow
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
@@ -115,16 +124,16 @@ def run(
         scenario=scenario,
         method=motion.method,
         outcome=motion.outcome,
-        time=motion.time,
+        time=motion.histories.signal(lambda time: time),
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),
         springs=_springs(system, motion),
-        base_acceleration=later(lambda: _signal(system.base_acceleration, motion.time)),
-        base_displacement=later(lambda: _signal(system.base_displacement, motion.time)),
+        base_acceleration=motion.histories.signal(partial(_signal, system.base_acceleration)),
+        base_displacement=motion.histories.signal(partial(_signal, system.base_displacement)),
         events=motion.events,
         spectra=spectra,
         **_bodies(scenario, system, motion),
-        energy=_energy(motion.histories),
+        energy=motion.histories.energies(),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
@@ -135,7 +144,8 @@ def run(
     summary = _summary(scenario, system, motion, spectra)
     if result.random is not None:
         summary["random"] = result.random.summary()
-    derived = DerivedFigures(scenario, spectra, result.random, motion.time)
+    sampled_at = np.zeros(0) if result.random is None else result.time
+    derived = DerivedFigures(scenario, spectra, result.random, sampled_at)
     checked = _checked(scenario, system, motion, summary, derived, stop)
     if checked is not None:
         result = with_convergence(result, checked)
@@ -159,7 +169,6 @@ class _RunMotion:
 
     method: str
     outcome: Outcome
-    time: Floats
     histories: Histories
     balance: EnergyBalance
     events: EventLog
@@ -172,15 +181,12 @@ class _RunMotion:
     work: Work
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form
+    memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     warnings: tuple[str, ...] = ()
 
     def column(self, group: str, index: int) -> Floats:
         """(nt,) one output, computed when it is read."""
-        return later(lambda: self.histories.values[group][:, index])
-
-    def closed(self, contact: int) -> Bools:
-        """(nt,) whether a contact touches, computed when it is read."""
-        return later(lambda: self.histories.closed[:, contact])
+        return self.histories.history(lambda time, values: values[group][:, index])
 
 
 def _checked(
@@ -201,15 +207,15 @@ def _checked(
 
     def solve(finer: StructuralSystem) -> Solution:
         if finer.cubic.count:
-            again = _reference(finer, settings, motion.time, None, stop)
+            again = _reference(finer, settings, _output_times(settings), None, stop)
             check_stop()
-            sampled = OutputSamples(again.time, again.histories.values)
-            return Solution(finer, _figures(finer, again), float(again.time[-1]), sampled=sampled)
+            sampled = OutputSamples(again.histories.time, again.histories.values)
+            return Solution(finer, _figures(finer, again), float(again.histories.time[-1]), sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
         return solve_exactly(finer, settings, seeds, motion.work, stop)
 
     kept = {name: figures[name] for name in _figures(system, motion)}
-    end = float(motion.time[-1]) if motion.trajectory is None else motion.trajectory.end
+    end = float(motion.histories.time[-1]) if motion.trajectory is None else motion.trajectory.end
     first = Solution(system, kept, end, motion.trajectory)
     try:
         with heeding(stop):
@@ -222,7 +228,7 @@ def _steps_in_time(system: StructuralSystem, settings: Run) -> bool:
     return settings.method == "reference" or system.cubic.count > 0
 
 
-def _output_times(settings: Run) -> Floats:
+def _output_times(settings: Run) -> OutputTimes:
     rate = settings.output_rate
     count = int(np.floor(settings.duration * rate * (1 + 1e-12))) + 1
     if count > MOST_SAMPLES:
@@ -234,21 +240,25 @@ def _output_times(settings: Run) -> Floats:
                 "lower one of the two; contacts and peaks are exact whatever the sample rate",
             )
         )
-    return np.arange(count) / rate
+    return OutputTimes(rate, count)
 
 
 def _exact(
     system: StructuralSystem,
     settings: Run,
-    times: Floats,
+    times: OutputTimes,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> _RunMotion:
-    flow = exact_flow(system, settings.duration, settings.most_contact_states)
-    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, progress=progress, stop=stop)
-    outcome, grace = _with_limit(trajectory.outcome), Grace(stop)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
+    room = events_in_memory(flow, settings.memory)
+    trajectory = simulate(
+        flow, system.initial_state, max_events=min(settings.max_events, room), progress=progress, stop=stop
+    )
+    limit = "run.max_events" if settings.max_events <= room else "run.memory"
+    outcome, grace = _with_limit(trajectory.outcome, limit), Grace(stop)
     warnings: tuple[str, ...] = ()
-    times = times[times <= trajectory.end] if not trajectory.outcome.complete else times
+    times = times if trajectory.outcome.complete else times.until(trajectory.end)
     groups = output_groups(system, flow)
     if stop():
         times, warnings = _few(times)
@@ -266,7 +276,7 @@ def _exact(
             outcome = balance.checked(outcome)
             extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS))
             if acceleration is not None and settings.low_pass is not None:
-                low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times)
+                low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times.all)
     except Stopped:
         missing = "the energy balance, or peaks between the samples, are missing"
         if acceleration is not None:
@@ -285,7 +295,6 @@ def _exact(
     return _RunMotion(
         method="exact",
         outcome=outcome,
-        time=times,
         histories=histories,
         balance=balance,
         events=_events(system, trajectory),
@@ -304,20 +313,27 @@ def _exact(
         ),
         low_passed=low_passed,
         trajectory=None if outcome.interrupted else trajectory,
+        memory=_memory(flow, settings),
         warnings=warnings,
     )
 
 
-def _few(times: Floats) -> tuple[Floats, tuple[str, ...]]:
+def _memory(flow: ExactFlow, settings: Run) -> dict[str, int]:
+    """Bounds on the memory of a run, for the summary."""
+    kept = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
+    return {"memory_bytes": round(settings.memory), **kept}
+
+
+def _few(times: OutputTimes) -> tuple[OutputTimes, tuple[str, ...]]:
     """Of many output times those that are quickly sampled and written, with a warning."""
     step = max(-(-times.size // SAMPLES_OF_A_STOPPED_RUN), 1)
-    return times[::step], (f"interrupted: of {step} output times one is kept",) if step > 1 else ()
+    return times.every(step), (f"interrupted: of {step} output times one is kept",) if step > 1 else ()
 
 
 def _reference(
     system: StructuralSystem,
     settings: Run,
-    times: Floats,
+    times: OutputTimes,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> _RunMotion:
@@ -325,7 +341,7 @@ def _reference(
     from beamsim.analyses.run.stepped_outputs import SteppedOutputs
     from beamsim.flow.reference import integrate
 
-    flow = exact_flow(system, settings.duration, settings.most_contact_states)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     integrator, rtol = settings.integrator, settings.rtol
     warnings: tuple[str, ...] = ()
     longest = np.inf
@@ -338,7 +354,7 @@ def _reference(
         )
     outputs = SteppedOutputs(system, flow)
     trajectory = integrate(
-        flow, system.initial_state, times, integrator=integrator, rtol=rtol, atol=settings.atol,
+        flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
         max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
         observe=outputs.observe,
     )  # fmt: skip
@@ -357,7 +373,6 @@ def _reference(
     return _RunMotion(
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=balance.checked(_with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
-        time=at,
         histories=SampledHistories(at, values, flow.system.contacts.touching(trajectory.phases), energy),
         balance=balance,
         events=_events(system, trajectory),
@@ -391,9 +406,9 @@ def _pulls(system: StructuralSystem, motion: _RunMotion) -> list[str]:
     ]
 
 
-def _with_limit(outcome: Outcome) -> Outcome:
+def _with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
     """The outcome, with the key of the scenario that limits the events."""
-    return outcome.but(limit="run.max_events") if outcome.code is OutcomeCode.EVENT_LIMIT else outcome
+    return outcome.but(limit=limit) if outcome.code is OutcomeCode.EVENT_LIMIT else outcome
 
 
 def _longest_step(system: StructuralSystem) -> float:
@@ -405,31 +420,25 @@ def _longest_step(system: StructuralSystem) -> float:
     return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
-def _energy(histories: Histories) -> EnergyHistory:
-    return EnergyHistory(
-        work_in=later(lambda: histories.energy.work_in),
-        dissipated=later(lambda: histories.energy.dissipated),
-        stored=later(lambda: histories.energy.stored),
-    )
-
-
 def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
 
 def _probes(system: StructuralSystem, motion: _RunMotion) -> dict[str, ProbeHistory]:
-    def absolute(i: int) -> Floats:
-        return motion.histories.values["displacement"][:, i] + _signal(system.base_displacement, motion.time)
+    def absolute(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        return values["displacement"][:, i] + _signal(system.base_displacement, time)
 
     return {
         probe.name: ProbeHistory(
             name=probe.name,
             position=probe.position,
             displacement=motion.column("displacement", i),
-            absolute_displacement=later(partial(absolute, i)),
+            absolute_displacement=motion.histories.history(partial(absolute, i)),
             velocity=motion.column("velocity", i),
             absolute_acceleration=motion.column("acceleration", i),
-            low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[:, i],
+            low_passed_acceleration=None
+            if motion.low_passed is None
+            else motion.histories.kept(motion.low_passed[:, i]),
         )
         for i, probe in enumerate(system.probes)
     }
@@ -449,7 +458,7 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
             stiffness_ratio=s.stiffness_ratio,
             force=motion.column("force", j),
             penetration=motion.column("penetration", j),
-            closed=motion.closed(j),
+            closed=motion.histories.closed(j),
             displacement=motion.column("snubber_displacement", j),
             velocity=motion.column("snubber_velocity", j),
         )
@@ -458,11 +467,13 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
 
 
 def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHistory]:
-    def force(i: int) -> Floats:
-        return system.springs[i].force(motion.histories.values["stretch"][:, i])
+    def force(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        return system.springs[i].force(values["stretch"][:, i])
 
     return {
-        s.name: SpringHistory(s.name, s.kind, s.masses, motion.column("stretch", i), later(partial(force, i)))
+        s.name: SpringHistory(
+            s.name, s.kind, s.masses, motion.column("stretch", i), motion.histories.history(partial(force, i))
+        )
         for i, s in enumerate(system.springs)
     }
 
@@ -504,7 +515,7 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
 
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.time, motion.histories.values)
+        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values)
     groups = output_groups(system, motion.trajectory.flow).groups
     outputs = OutputSet({name: groups[name] for name in QUANTITIES})
     return spectra_of_motion(scenario, system, motion.trajectory, outputs)
@@ -542,6 +553,7 @@ def _summary(
         "events": int(motion.events.time.size),
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.balance.error,
+        **motion.memory,
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
     }

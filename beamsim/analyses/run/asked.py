@@ -95,7 +95,7 @@ def asked_figures(
     NotTrustedError
         Once ``stop`` says so.
     """
-    flow = exact_flow(system, settings.duration, settings.most_contact_states, shared)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, shared, settings.memory)
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
     try:
         with heeding(stop):

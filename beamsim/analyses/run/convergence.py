@@ -169,7 +169,7 @@ def solve_exactly(
     work : of the first model, which bounds that of this one.
     stop : see `simulate`.
     """
-    flow = exact_flow(system, settings.duration, settings.most_contact_states)
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     trajectory = simulate(
         flow, system.initial_state, max_events=4 * work.events + 1000, stop=stop,
         max_evaluations=10 * work.evaluations + 1_000_000,

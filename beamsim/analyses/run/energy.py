@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.run.outputs import OutputSet, stack, velocities
+from beamsim.analyses.run.outputs import OutputOf, OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.equal_pieces import many_pieces
@@ -24,6 +24,7 @@ from beamsim.flow.trajectory import WORK_A_CALL, Trajectory
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats, Ints
 
+PowerFactors = tuple[OutputOf, OutputOf, Floats]  # left and right factors of powers, and weights of their products
 LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
 FEW_TIMES = np.linspace(0.0, 1.0, 33) ** 1.1  # shares of a motion, uneven so that they do not fall on equal phases
 LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
@@ -91,22 +92,25 @@ def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
 
 
 def _energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
-    flow = trajectory.flow
-    left, right, weight = power_factors(flow)
-    integral = trajectory.product_integrals(times, left, right, weight)
-    stored = np.empty(times.size)
-    power = np.empty(times.size)
-    states = _states(flow)
-    chunk = max(1, 2_000_000 // (4 * flow.system.size + 1))
-    for first in range(0, times.size, chunk):
-        check_stop()
-        part = slice(first, first + chunk)
-        phases = trajectory.phases_at(times[part])
-        values = states.split(trajectory.sample(times[part], states), phases[0])
-        stored[part] = stored_energy(flow, values["state"], values["penetration"], phases)
-        power[part] = (trajectory.sample(times[part], left) * trajectory.sample(times[part], right)) @ weight[:, 1]
-    history = EnergyHistory(work_in=integral[:, 1], dissipated=integral[:, 0], stored=stored)
+    left, right, weight = factors = power_factors(trajectory.flow)
+    history = energies(trajectory, times, factors)
+    power = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight[:, 1]
     return EnergyBalance.of(times, history, float(np.trapezoid(np.abs(power), times)))
+
+
+def energies(
+    trajectory: Trajectory, times: Floats, factors: PowerFactors, begin: float = 0.0, before: Floats | float = 0.0
+) -> EnergyHistory:
+    """Energies at times from ``begin`` on, ``before`` (2,) being what was dissipated and put in until then.
+
+    ``factors`` are the `power_factors` of the flow.
+    """
+    flow, (left, right, weight) = trajectory.flow, factors
+    integral = before + trajectory.product_integrals(times, left, right, weight, begin)
+    phases, states = trajectory.phases_at(times), _states(flow)
+    values = states.split(trajectory.sample(times, states), phases[0])
+    stored = stored_energy(flow, values["state"], values["penetration"], phases)
+    return EnergyHistory(work_in=integral[:, 1], dissipated=integral[:, 0], stored=stored)
 
 
 def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
@@ -203,7 +207,7 @@ def _states(flow: ExactFlow) -> OutputSet:
     return OutputSet({"state": lambda phases: whole, "penetration": lambda phases: delta})
 
 
-def power_factors(flow: ExactFlow):  # type: ignore[no-untyped-def]
+def power_factors(flow: ExactFlow) -> PowerFactors:
     """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
     system, contacts, sources = flow.system, flow.system.contacts, flow.sources
     m, loads = contacts.count, flow.forcing.load

@@ -15,6 +15,9 @@ from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
+MEMORY = 2e9  # bytes, that a run may keep unless it says otherwise
+TABLES_SHARE, MOTION_SHARE = 0.128, 0.5  # of it: tables of contact states, the motion between events
+
 OutputOf = Callable[[Ints], LinearOutput]
 
 
@@ -32,6 +35,12 @@ def stretches(flow: ExactFlow, springs: Sequence[SpringInfo]) -> LinearOutput:
         base = flow.sources.channel == flow.base_channel
         output.direct[:, base] += np.array([s.on_ground for s in springs], dtype=float)[:, None]
     return output
+
+
+def events_in_memory(flow: ExactFlow, memory: float) -> int:
+    """Number of events that fit into the share of ``memory``, bytes, of the motion between them; joined, it is there
+    twice."""
+    return int(MOTION_SHARE * memory / (2 * 8 * (flow.size + 8)))
 
 
 def first_rows(output: LinearOutput, count: int) -> LinearOutput:
@@ -97,14 +106,15 @@ class OutputSet:
 
 
 def exact_flow(
-    system: StructuralSystem, duration: float, most_states: int | None = None, shared: SharedBuilds | None = None
-) -> ExactFlow:
+    system: StructuralSystem, duration: float, most_states: int | None = None, shared: SharedBuilds | None = None,
+    memory: float = MEMORY,
+) -> ExactFlow:  # fmt: skip
     """The exact flow of a built system; its first observer is the base's acceleration. ``shared``: see `ExactFlow`.
 
-    ``most_states`` contact states are kept at once, by default those that fit into 256 MB.
+    ``most_states`` contact states are kept at once, by default those that fit into their share of ``memory``, bytes.
     """
     observers = () if system.base_acceleration is None else (system.base_acceleration,)
-    most = most_states or states_in_memory(system.dynamics)
+    most = most_states or states_in_memory(system.dynamics, TABLES_SHARE * memory)
     return ExactFlow(system.dynamics, system.forcing, duration, observers, shared, most)
 
 

@@ -326,6 +326,8 @@ _SUMMARY = (
              "of contacts part, processor time, and why there is no comparison"),
     Entry("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
              "integral of |power in|", "energy balance error"),
+    Entry("memory_bytes", "byte", "bound on what the run keeps in memory, run.memory", "memory"),
+    Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
     *CorrectionSize.ENTRIES,
     Entry("against", "", "differences from a time stepper (`--against`) by figure, and the cost of both",
