@@ -263,7 +263,7 @@ class Trajectory:
             return self._integrals(times, table, weight, after)
         if after > 0.0:
             since = self.integrals(np.append(self.time[0] + after, times), table, weight)
-            return since[1:] - since[0]
+            return np.asarray(since[1:] - since[0])
         sums = np.cumsum(self.segment_integrals(table, weight).astype(np.longdouble), axis=0)
         before = np.vstack([np.zeros(weight.shape[1]), sums]).astype(float)
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
