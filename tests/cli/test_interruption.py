@@ -78,6 +78,18 @@ def test_a_response_keeps_the_points_it_has(response, points):
     frequency_response_figures(part)
 
 
+def test_a_response_that_is_stopped_keeps_as_many_points_as_are_quickly_evaluated(response, monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.response.analysis.POINTS_OF_A_STOPPED_RESPONSE", 10)
+    request = After(20)
+    part = frequency_response(load_scenario(RESPONSE), request, request.stop)
+    (branch,), whole = part.branches, response.branches[0]
+    kept = np.flatnonzero(np.isin(whole.parameter, branch.parameter))
+    assert 8 <= kept.size == branch.parameter.size <= 11
+    assert set(np.diff(kept)[:-1]) == {3}
+    np.testing.assert_array_equal(branch.coordinates, whole.coordinates[kept])
+    assert part.warnings[-1] == "interrupted: of 3 points of a branch one is kept"
+
+
 def test_what_was_not_begun_is_named():
     request = After(2)
     part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)

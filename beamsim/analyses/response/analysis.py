@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.paths import FollowedParameter
     from beamsim.scenario import Scenario
 
+POINTS_OF_A_STOPPED_RESPONSE = 150  # evaluated in less than half a second
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
 
 
@@ -75,6 +76,7 @@ def frequency_response(
     folds: list[BranchResult] = []
     outcomes: list[Outcome] = []
     halted = False
+    left_out: tuple[str, ...] = ()
     for index, level in enumerate(levels):
         part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
         if branches and stop():
@@ -92,6 +94,8 @@ def frequency_response(
 
             folds += follow_folds(model, traced, level, budget)
         halted = stop()
+        if halted:
+            traced, left_out = _few(traced)
         branches += [_response(model, t, level, stop) for t in traced]
     if not branches:
         raise KeyboardInterrupt
@@ -120,7 +124,12 @@ def frequency_response(
         outcome=outcome,
         branches=tuple(branches),
         modes=model.system.modes,
-        warnings=(*scenario.warnings, *model.system.warnings, *model.system.certificate_warnings(found_on)),
+        warnings=(
+            *scenario.warnings,
+            *model.system.warnings,
+            *model.system.certificate_warnings(found_on),
+            *left_out,
+        ),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
         unit=f.unit,
@@ -133,6 +142,15 @@ def frequency_response(
         second_snubber="" if second is None else second.snubber,
         overlay=overlay,
     ).with_summary(**_summary(model, outcome, branches, folds, clock.process_time() - processor))
+
+
+def _few(traced: list[OrbitBranch]) -> tuple[list[OrbitBranch], tuple[str, ...]]:
+    """Of many points those that are quickly evaluated, with a warning."""
+    step = -(-sum(len(branch.points) for branch in traced) // POINTS_OF_A_STOPPED_RESPONSE)
+    if step <= 1:
+        return traced, ()
+    few = [replace(branch, points=(*branch.points[:-1:step], branch.points[-1])) for branch in traced]
+    return few, (f"interrupted: of {step} points of a branch one is kept",)
 
 
 def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
