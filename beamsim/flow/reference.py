@@ -98,7 +98,7 @@ def integrate(
     ----------
     integrator : a method of ``solve_ivp``; the thesis used a stiff BDF.
     rtol, atol : as in SciPy; atol acts on mass-normalised displacements and velocities alike.
-    stop : asked after every step whether to end there.
+    stop : called after every step; the integration ends there if it returns True.
     observe : called with every piece of the solution (``solve_ivp``'s, with dense output) and the contacts' phases.
     """
     from scipy.integrate import solve_ivp

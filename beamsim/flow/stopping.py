@@ -1,7 +1,8 @@
-"""A request to stop, heeded inside long searches and evaluations.
+"""Requests to stop, checked inside long searches and evaluations.
 
-Loops between calls of compiled kernels ask by `check_stop`; whoever holds what was found so far says by `heeding` what
-they ask, and catches `Stopped`. Outside of `heeding` nothing is asked, so that what was found can be evaluated.
+Loops between calls of compiled kernels call `check_stop`. The caller that holds the partial result sets what is checked
+with `heeding`, and catches `Stopped`. Outside of `heeding` nothing is checked, so that the partial result can be
+evaluated.
 """
 
 from __future__ import annotations
