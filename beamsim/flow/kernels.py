@@ -528,7 +528,7 @@ def extremes(  # type: ignore[no-untyped-def]
         for begin in range(int(at[1]), k, TOGETHER):
             tau = at[2]
             at[1], at[2] = begin, 0.0
-            count = 0
+            count: Any = np.int64(0)  # for a literal the callees would be compiled once more
             for j in range(begin, min(begin + TOGETHER, k)):
                 # most segments hold no new extreme, which their size or one look at their start proves: first with what
                 # all outputs share, then with the output's own coefficients, whose parts have cancelled

@@ -27,7 +27,9 @@ MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
 PRUNED = 1e-13  # share of an output below which a group is left out of integrals and searches
 FINEST = 1e-10  # of an output's range: peaks are found to this
-GRID = 0.8  # curvature times half the squared step, over the range
+GRID = 0.3  # share of its range by which an output may miss the chord or the cubic between two points
+SLOPE = math.sqrt(3.0) / 216.0  # error of the slope of an interpolating cubic, over the fourth derivative and h^3
+MOST_POINTS = 260  # of the grid on a segment on which peaks are searched for
 
 
 class Forced(NamedTuple):
@@ -466,12 +468,12 @@ class _Work(NamedTuple):
     projector: Any  # (D + 1,)
     phase: Any  # (D + 1,)
     sums: Any  # (P,)
-    value: Any  # (K, 6)
-    before: Any  # (K, 6)
-    stack: Any  # (64, 8)
+    grid: Any  # (points, K, 6) what `_values` gives at the points of a search for peaks
+    times: Any  # (points,)
+    stack: Any  # (80, 8)
     gamma: Any  # (B, K)
-    single: Any  # (6,)
-    length: Any  # (K, G, 4) sums over p of |poly|, times 1, p, p (p - 1), p (p - 1) (p - 2)
+    single: Any  # (1, 6)
+    length: Any  # (K, G, 5) sums over p of |poly| times 1, p, p (p - 1), ... p (p - 1) (p - 2) (p - 3)
 
 
 @inner
@@ -488,12 +490,12 @@ def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
         np.zeros(DM + 3, dtype=np.complex128),
         np.zeros(DM + 3, dtype=np.complex128),
         np.zeros(P, dtype=np.complex128),
-        np.zeros((K, 6)),
-        np.zeros((K, 6)),
+        np.zeros((MOST_POINTS, K, 6)),
+        np.zeros(MOST_POINTS),
         np.zeros((80, 8)),
         np.zeros((B, K), dtype=np.complex128),
-        np.zeros(6),
-        np.zeros((K, G, 4)),
+        np.zeros((1, 6)),
+        np.zeros((K, G, 5)),
     )
 
 
@@ -505,7 +507,7 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
     for j in range(tables.touching.shape[1]):
         if tables.touching[s, j]:
             cycles.closed_time[cycle, j] += T
-    K = work.value.shape[0]
+    K = work.poly.shape[0]
     if K == 0:
         return
     _coefficients(tables, s, outputs.output, zeta, K, work.gamma)
@@ -546,21 +548,15 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
         work.end[g] = _exp(lam.real, lam.imag, T)
         live = False
         for j in range(K):
-            a0 = 0.0
-            a1 = 0.0
-            a2 = 0.0
-            a3 = 0.0
+            length = work.length[j, g]
+            for q in range(5):
+                length[q] = 0.0
             for p in range(work.degree[g] + 1):
                 size = abs(work.poly[j, g, p])
-                a0 += size
-                a1 += p * size
-                a2 += p * (p - 1) * size
-                a3 += p * (p - 1) * (p - 2) * size
-            work.length[j, g, 0] = a0
-            work.length[j, g, 1] = a1
-            work.length[j, g, 2] = a2
-            work.length[j, g, 3] = a3
-            if a0 > PRUNED * cycles.scale[j]:
+                for q in range(5):
+                    length[q] += size
+                    size *= p - q
+            if length[0] > PRUNED * cycles.scale[j]:
                 live = True
         work.live[g] = live
     _search_peaks(work, groups + 1, K, cycles, cycle)
@@ -671,9 +667,9 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
 
 @inner
 def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
-    """Outputs first ... last - 1 at s: value, three derivatives' data.
+    """Outputs first ... last - 1 at s: value, slope, curvature, and what bounds them up to 1.
 
-    ``out`` rows: value, slope, curvature, bounds on curvature and on the third derivative from s to 1, round-off.
+    ``out`` rows: value, slope, curvature, bounds on curvature and on the fourth derivative from s to 1, round-off.
     """
     for j in range(first, last):
         i = j - first
@@ -683,25 +679,26 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
         if not work.live[g]:
             continue
         lam = work.exponent[g]
-        e = _exp(lam.real, lam.imag, s)
-        level = 1.0 if lam.real == 0.0 else math.exp(lam.real * (s if lam.real < 0.0 else 1.0))
-        r = abs(lam)
+        size = 1.0 if lam.real == 0.0 else math.exp(lam.real * s)
+        e = size * complex(math.cos(lam.imag * s), math.sin(lam.imag * s))
+        level = size if lam.real <= 0.0 else math.exp(lam.real)
+        r = math.sqrt(lam.real * lam.real + lam.imag * lam.imag)
         dg = work.degree[g]
         if dg == 0:
             e1 = lam * e
             e2 = lam * e1
             b2 = r * r * level
-            b3 = r * b2
+            b4 = r * r * b2
             for j in range(first, last):
                 a = work.poly[j, g, 0]
                 i = j - first
                 out[i, 0] += a.real * e.real - a.imag * e.imag
                 out[i, 1] += a.real * e1.real - a.imag * e1.imag
                 out[i, 2] += a.real * e2.real - a.imag * e2.imag
-                size = work.length[j, g, 0]
-                out[i, 3] += size * b2
-                out[i, 4] += size * b3
-                out[i, 5] += size * level * (8.0 + r * s)
+                a0 = work.length[j, g, 0]
+                out[i, 3] += a0 * b2
+                out[i, 4] += a0 * b4
+                out[i, 5] += a0 * level * (8.0 + r * s)
             continue
         for j in range(first, last):
             v = 0.0 + 0.0j
@@ -712,7 +709,7 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
                 d = d * s + v
                 v = v * s + work.poly[j, g, p]
             a0, a1 = work.length[j, g, 0], work.length[j, g, 1]
-            a2, a3 = work.length[j, g, 2], work.length[j, g, 3]
+            a2, a3, a4 = work.length[j, g, 2], work.length[j, g, 3], work.length[j, g, 4]
             i = j - first
             f1 = d + lam * v
             f2 = d2 + 2.0 * lam * d + lam * lam * v
@@ -720,7 +717,7 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
             out[i, 1] += f1.real * e.real - f1.imag * e.imag
             out[i, 2] += f2.real * e.real - f2.imag * e.imag
             out[i, 3] += level * (a2 + 2.0 * r * a1 + r * r * a0)
-            out[i, 4] += level * (a3 + 3.0 * r * a2 + 3.0 * r * r * a1 + r * r * r * a0)
+            out[i, 4] += level * (a4 + r * (4.0 * a3 + r * (6.0 * a2 + r * (4.0 * a1 + r * a0))))
             out[i, 5] += level * a0 * (8.0 + r * s)
 
 
@@ -728,132 +725,168 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
 def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
     """Raise the cycle's highest and lower its lowest values to those of the segment.
 
-    Between two points the curvature bound limits how far an output can rise above the chord; only where that is
-    above the highest value so far is the interval looked into.
+    Between two points bounds limit how far an output can rise above the chord, or above the cubic that has its values
+    and slopes there; only where both allow more than the highest value so far is the interval looked into, first
+    beside the highest point.
     """
-    value, before = work.value, work.before
-    s = 0.0
-    _values(work, G, 0, K, s, value)
+    grid, times = work.grid, work.times
+    last = 0
+    times[0] = 0.0
+    _values(work, G, 0, K, 0.0, grid[0])
     for j in range(K):
-        f = value[j, 0]
-        if f > cycles.high[cycle, j]:
-            cycles.high[cycle, j] = f
-        if f < cycles.low[cycle, j]:
-            cycles.low[cycle, j] = f
         spread = 0.0
         for g in range(G):
             if work.live[g]:
                 spread = max(spread, abs(work.poly[j, g, 0]))
         if spread > cycles.scale[j]:
             cycles.scale[j] = spread
-    while s < 1.0:
-        h = 1.0 - s
+    while times[last] < 1.0:
+        value = grid[last]
+        h = 1.0 - times[last]
         for j in range(K):
-            bound = value[j, 3]
-            if bound > 0.0:
-                h = min(h, max(math.sqrt(2.0 * GRID * cycles.scale[j] / bound), 1.0 / 256))
-        for j in range(K):
-            for q in range(6):
-                before[j, q] = value[j, q]
-        left = s
-        s = s + h if s + h < 1.0 - 1e-9 else 1.0
-        h = s - left
-        _values(work, G, 0, K, s, value)
-        for j in range(K):
-            f = value[j, 0]
-            if f > cycles.high[cycle, j]:
-                cycles.high[cycle, j] = f
-            if f < cycles.low[cycle, j]:
-                cycles.low[cycle, j] = f
-            bound = before[j, 3]
-            if bound == 0.0:
-                continue
-            slack = FINEST * cycles.scale[j] + 4.0 * EPS * value[j, 5]
-            if _ceiling(before[j, 0], value[j, 0], bound, h) > cycles.high[cycle, j] + slack:
-                best = _climb(work, G, j, 1.0, left, s, before, value, slack, cycles.high[cycle, j])
-                cycles.high[cycle, j] = best
-            if _ceiling(-before[j, 0], -value[j, 0], bound, h) > -cycles.low[cycle, j] + slack:
-                best = _climb(work, G, j, -1.0, left, s, before, value, slack, -cycles.low[cycle, j])
-                cycles.low[cycle, j] = -best
+            if value[j, 3] > 0.0:
+                room = GRID * cycles.scale[j]
+                step = max(math.sqrt(8.0 * room / value[j, 3]), math.sqrt(math.sqrt(384.0 * room / value[j, 4])))
+                h = min(h, max(step, 1.0 / (MOST_POINTS - 4)))
+        s = times[last] + h
+        last += 1
+        times[last] = s if s < 1.0 - 1e-9 else 1.0
+        _values(work, G, 0, K, times[last], grid[last])
+    for j in range(K):
+        slack = FINEST * cycles.scale[j] + 4.0 * EPS * max(grid[0, j, 5], grid[last, j, 5])
+        cycles.high[cycle, j] = _highest(work, G, j, 1.0, last, slack, cycles.high[cycle, j])
+        cycles.low[cycle, j] = -_highest(work, G, j, -1.0, last, slack, -cycles.low[cycle, j])
 
 
 @inner
-def _ceiling(fa, fb, bound, h):  # type: ignore[no-untyped-def]
-    """Highest value on an interval of length h that a curvature of at most ``bound`` allows."""
+def _highest(work, G, j, sign, last, slack, best):  # type: ignore[no-untyped-def]
+    """Largest value of ``sign * output j`` on the segment, at least ``best``, from the grid of `_search_peaks`."""
+    grid, times = work.grid, work.times
+    at = 0
+    for i in range(last + 1):
+        if sign * grid[i, j, 0] > sign * grid[at, j, 0]:
+            at = i
+    best = max(best, sign * grid[at, j, 0])
+    for n in range(last + 2):
+        i = at - 1 + n if n < 2 else n - 2
+        if 0 <= i < last and (n < 2 or i < at - 1 or i > at):
+            start, end = grid[i, j], grid[i + 1, j]
+            if _may_exceed(best + slack, sign, start, end, start, times[i + 1] - times[i]):
+                best = _climb(work, G, j, sign, times[i], times[i + 1], start, end, slack, best)
+    return best
+
+
+@inner
+def _may_exceed(limit, sign, at_left, at_right, bounds, h):  # type: ignore[no-untyped-def]
+    """Whether ``sign`` times an output may be above a limit between two points with a distance h.
+
+    The three are rows of `_values`, ``bounds`` being one that holds from the left point on. The chord is missed by at
+    most ``bounds[3] h^2 / 8``, the cubic with the same values and slopes by ``bounds[4] h^4 / 384``, and its slope by
+    ``sqrt(3) bounds[4] h^3 / 216``: where that does not reach zero, an end is highest.
+    """
+    fa, fb = sign * at_left[0], sign * at_right[0]
+    top = max(fa, fb)
+    if top > limit:
+        return True
     d = abs(fb - fa)
-    bend = 0.5 * bound * h * h
-    if d >= bend:
-        return max(fa, fb)
-    return 0.5 * (fa + fb) + 0.25 * bend + 0.25 * d * d / bend
+    bend = 0.5 * bounds[3] * h * h
+    if d >= bend or 0.5 * (fa + fb) + 0.25 * bend + 0.25 * d * d / bend <= limit:
+        return False
+    da, db, c, e = _cubic(sign, at_left, at_right, h)
+    fourth = bounds[4] * h**4
+    steepest, flattest = max(da, db), min(da, db)
+    if 0.0 < -c * e < 3.0 * e * e:  # where the cubic's slope is extreme
+        extreme = da - c * c / (3.0 * e)
+        steepest, flattest = max(steepest, extreme), min(flattest, extreme)
+    if flattest > SLOPE * fourth or steepest < -SLOPE * fourth:
+        return False
+    u = _top(da, c, e)
+    return max(top, fa + u * (da + u * (c + u * e))) + fourth / 384.0 > limit
 
 
 @inner
-def _climb(work, G, j, sign, left, right, before, value, slack, best):  # type: ignore[no-untyped-def]
-    """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``."""
-    single = work.single.reshape(1, 6)
-    stack = work.stack
-    bound2, bound3 = before[j, 3], before[j, 4]
+def _cubic(sign, at_left, at_right, h):  # type: ignore[no-untyped-def]
+    """Of the cubic with the values and slopes of two points, in u = t / h: slopes at the ends, factors of u^2, u^3."""
+    rise = sign * (at_right[0] - at_left[0])
+    da, db = sign * at_left[1] * h, sign * at_right[1] * h
+    return da, db, 3.0 * rise - 2.0 * da - db, da + db - 2.0 * rise
+
+
+@inner
+def _top(da, c, e):  # type: ignore[no-untyped-def]
+    """Where within (0, 1) a cubic with slope da + 2 c u + 3 e u^2 has its maximum; 0 if it has none there."""
+    square = c * c - 3.0 * e * da
+    u = 0.0
+    if square > 0.0:  # the root of the slope where the curvature is negative
+        root = math.sqrt(square)
+        if c <= 0.0:
+            u = da / (root - c)
+        elif e != 0.0:
+            u = -(c + root) / (3.0 * e)
+    return u if u < 1.0 and u > 0.0 else 0.0
+
+
+@inner
+def _newton(work, G, j, sign, u, v, t, slack, best):  # type: ignore[no-untyped-def]
+    """The same where the curvature is negative from u to v, the slope positive at u and negative at v; t is a guess."""
+    single = work.single
+    for _ in range(60):
+        if not (u < t < v):
+            t = 0.5 * (u + v)
+            if not (u < t < v):
+                break
+        _values(work, G, j, j + 1, t, single)
+        best = max(best, sign * single[0, 0])
+        d, curve = sign * single[0, 1], sign * single[0, 2]
+        # at a slope d the top is no further above than this
+        if d * d <= -curve * slack:
+            break
+        if d > 0.0:
+            u = t
+        else:
+            v = t
+        t -= d / curve
+    return best
+
+
+@inner
+def _climb(work, G, j, sign, left, right, at_left, at_right, slack, best):  # type: ignore[no-untyped-def]
+    """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``.
+
+    An interval is cut where the cubic through its ends is highest, until it holds nothing higher or its curvature is
+    negative all over: then it has one top.
+    """
+    single, stack = work.single, work.stack
     stack[0, 0] = left
     stack[0, 1] = right
     for q in range(3):
-        stack[0, 2 + q] = sign * before[j, q]
-        stack[0, 5 + q] = sign * value[j, q]
+        stack[0, 2 + q] = at_left[q]
+        stack[0, 5 + q] = at_right[q]
     depth = 1
     while depth > 0:
         depth -= 1
         a, b = stack[depth, 0], stack[depth, 1]
-        fa, da, ca = stack[depth, 2], stack[depth, 3], stack[depth, 4]
-        fb, db, cb = stack[depth, 5], stack[depth, 6], stack[depth, 7]
+        start, end = stack[depth, 2:5], stack[depth, 5:8]
         h = b - a
-        if _ceiling(fa, fb, bound2, h) <= best + slack:
+        if not _may_exceed(best + slack, sign, start, end, at_left, h):
             continue
-        if 0.5 * (ca + cb) + 0.5 * bound3 * h < 0.0:
-            # bent downwards all over: one top at most, where the slope changes its sign
-            if da <= 0.0 or db >= 0.0:
-                continue
-            u, v, su, sv = a, b, da, db
-            for _ in range(60):
-                t = u + (v - u) * su / (su - sv)
-                if not (u < t < v):
-                    break
-                _values(work, G, j, j + 1, t, single)
-                f, d, curve = sign * single[0, 0], sign * single[0, 1], sign * single[0, 2]
-                best = max(best, f)
-                if curve < 0.0:
-                    # at a slope d the top is no further above than this
-                    if d * d <= -curve * slack:
-                        break
-                    newton = t - d / curve
-                    if u < newton < v:
-                        if d > 0.0:
-                            u, su = t, d
-                        else:
-                            v, sv = t, d
-                        t = newton
-                        _values(work, G, j, j + 1, t, single)
-                        f, d, curve = sign * single[0, 0], sign * single[0, 1], sign * single[0, 2]
-                        best = max(best, f)
-                        if curve < 0.0 and d * d <= -curve * slack:
-                            break
-                if d > 0.0:
-                    u, su = t, d
-                else:
-                    v, sv = t, d
+        da, _, c, e = _cubic(sign, start, end, h)
+        t = a + h * _top(da, c, e)
+        if max(sign * start[2], sign * end[2]) + 0.125 * at_left[4] * h * h < 0.0:
+            if sign * start[1] > 0.0 and sign * end[1] < 0.0:
+                best = _newton(work, G, j, sign, a, b, t, slack, best)
             continue
-        middle = 0.5 * (a + b)
-        if depth + 2 > stack.shape[0] or not (a < middle < b):
+        if not (a + 0.05 * h < t < b - 0.05 * h):
+            t = 0.5 * (a + b)
+        if depth + 2 > stack.shape[0] or not (a < t < b):
             continue
-        _values(work, G, j, j + 1, middle, single)
+        _values(work, G, j, j + 1, t, single)
         best = max(best, sign * single[0, 0])
-        f, d, curve = sign * single[0, 0], sign * single[0, 1], sign * single[0, 2]
-        stack[depth, 0] = a
-        stack[depth, 1] = middle
-        stack[depth, 2], stack[depth, 3], stack[depth, 4] = fa, da, ca
-        stack[depth, 5], stack[depth, 6], stack[depth, 7] = f, d, curve
-        depth += 1
-        stack[depth, 0] = middle
-        stack[depth, 1] = b
-        stack[depth, 2], stack[depth, 3], stack[depth, 4] = f, d, curve
-        stack[depth, 5], stack[depth, 6], stack[depth, 7] = fb, db, cb
-        depth += 1
+        for q in range(3):
+            stack[depth + 1, 5 + q] = end[q]
+            stack[depth + 1, 2 + q] = single[0, q]
+            stack[depth, 5 + q] = single[0, q]
+        stack[depth + 1, 0], stack[depth + 1, 1] = t, b
+        stack[depth, 1] = t
+        depth += 2
     return best
