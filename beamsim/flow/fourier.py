@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,11 +42,15 @@ class MotionPart:
     ----------
     motion : cut to the part, see `part_of`.
     table : (S, T, k) coefficients of the outputs; ``dropped`` those of the terms that are left out.
+    whole : the part with further outputs of which this is number ``index``: bounds are worked out for all of them.
     """
 
     motion: Trajectory
     table: Complexes
     dropped: Complexes
+    whole: MotionPart | None = None
+    index: int = 0
+    bounds: dict[tuple[float, float, bool], Floats] = field(default_factory=dict)  # known so far, see `folded`
 
     @classmethod
     def of(
@@ -71,11 +75,13 @@ class MotionPart:
             self,
             table=np.ascontiguousarray(self.table[:, :, column]),
             dropped=np.ascontiguousarray(self.dropped[:, :, column]),
+            whole=self,
+            index=index,
         )
 
     def between(self, begin: float, end: float) -> MotionPart:
         """A shorter part."""
-        return replace(self, motion=part_of(self.motion, begin, end))
+        return replace(self, motion=part_of(self.motion, begin, end), whole=None, bounds={})
 
     @property
     def segments(self) -> int:
@@ -136,6 +142,14 @@ class MotionPart:
         reach : rad/s, highest angular frequency for which it holds; below the ``cut`` of the part.
         open_ends : whether the window of the analysis is not zero at both ends.
         """
+        if self.whole is not None:
+            return self.whole.folded(step, reach, open_ends=open_ends)[self.index : self.index + 1]
+        known = (step, reach, open_ends)
+        if known not in self.bounds:
+            self.bounds[known] = self._folded(*known)
+        return self.bounds[known]
+
+    def _folded(self, step: float, reach: float, open_ends: bool) -> Floats:
         from beamsim.flow.folding import folded_alike, runs
         from beamsim.flow.fourier_kernels import ORDERS, folded
 

@@ -57,7 +57,7 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.run.spectra import QUANTITIES, spectra_of_motion, spectra_of_samples
+from beamsim.analyses.run.spectra import QUANTITIES, finer_rate, folding_doubts, spectra_of_motion, spectra_of_samples
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed, later
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
@@ -137,7 +137,13 @@ def run(
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
-        warnings=(*scenario.warnings, *system.warnings, *motion.warnings, *_pulls(system, motion)),
+        warnings=(
+            *scenario.warnings,
+            *system.warnings,
+            *motion.warnings,
+            *_pulls(system, motion),
+            *folding_doubts(spectra),
+        ),
     )
     if scenario.excitation.kind in ("random", "sampled"):
         result = _with_statistics(result, system)
@@ -182,6 +188,7 @@ class _RunMotion:
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
+    finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
 
     def column(self, group: str, index: int) -> Floats:
@@ -352,7 +359,8 @@ def _reference(
             f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
             "contacts are found by sign changes between steps, without certificate",
         )
-    outputs = SteppedOutputs(system, flow)
+    finer = finer_rate(system, settings.output_rate, times.all.size)
+    outputs = SteppedOutputs(system, flow, 1.0 / (finer * settings.output_rate))
     trajectory = integrate(
         flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
         max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
@@ -390,6 +398,7 @@ def _reference(
             processor_time_s=trajectory.processor_time_s,
         ),
         low_passed=low_passed,
+        finer=outputs.finer(finer * at.size),
         warnings=warnings,
     )
 
@@ -515,7 +524,7 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
 
 def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[tuple[str, str], Spectrum]:
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values)
+        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values, motion.finer)
     groups = output_groups(system, motion.trajectory.flow).groups
     outputs = OutputSet({name: groups[name] for name in QUANTITIES})
     return spectra_of_motion(scenario, system, motion.trajectory, outputs)

@@ -54,11 +54,17 @@ class Record(Protocol):
 
 @dataclass(frozen=True)
 class SampledRecord:
-    """Equally spaced samples."""
+    """Equally spaced samples.
+
+    Parameters
+    ----------
+    finer : a whole number of samples for each of them, from the same beginning, which show what the others fold.
+    """
 
     time: Floats
     x: Floats
     rate: float
+    finer: Floats | None = None
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
         """By sums over the samples."""
@@ -71,15 +77,18 @@ class SampledRecord:
         return self._part(slice(0, half)), self._part(slice(half, None))
 
     def _part(self, part: slice) -> SampledRecord:
-        return replace(self, time=self.time[part], x=self.x[part])
+        return replace(self, time=self.time[part], x=self.x[part], finer=None)
 
     def band(self, lines: int) -> int:
         """All lines."""
         return lines
 
     def folded(self, window: Window) -> float | None:
-        """Not known."""
-        return None
+        """Largest difference from the spectrum of the finer samples, which hold the motion's content."""
+        if self.finer is None:
+            return None
+        coarse = window.amplitudes(self.x)
+        return float(np.abs(coarse - window.amplitudes(self.finer)[: coarse.size])[: -1 or None].max(initial=0.0))
 
     def rms(self) -> float:
         """Of the samples."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,22 +25,50 @@ SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
 FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
+MOST_FINER_SAMPLES = 2**21  # of a time-stepped motion, to see what its output samples fold
+FOLDED_ALLOWED = 0.01  # of the highest point of a spectrum, which sampling adds without a warning
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 
 
 def spectra_of_samples(
-    scenario: Scenario, system: StructuralSystem, time: Floats, values: Mapping[str, Floats]
+    scenario: Scenario,
+    system: StructuralSystem,
+    time: Floats,
+    values: Mapping[str, Floats],
+    finer: Mapping[str, Floats] | None = None,
 ) -> dict[tuple[str, str], Spectrum]:
-    """Spectra of a motion that is known at the output times alone; ``values`` by group of outputs, (nt, probes)."""
+    """Spectra of a motion that is known at the output times alone.
+
+    Parameters
+    ----------
+    values : by group of outputs, (nt, probes).
+    finer : the same with a whole number of samples for each, from which follows what the samples fold.
+    """
     assert scenario.run is not None
     spectra = {}
     for group, (quantity, unit) in QUANTITIES.items():
         for i, probe in enumerate(system.probes):
             spectra[probe.name, quantity] = spectrum(
                 time, values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz, probe.name, quantity,
-                unit,
+                unit, None if finer is None else finer[group][:, i],
             )  # fmt: skip
     return spectra
+
+
+def finer_rate(system: StructuralSystem, rate: float, samples: int) -> int:
+    """How many times as many samples show what samples at a rate (Hz) fold: those that cover every frequency twice."""
+    highest = float(system.modes.closed_frequencies_hz.max(initial=0.0))
+    return max(2, min(ceil(2.0 * SAMPLES_OF_A_PERIOD * highest / rate), MOST_FINER_SAMPLES // max(samples, 1)))
+
+
+def folding_doubts(spectra: Mapping[tuple[str, str], Spectrum]) -> list[str]:
+    """A warning for each spectrum of samples whose highest points are not far above what sampling folds."""
+    return [
+        f"spectrum of {quantity.replace('_', ' ')} at {probe}: sampling at {s.rate_hz:g} Hz folds up to "
+        f"{100 * s.folded / top:.2g} % of its highest point back into it; raise run.sample_rate"
+        for (probe, quantity), s in spectra.items()
+        if s.folded is not None and s.folded > FOLDED_ALLOWED * (top := float(np.max(s.amplitude)))
+    ]
 
 
 def spectra_of_motion(

@@ -56,11 +56,12 @@ def spectrum(
     probe: str,
     quantity: str,
     unit: str,
+    finer: Floats | None = None,
 ) -> Spectrum:
     """Spectrum of the last part of a record of samples, see `spectrum_of`.
 
     Samples are taken as they are: what they hold beyond half the sample rate has folded back, and shows up as lines of
-    the kind "other".
+    the kind "other"; how much it is follows from ``finer`` samples, see `SampledRecord`.
 
     Parameters
     ----------
@@ -81,7 +82,8 @@ def spectrum(
         raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
-    record = SampledRecord(time[-length:], x[-length:], rate)
+    finer = None if finer is None else finer[(time.size - length) * (finer.size // time.size) :]
+    record = SampledRecord(time[-length:], x[-length:], rate, finer)
     return spectrum_of(
         record, settings.window or "hann", excitation_hz, probe, quantity, unit, chosen_hz=settings.frequencies
     )
@@ -221,18 +223,10 @@ def _samples_analysed(
 
 
 def _windowed_amplitude(x: Floats, shape: Window) -> Floats:
-    window = shape.values(np.arange(x.size) / x.size)
-    if shape.one_sided:
-        window[0] *= 0.5  # the beginning is a jump
-    total = float(np.sum(window))
-    if total <= 0:  # a window of one or two samples may be nothing but its zero
-        window, total = np.ones(x.size), float(x.size)
-    mean = float(window @ x) / total
-    amplitude = 2.0 * np.abs(np.fft.rfft(window * (x - mean))) / total
+    amplitude = np.abs(shape.amplitudes(x))
     if x.size % 2 == 0:
         amplitude[-1] /= 2.0
-    amplitude[0] = abs(mean)
-    return amplitude
+    return np.asarray(amplitude)
 
 
 @dataclass(frozen=True)

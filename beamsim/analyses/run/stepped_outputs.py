@@ -9,18 +9,28 @@ import numpy as np
 from beamsim.analyses.run.convergence import SEARCHED
 from beamsim.analyses.run.figures import Extremes, sampled_extremes
 from beamsim.analyses.run.outputs import bending_stress, in_every_state, output_groups
+from beamsim.analyses.run.spectra import QUANTITIES
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, sampled
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
+AT_ONCE = 4096  # finer samples, which bounds the memory
+
 
 class SteppedOutputs:
-    """The outputs of a system, cubic springs included; shown a motion piece by piece, it keeps the extremes."""
+    """The outputs of a system, cubic springs included; shown a motion piece by piece, it keeps the extremes.
 
-    def __init__(self, system: StructuralSystem, flow: ExactFlow) -> None:
-        self.system, self.flow = system, flow
+    Parameters
+    ----------
+    step : s, between the finer samples that it keeps of what spectra are made of.
+    """
+
+    def __init__(self, system: StructuralSystem, flow: ExactFlow, step: float) -> None:
+        self.system, self.flow, self.step = system, flow, step
+        self.parts: list[dict[str, Floats]] = []
+        self.samples = 0  # in these parts
         self.groups = output_groups(system, flow)
         self.stress = None if system.stress is None else in_every_state(bending_stress(flow, system.stress))
         self.probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
@@ -61,11 +71,25 @@ class SteppedOutputs:
             return self.searched(times, y[:, : self.flow.size], each, begin)
 
         self.dense.add(solution, outputs)
+        until = int(np.floor(end / self.step * (1 + 1e-12))) + 1
+        for first in range(self.samples, until, AT_ONCE):
+            times = np.minimum(np.arange(first, min(first + AT_ONCE, until)) * self.step, end)
+            each = np.broadcast_to(phases, (times.size, phases.size))
+            values = self.at(times, solution.sol(times)[: self.flow.size].T, each, begin)
+            self.parts.append({group: values[group] for group in QUANTITIES})
+        self.samples = max(self.samples, until)
         lowest, highest = self.dense.low["displacement"].when[0], self.dense.high["displacement"].when[0]
         if begin <= lowest <= end:
             self.lowest_state = solution.sol(lowest)[: self.flow.size]
         if begin <= highest <= end:
             self.highest_state = solution.sol(highest)[: self.flow.size]
+
+    def finer(self, count: int) -> dict[str, Floats] | None:
+        """The first ``count`` finer samples by group, the last one repeated where the motion ends; None without any."""
+        if not self.parts:
+            return None
+        whole = {group: np.concatenate([part[group] for part in self.parts])[:count] for group in QUANTITIES}
+        return {group: np.pad(x, ((0, count - x.shape[0]), (0, 0)), mode="edge") for group, x in whole.items()}
 
     def extremes(self, trajectory: ReferenceTrajectory) -> Extremes:
         """Of the continuous motion; of a motion without length those of its start."""

@@ -59,6 +59,19 @@ class Window:
         angle = self.turn(1.0) * share
         return np.asarray(sum(c * np.cos(j * angle) for j, c in enumerate(self.cosines)))
 
+    def amplitudes(self, x: Floats) -> Complexes:
+        r"""(N // 2 + 1,) single-sided amplitudes of N samples, the weighted mean first; see `spectrum_of`."""
+        window = self.values(np.arange(x.size) / x.size)
+        if self.one_sided:
+            window[0] *= 0.5  # the beginning is a jump
+        total = float(np.sum(window))
+        if total <= 0:  # a window of one or two samples may be nothing but its zero
+            window, total = np.ones(x.size), float(x.size)
+        mean = float(window @ x) / total
+        out = np.fft.rfft(window * (x - mean)) * (2.0 / total)
+        out[0] = mean
+        return np.asarray(out)
+
     def weigh(self, integrals: Callable[[Floats], Complexes], omega: Floats, duration: float) -> Complexes:
         r"""(W,) :math:`\int w x e^{-i\omega u} du` from ``integrals``, which gives the same without the window."""
         j = np.arange(self.cosines.size)
