@@ -142,7 +142,7 @@ def run(
             *system.warnings,
             *motion.warnings,
             *_pulls(system, motion),
-            *folding_doubts(spectra),
+            *(folding_doubts(spectra) if motion.trajectory is None else ()),  # else a bound, and lines are free of it
         ),
     )
     if scenario.excitation.kind in ("random", "sampled"):
