@@ -25,6 +25,7 @@ from beamsim.typing import Bools, Floats, Ints
 # Relative size of what counts as round-off in loads and gaps.
 NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
 _ROUND_OFF = 1e-10
+_RIGID = 1e4  # stiffness of a spring against all others from which on it holds as a rigid one
 # Method of multipliers for the balance of rigid-body modes: weight of each pass (compliance of the contacts = 1). It
 # has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
@@ -235,19 +236,24 @@ def _by_newton(
     normal = springs.sign[:, None] * springs.shape
     bent, third = (np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else (cubic.shape, cubic.stiffness)
 
-    def energy(q: Floats) -> float:
+    def energy(q: Floats) -> tuple[float, float]:
+        """Energy and the size of its parts."""
         delta = np.maximum(-springs.gap - normal @ q, 0.0)
-        w = bent @ q
-        return float(0.5 * q @ (stiffness * q) + 0.5 * springs.stiffness @ delta**2 + 0.25 * third @ w**4 - load @ q)
+        parts = (0.5 * stiffness * q**2, 0.5 * springs.stiffness * delta**2, 0.25 * third * (bent @ q) ** 4, -load * q)
+        return float(sum(p.sum() for p in parts)), float(sum(np.abs(p).sum() for p in parts))
 
-    def derivatives(q: Floats) -> tuple[Floats, Floats, float]:
+    def derivatives(q: Floats) -> tuple[Floats, Floats, float, float]:
+        """Gradient, tangent, the size of the gradient's parts, and their round-off: gaps of stiff springs cancel."""
         delta = np.maximum(-springs.gap - normal @ q, 0.0)
         w = bent @ q
         terms = [stiffness * q, -normal.T @ (springs.stiffness * delta), bent.T @ (third * w**3), -load]
         closed = normal[delta > 0]
         tangent = np.diag(stiffness) + closed.T @ (springs.stiffness[delta > 0, None] * closed)
         tangent += bent.T @ ((3 * third * w**2)[:, None] * bent)
-        return np.sum(terms, axis=0), tangent, float(max(np.abs(t).max(initial=0.0) for t in terms))
+        cancelling = np.abs(springs.gap) + np.abs(normal) @ np.abs(q)
+        noise = 1e-13 * np.abs(normal.T) @ np.where(delta > 0, np.abs(springs.stiffness) * cancelling, 0.0)
+        size = float(max(np.abs(t).max(initial=0.0) for t in terms))
+        return np.sum(terms, axis=0), tangent, size, float(noise.max(initial=0.0))
 
     q = np.zeros_like(stiffness) if start.q is None else start.q
     reach = np.abs(bent).max(axis=1)
@@ -260,23 +266,26 @@ def _by_newton(
     largest = float(max(np.max(scale, initial=1e-290) for scale in scales))
     floor = 1e-12 * largest
     damping = floor
-    value = energy(q)
+    value, parts = energy(q)
     for _ in range(500):
-        gradient, tangent, size = derivatives(q)
+        gradient, tangent, size, _ = derivatives(q)
         if np.abs(gradient).max(initial=0.0) <= 1e-13 * size:
             break
         step = np.linalg.solve(tangent + damping * np.eye(q.size), -gradient)
-        trial = energy(q + step)
-        if trial <= value + 1e-15 * abs(value):
-            q, value, damping = q + step, trial, max(damping / 10, floor)
+        trial, trial_parts = energy(q + step)
+        better = bool(trial <= value + 1e-15 * abs(value))
+        if not better and trial <= value + _ROUND_OFF * parts:  # soft parts are the round-off of stiff ones: by slope
+            better = bool(abs(derivatives(q + step)[0] @ step) <= 0.5 * abs(gradient @ step))
+        if better:
+            q, value, parts, damping = q + step, trial, trial_parts, max(damping / 10, floor)
         else:
             damping *= 10
-    gradient, _, size = derivatives(q)
+    gradient, _, size, noise = derivatives(q)
     nothing = np.full(springs.stiffness.size, np.nan)
     residual = float(np.abs(gradient).max(initial=0.0))
     # far away the forces of the parts of a softening spring cancel: their sum is compared with loads that do not grow
     given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
-    if residual > 1e-9 * size or (np.any(springs.stiffness < 0) and residual > 1e-6 * given):
+    if residual > 1e-9 * size + noise or (np.any(springs.stiffness < 0) and residual > 1e-6 * given):
         return Equilibrium(None, nothing, start.reason or UNBALANCED)
     if np.any(springs.stiffness < 0) and not _unique(stiffness, springs, bent, q, largest):
         return Equilibrium(None, nothing, FLOATS)
@@ -293,9 +302,16 @@ def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, larges
     near = _ROUND_OFF * float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
     softer = springs.stiffness < 0
     closed = (clear < -near) | (softer & (clear <= near))
+    # what is much stiffer than all that bends or softens is rigid: beside it soft motions would be round-off
+    size = np.abs(springs.stiffness) * np.sum(normal**2, axis=1)
+    rigid = closed & ~softer & (size > _RIGID * max(float(stiffness.max()), float(size[softer].max(initial=0.0))))
+    closed &= ~rigid
+    allowed = _loose(normal[rigid] / np.linalg.norm(normal[rigid], axis=1)[:, None])
     tangent = np.diag(stiffness) + normal[closed].T @ (springs.stiffness[closed, None] * normal[closed])
-    values, vectors = np.linalg.eigh(tangent)
-    loose = vectors[:, values <= _ROUND_OFF * largest].T
+    values, vectors = np.linalg.eigh(allowed @ tangent @ allowed.T)
+    if rigid.any():
+        largest = float(np.abs(values).max(initial=0.0))
+    loose = vectors[:, values <= _ROUND_OFF * largest].T @ allowed
     if bent.shape[0]:  # a cubic spring stops every motion that stretches it
         loose = _loose(bent @ loose.T) @ loose
     if loose.shape[0] == 0:

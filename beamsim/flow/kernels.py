@@ -18,6 +18,8 @@ from beamsim.flow.compiled import inner, kernel, summing
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
+TAYLOR = 8  # order of the derivative that is bounded where steps by the curvature stay short
+CLOSE, PATIENCE = 1e3, 8  # times its round-off a function is close to zero; steps taken there before that order
 TOGETHER = 64  # outputs whose extremes are searched for in one march
 AT_ONCE = 1e-10  # of a segment: a function that rises to zero so soon after an event has round-off below zero there
 
@@ -189,6 +191,71 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     if slope < 0.0:
         return 2.0 * g / (root - slope)
     return (slope + root) / bound
+
+
+@inner
+def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value):  # type: ignore[no-untyped-def]
+    """Step from value > 0 over which a function with the derivatives of ``sign`` times function j stays positive.
+
+    Terms that cancel leave a function and its first derivatives at their round-off, but not the bound on its curvature.
+    So the derivatives up to the seventh are taken as they are, with their round-off, and the eighth is bounded.
+    """
+    derivative, noise = np.zeros(TAYLOR), np.zeros(TAYLOR)
+    bound = 0.0
+    for b in range(nb):
+        if size[b, j] == 0.0:
+            continue
+        lam, p = exponent[b], power[b]
+        r = abs(lam)
+        g = gamma[b, j] * _exp(lam.real, lam.imag, tau)
+        level = size[b, j] * math.exp(lam.real * tau)
+        doubt = EPS * (8.0 + p + r * tau) * level
+        for k in range(TAYLOR):
+            total, rough = 0.0j, 0.0
+            factor = 1.0  # binomial coefficient times p! / (p - i)!
+            for i in range(min(k, p) + 1):
+                part = factor * tau ** (p - i)
+                total += part * lam ** (k - i)
+                rough += part * r ** (k - i)
+                factor *= (k - i) * (p - i) / (i + 1.0)
+            derivative[k] += sign * (g * total).real
+            noise[k] += doubt * rough
+        if lam.real > 0.0:
+            level = size[b, j] * math.exp(lam.real * reach)
+        factor = 1.0
+        for i in range(min(TAYLOR, p) + 1):
+            bound += level * factor * reach ** (p - i) * r ** (TAYLOR - i)
+            factor *= (TAYLOR - i) * (p - i) / (i + 1.0)
+    step = reach - tau
+    while True:
+        fall, factor = 0.0, 1.0
+        for k in range(1, TAYLOR):
+            factor *= step / k
+            fall += (max(-derivative[k], 0.0) + noise[k]) * factor
+        if fall + bound * factor * step / TAYLOR < value or step < 1e-300:
+            return step
+        step *= 0.5
+
+
+@inner
+def _is_close(out, least, floors):  # type: ignore[no-untyped-def]
+    """Whether some function is zero but for a multiple of its round-off."""
+    close = False
+    for j in range(least.size):
+        close = close or out[0, j] < CLOSE * max(out[3, j], least[j], floors[j])
+    return close
+
+
+@inner
+def _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach):  # type: ignore[no-untyped-def]
+    """As `_next_step` where no function is at zero, by higher derivatives for those whose curvature stops it early."""
+    step = reach - tau
+    for j in range(least.size):
+        lifted = out[0, j] + 2.0 * max(out[3, j], least[j], floors[j])
+        h = _safe_step(lifted, out[1, j], out[2, j])
+        if h < step:
+            step = min(step, max(h, _taylor_step(exponent, power, nb, gamma, size, j, 1.0, tau, reach, lifted)))
+    return step
 
 
 @inner
@@ -549,6 +616,7 @@ def extremes(  # type: ignore[no-untyped-def]
                     continue
                 output[count] = j
                 count += 1
+            near_zero = 0
             while count > 0:
                 if evaluations > most:
                     at[2] = tau
@@ -556,6 +624,7 @@ def extremes(  # type: ignore[no-untyped-def]
                 reach = _evaluate(exponent, power, nb, count, gamma, size, tau, H, out)
                 evaluations += count
                 h = reach - tau
+                close = False
                 for i in range(count - 1, -1, -1):
                     j = output[i]
                     f, slope, bound, noise = out[0, i], out[1, i], out[2, i], out[3, i]
@@ -572,6 +641,11 @@ def extremes(  # type: ignore[no-untyped-def]
                             when[j] = seg_time[g] + top
                         slack = relative * abs(highest[j]) + 4.0 * noise
                     safe = _safe_step(highest[j] - f + slack, -slope, bound)
+                    near = highest[j] - f < CLOSE * slack
+                    if near and near_zero > PATIENCE and safe < 0.1 * (reach - tau) and highest[j] - f + slack > 0.0:
+                        value = highest[j] - f + slack
+                        safe = max(safe, _taylor_step(exponent, power, nb, gamma, size, i, -1.0, tau, reach, value))
+                    close = close or near
                     if reach >= H and safe >= H - tau:  # no more of it in this segment: the last takes its place
                         count -= 1
                         output[i] = output[count]
@@ -579,6 +653,7 @@ def extremes(  # type: ignore[no-untyped-def]
                             gamma[b, i], size[b, i] = gamma[b, count], size[b, count]
                     elif safe < h:
                         h = safe
+                near_zero = near_zero + 1 if close else 0
                 if tau >= H:
                     break
                 before = tau

@@ -13,6 +13,7 @@ import numpy as np
 
 from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import (
+    PATIENCE,
     _clear_ahead,
     _coefficients,
     _combine,
@@ -24,6 +25,8 @@ from beamsim.flow.kernels import (
     _fill_least,
     _fill_sources,
     _first_internal,
+    _is_close,
+    _long_step,
     _next_step,
     _outputs,
     _parts,
@@ -128,6 +131,7 @@ def march(  # type: ignore[no-untyped-def]
 
             tau = 0.0
             hit = -1
+            short = 0
             for j in range(floors.size):
                 floors[j] = 0.0
             most_here = n_eval + most_evaluations
@@ -145,6 +149,12 @@ def march(  # type: ignore[no-untyped-def]
                 step, hit = _next_step(out, least, floors, reach - tau)
                 if hit >= 0:
                     break
+                if swept is None:
+                    short = short + 1 if _is_close(out, least, floors) else 0
+                    if short > PATIENCE and step < reach - tau:
+                        further = _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach)
+                        short = short if further > 4.0 * step else 0
+                        step = further
                 before = tau
                 tau += step
                 if tau >= H:

@@ -150,6 +150,22 @@ def test_statics_of_one_mass_on_a_softening_spring():
     assert one_mass([2.0, 1.0, 0.0, 4.0], 1.0, (-1.0, 1.0, 2.0)).static_reason == FLOATS
 
 
+@pytest.mark.parametrize("load", [0.0, 1e-3])
+def test_statics_of_a_softening_spring_beside_a_very_stiff_stop(load):
+    """Soft parts of the energy are the round-off of the stop's, and its force cancels in its gap."""
+    stiffness = np.array([490.0, 8470.0, 15100.0])
+    springs = Springs(
+        shape=np.array([[0.51, 1.32, -2.21], [0.2, -1.09, 0.77]]),
+        sign=np.array([1.0, -1.0]),
+        stiffness=np.array([1.6e11, -3.36e3]),
+        gap=np.array([-1.2e-10, 1.3e-5]),
+    )
+    equilibrium = find_equilibrium(stiffness, 0, springs, load * np.ones((1, 3)))
+    row = springs.shape[0]
+    force = (1.2e-10 - row @ (load / stiffness)) / (1 / 1.6e11 + row @ (row / stiffness))  # its stretch stays small
+    np.testing.assert_allclose(equilibrium.q, (load + max(force, 0.0) * row) / stiffness, rtol=1e-9)
+
+
 def test_a_cubic_spring_holds_what_a_softened_spring_lets_go():
     springs = Springs(np.ones((1, 1)), np.array([-1.0]), np.array([-2.0]), np.array([1.0]))
     alone = find_equilibrium(np.array([2.0]), 0, springs, np.array([[5.0]]))
