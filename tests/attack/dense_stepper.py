@@ -16,7 +16,8 @@ ORDERS = 16  # derivatives of the inputs that a step takes: w dt = 2 pi / 10 lea
 LEVELS = 48  # halvings of the longest step for which there are tables
 STEPS_A_PERIOD = 10.0
 MOST_EVENTS = 4000
-TAYLOR = 14  # terms of the matrix exponential of the shortest step
+TAYLOR = 18  # terms of the matrix exponential of the shortest step
+LONG = 20  # doublings from which on tables are made in extended precision: each doubles what is lost of slow motions
 EPS = 2.220446049250313e-16
 DONE, NEED, STEPS, EVENTS = 0, 1, 2, 3
 
@@ -243,7 +244,7 @@ def _least_of_cubic(g0, s0, g1, s1, dt):
     a = 2.0 * (g0 - g1) + dt * (s0 + s1)
     b = 3.0 * (g1 - g0) - dt * (2.0 * s0 + s1)
     c = dt * s0
-    if abs(a) < 1e-14 * (abs(b) + abs(c)):
+    if abs(a) <= 1e-14 * (abs(b) + abs(c)):
         x = -c / (2.0 * b) if b != 0.0 else 0.5
     else:
         x = (-b + np.sqrt(max(b * b - 3.0 * a * c, 0.0))) / (3.0 * a)
@@ -541,7 +542,7 @@ class Tables:
         """Tabulate a contact state."""
         N, U = self.count, self.inputs.count + 1
         Q = N + 1 + (U - 1) * ORDERS
-        eigenvalues = np.linalg.eigvals(linear.A)
+        eigenvalues = np.linalg.eigvals(linear.A.astype(float))
         fastest = max(np.abs(eigenvalues.imag).max(initial=0.0), 1e-300)
         period = 2 * np.pi / fastest
         usual = min(_halvings(self.longest * STEPS_A_PERIOD / period), LEVELS - 20)
@@ -549,7 +550,7 @@ class Tables:
         finest = min(max(_halvings(self.longest * np.abs(eigenvalues).max() / 0.05), usual + 9), LEVELS - 10)
         first = min(max(_halvings(self.longest * max(np.abs(eigenvalues).max(), self.stiffest) * 2), usual), finest)
         start = min(max(_halvings(self.longest * rate / 0.5), finest + 9), LEVELS - 1)
-        whole = np.zeros((Q, Q))
+        whole = np.zeros((Q, Q), dtype=np.longdouble if start > LONG else float)
         whole[:N, :N], whole[:N, N] = linear.A, linear.B[:, 0]
         for c in range(U - 1):
             a = N + 1 + c * ORDERS

@@ -504,7 +504,8 @@ class Equations:
     def linear(self, phases):
         """The equations of one contact state."""
         m, n, N, U, s = self.model, self.n, self.N, self.U, self.scale
-        A, B = np.zeros((N, N)), np.zeros((N, U))
+        # in extended precision: a stiff stop acts along its own row alone, to more than the round-off of its stiffness
+        A, B = np.zeros((N, N), dtype=np.longdouble), np.zeros((N, U), dtype=np.longdouble)
         A[:n, n : 2 * n] = s * np.eye(n)
         A[n : 2 * n, :n] = -np.diag(m.omega**2) / s
         A[n : 2 * n, n : 2 * n] = -m.damping
@@ -513,7 +514,7 @@ class Equations:
         for i, phase in enumerate(phases):
             c = m.contacts[i]
             y, u = self.force(i, phase)
-            direction = -c.row if c.slopes else c.sign * c.row
+            direction = np.asarray(-c.row if c.slopes else c.sign * c.row, dtype=np.longdouble)
             A[n : 2 * n] += np.outer(direction, y)
             B[n : 2 * n] += np.outer(direction, u)
         for k, i in enumerate(self.faces):

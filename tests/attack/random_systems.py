@@ -4,7 +4,7 @@ Ranges: chains of 1 to 5 masses and beams of 1 to 3 elements (all of their modes
 one to three snubbers on either side, on the base, on the ground or between two places; stiffness 1e-3 to 1e8 times that
 of the structure; laws kelvin_voigt, no_tension and piecewise_linear; gaps of 0, backlash, prestress or a preload;
 dashpots by ratio (up to 1.5) or coefficient; no input, or each of the inputs on the base or as a force; every start
-but a mode.
+but a mode. Seeds from `LARGE` on are chains of 30 to 80 masses with three or four snubbers.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from own_model import Structure
 
 SUPPORTS = ("clamped", "pinned", "free", "guided")
 LARGEST_RATIO, SMALLEST_RATIO = 8.0, -3.0  # powers of ten of the stiffness ratio
+LARGE = 1_000_000_000  # first seed of the systems with many modes
 PERIODS = 30.0  # of the first mode, at most
 
 
@@ -24,6 +25,7 @@ class _Draw:
     def __init__(self, rng, folder, seed):
         self.rng, self.folder, self.seed = rng, folder, seed
         self.features = set()
+        self.large = seed >= LARGE
 
     def chance(self, share):
         return bool(self.rng.random() < share)
@@ -39,7 +41,7 @@ class _Draw:
 
     def case(self):
         self.size = self.power(-5, -2)  # m, of the motion
-        kind = self.rng.choice(["chain", "beam", "two"], p=[0.45, 0.4, 0.15])
+        kind = self.rng.choice(["chain", "beam", "two"], p=[1.0, 0.0, 0.0] if self.large else [0.45, 0.4, 0.15])
         case = {"title": f"system {self.seed}"}
         if kind == "chain":
             case["chain"] = self.chain()
@@ -64,7 +66,7 @@ class _Draw:
             self.omega = np.sqrt(self.stiffness / float(np.trace(self.structure.M)))
         base = self.excitation(case)
         self.snubbers(case, base)
-        if kind == "chain" and self.chance(0.35):
+        if kind == "chain" and not self.large and self.chance(0.35):
             self.bent_spring(case["chain"])
         self.start(case)
         if self.chance(0.15) and not self.rigid:
@@ -77,6 +79,9 @@ class _Draw:
 
     def chain(self, held=False):
         n = int(self.rng.integers(1, 6)) if not held else int(self.rng.integers(1, 4))
+        if self.large:
+            n = int(self.rng.integers(30, 81))
+            self.features.add("30 to 80 modes")
         k = self.power(1, 5)
         masses = [self.power(-1, 0.5) for _ in range(n)]
         springs = [k * self.power(-0.7, 0.7) for _ in range(n + self.pick(0, 1))]
@@ -255,7 +260,9 @@ class _Draw:
     # -- contacts ------------------------------------------------------------------------------------------------------
 
     def snubbers(self, case, base):
-        count = int(self.rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
+        count = int(
+            self.rng.choice([3, 4] if self.large else [1, 2, 3], p=[0.5, 0.5] if self.large else [0.5, 0.35, 0.15])
+        )
         found = []
         self.prestressed = False
         chain = case.get("chain")

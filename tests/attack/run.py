@@ -102,6 +102,7 @@ def report_systems(findings):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--systems", type=int, default=10_000)
+    parser.add_argument("--large", type=int, default=300, help="systems of many modes")
     parser.add_argument("--mutants", type=int, default=2500)
     parser.add_argument("--kills", type=int, default=60)
     parser.add_argument("--disks", type=int, default=40)
@@ -129,10 +130,13 @@ def main():
         record[name] = {"lines": lines, "found": found}
         options.output.write_text(json.dumps(record, indent=1), encoding="utf-8")
 
-    if options.systems:
-        file = options.output.with_suffix(".systems.jsonl")
-        findings = systems(options.seed * 1_000_000, options.systems, options.jobs, say, file)
-        keep("systems", *report_systems(findings))
+    file = options.output.with_suffix(".systems.jsonl")
+    from random_systems import LARGE
+
+    for name, first, count in (("systems", 0, options.systems), ("large systems", LARGE, options.large)):
+        if count:
+            findings = systems(first + options.seed * 1_000_000, count, options.jobs, say, file)
+            keep(name, *report_systems(findings))
     if options.mutants:
         import yaml_mutants
 

@@ -39,6 +39,10 @@ FOUND = {
     5000229: "a heavily overdamped stop spoiled the slow motions of its contact state",
     7000391: "a flight of a tenth of a step, passed over by our own search",
     7000474: "a spring that turns at a bend",
+    7001412: "an equilibrium beside a stop 1e8 times as stiff was refused",
+    7001607: "a penetration of zero, in steps of 1e-9 s",
+    7001866: "a soft structure beside a stiff stop was taken to float",
+    7006206: "the extremes of a quantity that is zero but for round-off",
 }
 
 
