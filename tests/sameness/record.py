@@ -53,7 +53,7 @@ MENDED: dict[str, str] = {
     "* sweep*energy_error": "sweeps and the curves of their directions are held to their energy balance",
     "* nnm*phase_resonance*energy_error": "motions at phase resonance are, too",
     "*memory_bytes": "the summary of a run says what it may keep in memory",
-    "* run file/work@evaluations": "a function that stays near zero takes steps by higher derivatives: a quarter fewer",
+    "* run*work@evaluations": "a function that stays near zero takes steps by higher derivatives: a quarter fewer",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
