@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from beamsim.scenario.base import Schema, counted, fail, path_text, suggestion
-from beamsim.scenario.quantities import FieldType, Share
+from beamsim.scenario.quantities import FieldType
 
 Path = tuple[str | int, ...]
 AnySchema = TypeVar("AnySchema", bound=Schema)
@@ -66,12 +66,9 @@ def read_as(scenario: Schema, place: Path, value: object) -> float:
         types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
         if types:
             try:
-                number = types[0].read(value)
+                return float(types[0].absolute.read(value))
             except UnitError as error:
                 raise fail(error.message, error.remedy, show_value=True) from None
-            if isinstance(number, Share):
-                raise fail("is a share of a length", "write the position itself, 270 mm", show_value=True)
-            return float(number)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise fail("must be a number", f"write the SI value for {path_text(place)}")
     return float(value)
@@ -96,7 +93,7 @@ def field_type_at(scenario: Schema, place: Path) -> FieldType | None:
         return None
     field = type(owner).model_fields[_attribute(owner, str(place[last]))]
     types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
-    return types[0] if types else None
+    return types[0].absolute if types else None
 
 
 def _field_types(annotation: Any) -> list[FieldType]:

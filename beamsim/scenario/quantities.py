@@ -31,6 +31,11 @@ class FieldType:
         """Return the value; raises `UnitError`."""
         raise NotImplementedError
 
+    @property
+    def absolute(self) -> FieldType:
+        """The type that reads values in units alone, no shares of something else."""
+        return self
+
     def json_schema(self) -> JsonSchemaValue:
         """Return the schema of what is accepted."""
         raise NotImplementedError
@@ -101,6 +106,11 @@ class Share(float):
 @dataclass(frozen=True)
 class PositionType(Quantity):
     """A length, or a share of the body's length in percent."""
+
+    @property
+    def absolute(self) -> FieldType:
+        """A length."""
+        return Quantity(self.dimension, self.minimum)
 
     def read(self, value: Any) -> float:
         """Return the SI number, or the share."""

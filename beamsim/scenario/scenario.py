@@ -188,6 +188,11 @@ class Scenario(Schema):
         return next(located for located in self.located_snubbers if located.item.name == name)
 
     @property
+    def joined_by(self) -> tuple[Any, ...]:
+        """Joints and springs that are not listed in a body."""
+        return (*self.joints, *self.springs_to_ground, *self.springs_between)
+
+    @property
     def nonlinear_springs(self) -> tuple[Located, ...]:
         """The nonlinear springs of the scenario and of all bodies, with their paths."""
         shared = tuple(

@@ -45,6 +45,12 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structur
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
 
 
+def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
+    """These bodies and those that they are joined to, in the order of the scenario."""
+    groups = _groups(list(scenario.all_bodies), couplings_of(scenario))
+    return [name for name in scenario.all_bodies if any(name in group and set(names) & set(group) for group in groups)]
+
+
 def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[str]]:
     """The bodies that are coupled to one another, directly or by others, in the order of the scenario."""
     group = {name: name for name in names}

@@ -76,7 +76,7 @@ def _damping(system: StructuralSystem, before: Scenario, after: Scenario) -> Flo
     if not changed:
         return system.dynamics.damping
     ((old, new), *more) = changed
-    if len(before.all_bodies) > 1 or before.joints or more or old is None or new is None or old.kind != new.kind:
+    if len(before.all_bodies) > 1 or before.joined_by or more or old is None or new is None or old.kind != new.kind:
         return None
     if old.kind == "viscous":
         return None

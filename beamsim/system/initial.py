@@ -67,7 +67,7 @@ def initial_state(
     elif isinstance(start, ModeStart):
         q = _mode_shape(parts, start.mode, start.amplitude)
     elif isinstance(start, PolynomialStart):
-        q, v = (_given_field(parts, {parts.structure.name: start}, name, warnings) for name in _FIELDS)
+        q, v = (_given_field(parts, {parts.scenario.default_body: start}, name, warnings) for name in _FIELDS)
     elif isinstance(start, BodiesStart):
         q, v = (_given_field(parts, start.bodies, name, warnings) for name in _FIELDS)
     return np.concatenate([q, v]), warnings

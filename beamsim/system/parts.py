@@ -88,13 +88,12 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     """
     shared = SharedBuilds() if shared is None else shared
     bodies = tuple(scenario.all_bodies.items())
-    coupled = (scenario.joints, scenario.springs_to_ground, scenario.springs_between)
-    structure = shared.once("structure", (bodies, coupled), lambda: assemble(scenario))
+    structure = shared.once("structure", (bodies, scenario.joined_by), lambda: assemble(scenario))
     sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
     gravity = scenario.gravity != 0
     reduced = shared.once(
         "reduction",
-        (bodies, coupled, tuple(sites), gravity, tuple(asked.items())),
+        (bodies, scenario.joined_by, tuple(sites), gravity, tuple(asked.items())),
         lambda: ReducedStructure(structure, reduce_model(structure, _patterns(structure, sites, gravity), **asked)),
     )
     return Parts(scenario, reduced, shared)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.linalg import eigh
+from scipy.linalg import block_diag, eigh
 from scipy.optimize import brentq
 
 import beamsim
@@ -356,6 +356,114 @@ def test_sensitivities_of_a_beam_cut_in_two_add_up_to_those_of_the_whole():
     for number, tolerance in (("youngs_modulus", 1e-9), ("density", 1e-9), ("width", 1e-9), ("length", 1e-6)):
         total = sum(parted["bodies", name, number] for name in "ab")
         assert total == pytest.approx(expected["beam", number], rel=tolerance)
+
+
+def test_ten_joined_beams_with_twenty_snubbers_take_the_work_of_one_beam():
+    """The march knows coordinates and contacts, not bodies: the same coordinates, contact states and events."""
+    stop = {"side": "both", "stiffness": 2e4, "gap": 2e-4}
+    names = [f"b{i}" for i in range(10)]
+    common = {**SHAKEN, "reduction": {"modes": 12}}
+    one = {**common, "beam": {k: v for k, v in beam(2.0, 40, "clamped").items() if k != "kind"}}
+    one["snubbers"] = [{**stop, "name": name, "position": 0.2 * i + 0.1} for i, name in enumerate(names)]
+    ten = {
+        **common,
+        "bodies": {name: beam(0.2, 4, "clamped" if name == "b0" else "free") for name in names},
+        "joints": [{"kind": "rigid", "between": [at(a, 0.2), at(b, 0.0)]} for a, b in pairwise(names)],
+        "snubbers": [{**stop, "name": name, "at": at(name, "50 %")} for name in names],
+    }
+    systems = [build_system(load_scenario(case)) for case in (one, ten)]
+    assert systems[0].dynamics.size == systems[1].dynamics.size
+    assert systems[1].dynamics.contacts.count == 20
+    first, second = (beamsim.run(load_scenario(case)) for case in (one, ten))
+    assert first.work.events == second.work.events > 20
+    assert first.work.states == second.work.states
+
+
+def test_start_of_a_beam_that_is_joined_to_the_base():
+    plain = {key: value for key, value in beam(0.5, left="pinned").items() if key != "kind"}
+    held = {"kind": "rigid", "between": [{"position": 0.0}, "base"]}
+    run = {"duration": 0.01, "sample_rate": 4000.0, "start": {"displacement": [0.0, 0.0, 0.01]}}
+    clamped = {**plain, "supports": {"left": "clamped", "right": "free"}}
+    probes = [{"name": "tip", "position": 0.5}]
+    joint, support = (
+        beamsim.run(
+            load_scenario({"beam": body, "joints": joints, "run": run, "probes": probes, "reduction": {"modes": "all"}})
+        )
+        for body, joints in ((plain, [held]), (clamped, []))
+    )
+    tip = support.probes["tip"].displacement
+    assert tip[0] == pytest.approx(0.01 * 0.25, rel=1e-6)
+    np.testing.assert_allclose(joint.probes["tip"].displacement, tip, atol=1e-9 * np.abs(tip).max())
+
+
+def test_start_of_bodies_that_are_joined():
+    case = yoke() | {"snubbers": [], "reduction": {"modes": "all"}}
+    rise = 0.01 / 0.09
+    bodies = {"yoke": {"displacement": [0.0, 0.0, rise]}, "panel": {"displacement": [0.01, 0.02]}}
+    case["run"] = {"duration": 0.01, "sample_rate": 2000.0, "start": {"bodies": bodies}}
+    result = beamsim.run(load_scenario(case))
+    assert result.probes["yoke"].displacement[0] == pytest.approx(rise * 0.25**2, rel=1e-9)
+    assert result.probes["panel"].displacement[0] == pytest.approx(0.01 + 0.02 * 0.25, rel=1e-9)
+    assert abs(result.probes["alone"].displacement[0]) < 1e-15
+    assert not any("relative error" in warning for warning in result.warnings)
+
+
+def test_piecewise_linear_spring_at_a_point_is_a_pair_of_stops_on_the_ground():
+    spring = {"name": "s", "kind": "piecewise_linear", "breakpoints": [-1e-3, 1e-3], "stiffnesses": [1e4, 0.0, 1e4]}
+    stop = {"name": "s", "side": "both", "mounted_on": "ground", "stiffness": 1e4, "gap": 1e-3}
+    case = {**yoke(), "snubbers": [], "reduction": {"modes": 8}}
+    with_spring = beamsim.run(load_scenario(case | {"springs_to_ground": [{**spring, "at": at("panel", "80 %")}]}))
+    with_stops = beamsim.run(load_scenario(case | {"snubbers": [{**stop, "at": at("panel", "80 %")}]}))
+    assert sum(with_stops.summary["contacts"].values()) >= 2
+    expected = with_stops.probes["panel"].displacement
+    np.testing.assert_allclose(with_spring.probes["panel"].displacement, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_cubic_spring_between_beams_against_integration():
+    stiffness = 1e12
+    case = joined(
+        {"a": beam(0.3, 2, "clamped"), "b": beam(0.4, 2, "clamped")},
+        [],
+        springs_between=[{"kind": "cubic", "stiffness": stiffness, "between": [at("a", 0.3), at("b", 0.4)]}],
+        probes=[{"name": "tip", "at": at("b", 0.4)}],
+        excitation={"kind": "harmonic", "applied_to": "base", "level": 30.0, "frequency": 25.0},
+        run={"duration": 0.04, "sample_rate": 2000.0, "start": "rest"},
+    )
+    result = beamsim.run(load_scenario(case))
+    blocks = [textbook(0.3, 2), textbook(0.4, 2)]
+    m, k = (block_diag(*(b[i][2:, 2:] for b in blocks)) for i in (0, 1))
+    inertia = np.concatenate([(b[0] @ np.tile([1.0, 0.0], 3))[2:] for b in blocks])
+    row = np.array([0, 0, -1, 0, 0, 0, 1, 0.0])
+    inverse = np.linalg.inv(m)
+
+    def rates(t, y):
+        force = -inertia * 30.0 * np.sin(2 * np.pi * 25 * t) - k @ y[:8] - row * stiffness * (row @ y[:8]) ** 3
+        return np.concatenate([y[8:], inverse @ force])
+
+    exact = solve_ivp(rates, (0, 0.04), np.zeros(16), "DOP853", t_eval=result.time, rtol=1e-10, atol=1e-13).y[6]
+    linear = beamsim.run(load_scenario(case | {"springs_between": []})).probes["tip"].displacement
+    assert np.abs(exact - linear).max() > 0.05 * np.abs(exact).max()
+    np.testing.assert_allclose(result.probes["tip"].displacement, exact, atol=1e-6 * np.abs(exact).max())
+
+
+def test_a_pair_of_stops_is_two_snubbers_with_one_probe():
+    case = load_scenario(yoke() | {"probes": []})
+    assert [snubber.name for snubber in case.all_snubbers] == ["end.above", "end.below", "gap"]
+    assert [probe.name for probe in case.effective_probes] == ["end", "alone_0.7", "panel_0.4"]
+    both = {"end.above": "above", "end.below": "below"}
+    assert {s.name: s.side for s in build_system(case).snubbers if s.name in both} == both
+
+
+def test_position_as_a_share_of_the_length():
+    case = load_scenario(yoke() | {"probes": [{"name": "p", "at": at("panel", "60 %")}]})
+    assert case.effective_probes[0].place.position == pytest.approx(0.54)
+    assert load_scenario(case.to_yaml()) == case
+    with pytest.raises(ScenarioError, match=r"probes\[0\].at.position = 0.99 m lies beyond"):
+        load_scenario(yoke() | {"probes": [{"name": "p", "at": at("panel", "110 %")}]})
+    path = "snubbers.end.at.position"
+    vary = {"kind": "grid", "parameters": [{"path": path, "values": [0.5, "60 %"]}]}
+    with pytest.raises(ScenarioError, match="60 % must be a position, not a ratio"):
+        load_scenario(yoke() | {"vary": vary})
 
 
 def test_null_space_is_orthonormal_sparse_and_complete():

@@ -32,6 +32,7 @@ from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, sp
 from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
+from beamsim.structures.assembly import joined_to
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
@@ -100,9 +101,12 @@ def _identify(
     others = [s.name for s in current.all_snubbers if s.name != section.snubber]
     if others:
         warnings.append(f"the other snubbers ({', '.join(others)}) are assumed to be open")
-    bodies = scenario.located_snubber(section.snubber).bodies
+    bodies = joined_to(scenario, scenario.located_snubber(section.snubber).bodies)
     if len(bodies) < len(scenario.all_bodies):
-        warnings.append(f"the natural frequencies are those of {' and '.join(bodies)}, which the snubber acts on")
+        warnings.append(
+            f"the natural frequencies are those of {' and '.join(bodies)}: the bodies that the snubber acts on, with "
+            "those they are joined to"
+        )
 
     estimate: StiffnessEstimate | None = None
     table: FrequencyTable | None = None

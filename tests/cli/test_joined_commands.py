@@ -1,0 +1,118 @@
+"""Every command on bodies that are joined: the same figures as on the one beam that they make."""
+
+import json
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+
+BEAM = {"width": "50 mm", "thickness": "10 mm", "youngs_modulus": "70 GPa", "density": "2700 kg/m^3"}
+DAMPING = {"damping": {"kind": "modal", "ratio": "5 %"}}
+FREE = {"supports": {"left": "free", "right": "free"}}
+STOP = {"name": "tip", "side": "both", "stiffness": "1 kN/m", "gap": "0.5 mm"}
+COMMON = {
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": "12 Hz"},
+    "run": {"duration": "0.2 s", "sample_rate": "2 kHz"},
+    "reduction": {"modes": 3},
+}
+ONE = {
+    **COMMON,
+    "beam": {**BEAM, **DAMPING, "length": "800 mm", "elements": 8},
+    "snubbers": [{**STOP, "position": "100 %"}],
+    "probes": [{"name": "end", "position": "800 mm"}],
+}
+TWO = {
+    **COMMON,
+    "bodies": {
+        "root": {"kind": "beam", **BEAM, **DAMPING, "length": "400 mm", "elements": 4},
+        "outer": {"kind": "beam", **BEAM, **DAMPING, **FREE, "length": "400 mm", "elements": 4},
+    },
+    "joints": [
+        {"kind": "rigid", "between": [{"body": "root", "position": "100 %"}, {"body": "outer", "position": "0 %"}]}
+    ],
+    "snubbers": [{**STOP, "at": {"body": "outer", "position": "100 %"}}],
+    "probes": [{"name": "end", "at": {"body": "outer", "position": "400 mm"}}],
+}
+COMMANDS = {
+    "run": ("run", {}),
+    "swept sine": ("sweep", {"sweep": {"kind": "swept_sine", "from": "10 Hz", "to": "14 Hz", "rate": "20 Hz/s"}}),
+    "stepped sine": (
+        "sweep",
+        {"sweep": {"kind": "stepped", "from": "10 Hz", "to": "11 Hz", "points": 2, "direction": "up"}},
+    ),
+    "continuation": ("sweep", {"sweep": {"kind": "continuation", "from": "10 Hz", "to": "11 Hz"}}),
+    "harmonic balance": (
+        "sweep",
+        {
+            "sweep": {
+                "kind": "continuation", "from": "10 Hz", "to": "10.5 Hz",
+                "method": {"kind": "harmonic_balance", "harmonics": 15},
+            }
+        },
+    ),
+    "vary": (
+        "sweep",
+        {"vary": {"kind": "grid", "parameters": [{"path": "snubbers.tip.gap", "values": ["0.5 mm", "1 mm"]}]}},
+    ),
+    "nnm": (
+        "nnm",
+        {
+            "excitation": {"kind": "none"}, "run": None,
+            "nnm": {"mode": 1, "continue_in": {"kind": "energy", "from": "1 mJ", "to": "2 mJ"}},
+        },
+    ),
+    "identify-stiffness": (
+        "identify-stiffness",
+        {"identify_stiffness": {"snubber": "tip.above", "measured_with": ["40 Hz"]}},
+    ),
+}  # fmt: skip
+CHANGING = ("time", "wall", "version", "file", "memory", "error")  # of computing, and round-off
+
+
+def numbers(value, path=()):
+    """Every number of a summary with its path, but those of the computation itself."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if not any(word in key for word in CHANGING):
+                yield from numbers(item, (*path, key))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from numbers(item, (*path, index))
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield path, value
+
+
+def summary(tmp_path, name, case, command):
+    file = tmp_path / f"{name}.yaml"
+    file.write_text(yaml.safe_dump({key: value for key, value in case.items() if value is not None}))
+    result = CliRunner().invoke(app, [command, str(file), "-o", str(tmp_path / f"{name}.h5"), "--no-plots", "--json"])
+    assert result.exit_code == 0, result.output
+    return dict(numbers(json.loads(result.stdout)))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_beam_cut_in_two_gives_the_same_figures(tmp_path, name):
+    command, more = COMMANDS[name]
+    one, two = (summary(tmp_path, each, case | more, command) for each, case in (("one", ONE), ("two", TWO)))
+    common = {path for path in one if path in two and "sensitivities" not in path}
+    assert len(common) >= 6
+    different = {
+        path: (one[path], two[path])
+        for path in common
+        if two[path] != pytest.approx(one[path], rel=1e-6, abs=1e-9)
+        and not any(key in ("position", "stiffness_ratio") for key in path)
+    }
+    assert not different
+
+
+def test_compare_meets_the_file_of_the_whole_beam(tmp_path):
+    for name, case in (("one", ONE), ("two", TWO)):
+        summary(tmp_path, name, case, "run")
+    files = [str(tmp_path / f"{name}.h5") for name in ("two", "one")]
+    result = CliRunner().invoke(app, ["compare", *files, "--json", "--no-plots", "-o", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    compared = json.loads(result.stdout)["comparisons"]
+    assert compared
+    assert max(each["rms_difference"] for each in compared) < 1e-9
