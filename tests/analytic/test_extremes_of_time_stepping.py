@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import beamsim
+from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.response.analysis import frequency_response
 from beamsim.flow.dense_extremes import NODES, Highest
 from beamsim.scenario import Scenario
@@ -142,3 +143,26 @@ def test_nonlinear_modes_with_a_cubic_spring_and_a_stop_warn():
 
     assert warned(snubber={"damping": None})
     assert not warned(snubbers=[])
+
+
+@pytest.mark.parametrize(("cubic", "run"), [(CUBIC, {}), (0.0, {"method": "reference", "rtol": 1e-10})])
+def test_low_passed_peaks_do_not_depend_on_the_sample_rate(cubic, run):
+    """The filter runs through the integrator's dense output, not through samples."""
+
+    def peak(rate):
+        result = beamsim.run(case(rate, cubic, {**run, "low_pass": "12 Hz"}))
+        return result.summary["peak_acceleration_g"]["m"], result.probes["m"].low_passed_acceleration
+
+    coarse, few = peak(45.0)
+    fine, many = peak(45.0 * 400)
+    assert coarse == pytest.approx(fine, rel=2e-6)
+    np.testing.assert_allclose(few, many[::400], atol=1e-7 * np.abs(many).max())  # the histories are those of one curve
+    assert np.abs(few).max() / STANDARD_GRAVITY < 0.9999 * coarse
+    assert np.abs(many).max() / STANDARD_GRAVITY == pytest.approx(coarse, rel=1e-5)
+
+
+def test_low_passed_acceleration_of_a_time_stepped_run_is_that_of_the_exact_one():
+    runs = ({"low_pass": "12 Hz"}, {"low_pass": "12 Hz", "method": "reference", "rtol": 1e-10})
+    exact, stepped = (beamsim.run(case(45.0, 0.0, run)) for run in runs)
+    a, b = (r.summary["peak_acceleration_g"]["m"] for r in (exact, stepped))
+    assert b == pytest.approx(a, rel=1e-5)

@@ -33,7 +33,7 @@ from beamsim.analyses.run.figures import (
     static_figures,
 )
 from beamsim.analyses.run.histories import ExactHistories, Grace, Histories, SampledHistories
-from beamsim.analyses.run.low_pass import filtered, filtered_samples
+from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import (
@@ -360,7 +360,7 @@ def _reference(
             "contacts are found by sign changes between steps, without certificate",
         )
     finer = finer_rate(system, settings.output_rate, times.all.size)
-    outputs = SteppedOutputs(system, flow, 1.0 / (finer * settings.output_rate))
+    outputs = SteppedOutputs(system, flow, times.all, 1.0 / (finer * settings.output_rate), settings.low_pass)
     trajectory = integrate(
         flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
         max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
@@ -375,9 +375,6 @@ def _reference(
     exchanged = float(np.trapezoid(np.abs(trajectory.power_in), at))
     balance = EnergyBalance.of(at, energy, exchanged)
     extremes = outputs.extremes(trajectory)
-    low_passed = None
-    if settings.low_pass is not None:
-        low_passed, extremes["acceleration"] = filtered_samples(at, values["acceleration"], settings.low_pass)
     return _RunMotion(
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=balance.checked(_with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
@@ -397,7 +394,7 @@ def _reference(
             states=len(np.unique(trajectory.phases, axis=0)),
             processor_time_s=trajectory.processor_time_s,
         ),
-        low_passed=low_passed,
+        low_passed=None if outputs.low_passed is None else outputs.low_passed[: at.size],
         finer=outputs.finer(finer * at.size),
         warnings=warnings,
     )

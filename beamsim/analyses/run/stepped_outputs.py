@@ -8,6 +8,7 @@ import numpy as np
 
 from beamsim.analyses.run.convergence import SEARCHED
 from beamsim.analyses.run.figures import Extremes, sampled_extremes
+from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.outputs import bending_stress, in_every_state, output_groups
 from beamsim.analyses.run.spectra import QUANTITIES
 from beamsim.flow.dense_extremes import DenseExtremes
@@ -24,17 +25,23 @@ class SteppedOutputs:
 
     Parameters
     ----------
+    times : (nt,) s, of the output.
     step : s, between the finer samples that it keeps of what spectra are made of.
+    low_pass : Hz, of the filter of the probes' accelerations.
     """
 
-    def __init__(self, system: StructuralSystem, flow: ExactFlow, step: float) -> None:
-        self.system, self.flow, self.step = system, flow, step
+    def __init__(
+        self, system: StructuralSystem, flow: ExactFlow, times: Floats, step: float, low_pass: float | None = None
+    ) -> None:
+        self.system, self.flow, self.times, self.step = system, flow, times, step
         self.parts: list[dict[str, Floats]] = []
         self.samples = 0  # in these parts
         self.groups = output_groups(system, flow)
         self.stress = None if system.stress is None else in_every_state(bending_stress(flow, system.stress))
         self.probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
         self.dense = DenseExtremes()
+        self.filter = None if low_pass is None else LowPassFilter(low_pass, len(system.probes))
+        self.low_passed = None if low_pass is None else np.zeros((times.size, len(system.probes)))  # at the times
         self.lowest_state = self.highest_state = np.zeros(flow.size)  # at the extremes of the first probe
 
     def cubic_stretch(self, times: Floats, y: Floats) -> Floats:
@@ -43,13 +50,17 @@ class SteppedOutputs:
         d = np.zeros(times.size) if base is None else base(times)
         return np.asarray(y[:, : self.flow.system.size] @ cubic.shape.T + d[:, None] * cubic.felt)
 
+    def _cubic_acceleration(self, times: Floats, y: Floats) -> Floats:
+        """(nt, probes) that the cubic springs take away."""
+        cubic = self.system.cubic
+        return np.asarray((cubic.stiffness * self.cubic_stretch(times, y) ** 3) @ (cubic.shape @ self.probe_shapes.T))
+
     def at(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
         """Values (nt, k) by group; see :func:`beamsim.flow.reference.sampled`."""
         system, flow = self.system, self.flow
         values = self.groups.split(sampled(flow, times, y, phases, self.groups, since), flow.system.contacts.start)
         if system.cubic.count:
-            pull = system.cubic.stiffness * self.cubic_stretch(times, y) ** 3
-            values["acceleration"] = values["acceleration"] - pull @ (system.cubic.shape @ self.probe_shapes.T)
+            values["acceleration"] = values["acceleration"] - self._cubic_acceleration(times, y)
         for i, spring in enumerate(system.springs):
             if spring.on_ground and flow.base_channel < 0 and system.base_displacement is not None:
                 values["stretch"][:, i] += system.base_displacement(times)  # which no contact feels
@@ -78,6 +89,8 @@ class SteppedOutputs:
             values = self.at(times, solution.sol(times)[: self.flow.size].T, each, begin)
             self.parts.append({group: values[group] for group in QUANTITIES})
         self.samples = max(self.samples, until)
+        if self.filter is not None and self.low_passed is not None:
+            self._filter_piece(self.filter, self.low_passed, solution, phases)
         lowest, highest = self.dense.low["displacement"].when[0], self.dense.high["displacement"].when[0]
         if begin <= lowest <= end:
             self.lowest_state = solution.sol(lowest)[: self.flow.size]
@@ -91,9 +104,27 @@ class SteppedOutputs:
         whole = {group: np.concatenate([part[group] for part in self.parts])[:count] for group in QUANTITIES}
         return {group: np.pad(x, ((0, count - x.shape[0]), (0, 0)), mode="edge") for group, x in whole.items()}
 
+    def _filter_piece(self, low_pass: LowPassFilter, out: Floats, solution: Any, phases: Ints) -> None:
+        """Lead the filter through the integrator's dense output; panels end at its steps and at the output times."""
+        begin, end = float(solution.t[0]), float(solution.t[-1])
+        output_of = self.groups.groups["acceleration"]
+
+        def acceleration(times: Floats) -> Floats:
+            y = solution.sol(times)[: self.flow.size].T
+            each = np.broadcast_to(phases, (times.size, phases.size))
+            values = sampled(self.flow, times, y, each, output_of, begin)
+            return values - self._cubic_acceleration(times, y) if self.system.cubic.count else values
+
+        here = (self.times >= begin) & (self.times <= end)
+        known = np.union1d(solution.t, self.times[here])
+        history = low_pass.through(known, acceleration)
+        out[here] = history[np.searchsorted(known, self.times[here])]
+
     def extremes(self, trajectory: ReferenceTrajectory) -> Extremes:
         """Of the continuous motion; of a motion without length those of its start."""
         if self.dense.low:
-            return self.dense.extremes()
-        values = self.searched(trajectory.time, trajectory.y, trajectory.phases)
-        return {name: sampled_extremes(trajectory.time, x) for name, x in values.items()}
+            extremes = self.dense.extremes()
+        else:
+            values = self.searched(trajectory.time, trajectory.y, trajectory.phases)
+            extremes = {name: sampled_extremes(trajectory.time, x) for name, x in values.items()}
+        return extremes if self.filter is None else extremes | {"acceleration": self.filter.extremes}
