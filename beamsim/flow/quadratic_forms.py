@@ -1,7 +1,8 @@
 """Sums of products of outputs as quadratic forms of the exponential terms that a motion is made of.
 
 Outputs ``a = Re sum a_i u_i`` and b of the terms ``u_i`` have the product ``a b = Re sum plus_ij u_i u_j + minus_ij u_i
-conj(u_j)`` over pairs i <= j; :func:`beamsim.flow.integral_kernels.form_integrals` integrates such forms.
+conj(u_j)`` over pairs i <= j; :mod:`beamsim.flow.term_integrals` integrates such forms on
+many segments, :func:`beamsim.flow.integral_kernels.form_integrals` on the few of a periodic motion.
 """
 
 from __future__ import annotations

@@ -11,8 +11,10 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
+from beamsim.flow.term_integrals import IntegratedForm, given_amplitudes, term_amplitudes
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -237,7 +239,7 @@ class Trajectory:
     ) -> Floats:
         """(nt, Q) integrals from ``begin`` to ``times`` of ``sum_k weight[k, q] left_k right_k``.
 
-        In closed form; where polynomials in time are long and the times close together (sampled inputs), by
+        In closed form; where powers of time are long and the times close together (sampled inputs), by
         Gauss-Legendre panels short against the motion.
         """
         parts: list[Floats] = []
@@ -259,7 +261,7 @@ class Trajectory:
 
         Times must not lie before that.
         """
-        if not many_pieces(self):
+        if not (self.exponentials or many_pieces(self)):
             return self._integrals(times, table, weight, after)
         if after > 0.0:
             since = self.integrals(np.append(self.time[0] + after, times), table, weight)
@@ -267,8 +269,9 @@ class Trajectory:
         sums = np.cumsum(self.segment_integrals(table, weight).astype(np.longdouble), axis=0)
         before = np.vstack([np.zeros(weight.shape[1]), sums]).astype(float)
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
+        tau = np.minimum(times - self.time[segment], self.length[segment])
         out = np.empty((times.size, weight.shape[1]))
-        left = integrals_alike(self, segment, times - self.time[segment], table, weight, out)
+        left = self._by_products(segment, tau, table, weight, out)
         if left.size:
             few, number = np.unique(segment[left], return_inverse=True)
             starts = self.time[few]
@@ -280,12 +283,34 @@ class Trajectory:
     def segment_integrals(self, table: Complexes, weight: Floats) -> Floats:
         """(S, Q) integrals over each segment of outputs in a table, see `integrals`."""
         out = np.empty((self.time.size, weight.shape[1]))
-        left = np.arange(self.time.size)
-        if many_pieces(self):
-            left = integrals_alike(self, left, self.length, table, weight, out)
-        few = self.only(left)
-        out[left] = np.diff(few._integrals(few.time + few.length, table, weight), axis=0, prepend=0.0)
+        left = self._by_products(np.arange(self.time.size), self.length, table, weight, out)
+        if left.size:
+            few = self.only(left)
+            out[left] = np.diff(few._integrals(few.time + few.length, table, weight), axis=0, prepend=0.0)
         return out
+
+    @property
+    def exponentials(self) -> bool:
+        """Whether no term of the motion has a power of time."""
+        return not any(np.any(state.power) for state in self.flow.states)
+
+    def _by_products(self, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats) -> Ints:
+        """Integrals over times tau from the starts of segments into ``out`` (nt, Q); returns the entries left."""
+        if not self.exponentials:
+            every = np.arange(tau.size)
+            return integrals_alike(self, segment, tau, table, weight, out) if many_pieces(self) else every
+        of_entry = self.state[segment]
+        for number in np.unique(of_entry):
+            state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
+            visits, at = np.unique(segment[entries], return_inverse=True)
+            given = given_amplitudes(self.flow.sources, self.time[visits], self.piece[visits])
+            begin = term_amplitudes(state.term_source, state.term_vector, state.projector, given, self.y[visits])
+            left, right = np.split(table[number, : state.term_basis.size], 2, axis=1)
+            of_sums = forms([(left * weight.T[:, None], np.broadcast_to(right, (weight.shape[1], *right.shape)))])
+            longest = float(tau[entries].max())
+            form = IntegratedForm.of(state.exponent[state.term_basis], *of_sums, longest)
+            out[entries] = form(begin, at, tau[entries])
+        return np.zeros(0, dtype=np.int64)
 
     def _integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
         from beamsim.flow.integral_kernels import product_integrals

@@ -30,7 +30,7 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
         (
             (s.probe, s.quantity, s.unit, *row)
             for s in result.spectra.values()
-            for row in zip(*(getattr(s, name).tolist() for name in columns), strict=True)
+            for row in zip(*(getattr(s, name) for name in columns), strict=True)
         ),
     )
     out.rows(

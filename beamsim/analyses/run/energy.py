@@ -6,7 +6,6 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +16,9 @@ from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
-from beamsim.flow.quadratic_forms import forms
-from beamsim.flow.state_tables import pad
-from beamsim.flow.stopping import check_stop
-from beamsim.flow.trajectory import WORK_A_CALL, Trajectory
+from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Floats, Ints
 
 PowerFactors = tuple[OutputOf, OutputOf, Floats]  # left and right factors of powers, and weights of their products
 LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
@@ -116,21 +112,17 @@ def energies(
 def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
     """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
 
-    The integrals are quadratic forms of the terms, which each contact state has once. What is exchanged is counted
-    segment by segment. Motions of few segments, with powers of time unless their pieces are many, or of states that
-    are not kept, are evaluated at `FEW_TIMES`.
+    What is exchanged is counted segment by segment. Motions of few segments, with powers of time unless their pieces
+    are many, or of states that are not kept, are evaluated at `FEW_TIMES`.
     """
     flow, count = trajectory.flow, trajectory.time.size
-    powers = any(np.any(state.power > 0) for state in flow.states)
-    if count < LEAST_SEGMENTS or flow.dropped or (powers and not many_pieces(trajectory)):
+    by_products = trajectory.exponentials or many_pieces(trajectory)
+    if count < LEAST_SEGMENTS or flow.dropped or not by_products:
         return energy_history(trajectory, trajectory.end * FEW_TIMES)
     with np.errstate(over="ignore", invalid="ignore"):
-        if powers:
-            left, right, weight = power_factors(flow)
-            table = np.concatenate([flow.output_table(left), flow.output_table(right)], axis=2)
-            integrals = trajectory.segment_integrals(table, weight)
-        else:
-            integrals = _form_integrals(trajectory)
+        left, right, weight = power_factors(flow)
+        table = np.concatenate([flow.output_table(left), flow.output_table(right)], axis=2)
+        integrals = trajectory.segment_integrals(table, weight)
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         times = np.append(trajectory.time, trajectory.end)
         y = np.vstack([trajectory.y, trajectory.final_y])
@@ -140,44 +132,6 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         penetration, _ = penetration_of_states(flow.system.contacts, y, moved)
         history = EnergyHistory(sums[:, 1], sums[:, 0], stored_energy(flow, y, penetration, phases))
         return EnergyBalance.of(times, history, float(np.abs(integrals[:, 1]).sum()))
-
-
-def _form_integrals(trajectory: Trajectory) -> Floats:
-    """(S, 2) energy dissipated and supplied on each segment, where no term has a power of time."""
-    from beamsim.flow.integral_kernels import form_integrals
-
-    flow, count = trajectory.flow, trajectory.time.size
-    plus, minus = (pad(list(each)) for each in zip(*_forms(flow), strict=True))
-    integrals = np.empty((count, 2))
-    rows = max(WORK_A_CALL // plus[0].size, 1)
-    for first in range(0, count, rows):
-        check_stop()
-        part = slice(first, first + rows)
-        form_integrals(
-            flow.tables(), flow.inputs(), plus, minus, trajectory.time[part], trajectory.length[part],
-            trajectory.state[part], trajectory.piece[part], trajectory.y[part], integrals[part],
-        )  # fmt: skip
-    return integrals
-
-
-def _forms(flow: ExactFlow) -> Iterator[tuple[Complexes, Complexes]]:
-    """Of every contact state the forms (2, T, T) of dissipated power and power in, see `form_integrals`."""
-    n, sources = flow.system.size, flow.sources
-    loads = np.vstack([flow.system.constant_load, flow.forcing.load])
-    works = sources.channel < flow.forcing.load.shape[0]  # sources that load the structure; the constant one is first
-    base_rate = _base_rate(flow)
-    for state in flow.states:
-        v = state.term_vector[:, n : 2 * n]
-        signals = np.zeros((v.shape[0], loads.shape[0]), dtype=complex)
-        signals[state.terms_of_sources[0][works], sources.channel[works] + 1] = 1.0
-        lost, moved = (state.coefficients(output, sources) for output in _lost(flow, state.phases))
-        dissipated = [(v @ flow.system.damping, v), (lost, moved)]
-        supplied = [(signals, v @ loads.T)]
-        if base_rate is not None:
-            force = state.coefficients(flow.contact_forces(state.phases), sources)
-            supplied.append((-force * flow.system.contacts.sign, state.coefficients(base_rate, sources)))
-        (plus, minus), (plus_in, minus_in) = forms(dissipated), forms(supplied)
-        yield np.array([plus, plus_in]), np.array([minus, minus_in])
 
 
 def _lost(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:

@@ -1,0 +1,113 @@
+r"""Integrals of products of outputs of motions without powers of time, by products of matrices.
+
+With the terms :math:`u_i = \zeta_i e^{\lambda_i \tau}` of a contact state the integrand is a quadratic form of the
+terms (:mod:`beamsim.flow.quadratic_forms`), and so is its antiderivative: the factor of :math:`u_i u_j` is divided by
+:math:`\lambda_i + \lambda_j`. An integral is the difference of two values of one form, at any time on any segment.
+Pairs whose rate is nearly zero against their exponents (a load with itself, weakly damped motions) or against the time
+would cancel; their integrals are taken one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamsim.flow.sources import Sources
+from beamsim.flow.stopping import check_stop
+from beamsim.typing import Complexes, Floats, Ints
+
+SLOW = 1e-3  # a rate over the exponents and over one over the time, below which a pair is taken by itself
+AT_ONCE = 8192  # times of one product of matrices, which stay in the processor's cache
+
+
+@dataclass(frozen=True)
+class IntegratedForm:
+    """Integrals of Q quadratic forms of T terms from the start of a segment on.
+
+    Real parts and imaginary parts of the terms alternate in the rows and columns of ``form``.
+    """
+
+    exponent: Complexes  # (T,)
+    form: Floats  # (2 T, Q, 2 T) the antiderivative
+    first: Ints  # (P,) first term of each pair that is taken by itself
+    second: Ints  # (P,)
+    conjugate: Ints  # (P,) 1 where the second term is conjugate
+    rate: Complexes  # (P,) 1/s
+    factor: Complexes  # (P, Q)
+
+    @classmethod
+    def of(cls, exponent: Complexes, plus: Complexes, minus: Complexes, longest: float) -> IntegratedForm:
+        """Of forms (Q, T, T) as `beamsim.flow.quadratic_forms.forms` makes them, and the terms' exponents (T,).
+
+        ``longest`` is about the longest time that integrals are asked for, s.
+        """
+        count, outputs = exponent.size, plus.shape[0]
+        size = np.abs(exponent)
+        rates = np.stack([exponent[:, None] + exponent, exponent[:, None] + exponent.conj()])
+        slow = np.abs(rates) * longest <= SLOW * (1.0 + longest * (size[:, None] + size))
+        pairs = np.triu(np.ones((count, count), dtype=bool))
+        both = np.where(pairs, np.stack([plus, minus]), 0.0)  # (2, Q, T, T)
+        alone = np.nonzero(slow & np.any(both != 0.0, axis=1))
+        fast = np.where(slow, 0.0, 1.0 / np.where(slow, 1.0, rates))
+        a, b = both * fast[:, None]
+        form = np.empty((count, 2, outputs, count, 2))
+        for i, j, values in (
+            (0, 0, a.real + b.real), (1, 1, b.real - a.real), (0, 1, b.imag - a.imag), (1, 0, -a.imag - b.imag),
+        ):  # fmt: skip
+            form[:, i, :, :, j] = values.transpose(1, 0, 2)
+        conjugate, first, second = alone
+        factor = both[conjugate, :, first, second]
+        return cls(
+            exponent, form.reshape(2 * count, outputs, 2 * count), first, second, conjugate, rates[alone], factor
+        )  # fmt: skip
+
+    def __call__(self, amplitude: Complexes, segment: Ints, tau: Floats) -> Floats:
+        """(nt, Q) integrals at times tau after the starts of segments, whose terms begin with amplitudes (S, T)."""
+        start = self._value(amplitude)
+        partner = np.where(self.conjugate == 1, amplitude[:, self.second].conj(), amplitude[:, self.second])
+        alone = amplitude[:, self.first] * partner
+        steady = self.rate == 0.0
+        growth = (alone[:, steady] @ self.factor[steady]).real
+        moving = np.flatnonzero(~steady)
+        out = np.empty((tau.size, self.factor.shape[1]))
+        for part in _ranges(tau.size):
+            at, s = tau[part], segment[part]
+            terms = amplitude[s] * np.exp(at[:, None] * self.exponent)
+            out[part] = self._value(terms) - start[s] + at[:, None] * growth[s]
+            for p in moving:
+                grown = alone[s, p] * np.expm1(self.rate[p] * at) / self.rate[p]
+                out[part] += (grown[:, None] * self.factor[p]).real
+        return out
+
+    def _value(self, terms: Complexes) -> Floats:
+        """(nt, Q) the antiderivative at terms (nt, T)."""
+        x = np.ascontiguousarray(terms).view(float)
+        count, outputs, _ = self.form.shape
+        products = (x @ self.form.reshape(count, -1)).reshape(-1, outputs, count)
+        return np.asarray(np.einsum("nqi,ni->nq", products, x))
+
+
+def _ranges(count: int) -> Iterator[slice]:
+    for first in range(0, count, AT_ONCE):
+        check_stop()
+        yield slice(first, first + AT_ONCE)
+
+
+def given_amplitudes(sources: Sources, time: Floats, piece: Ints) -> Complexes:
+    """(S, F) amplitudes of inputs without powers of time at times (S,), in pieces (S,)."""
+    turned = np.exp(sources.exponent * (time - sources.start[piece])[:, None])
+    return np.asarray(sources.amplitude[piece] * turned)
+
+
+def term_amplitudes(source: Ints, vector: Complexes, projector: Complexes, given: Complexes, y: Floats) -> Complexes:
+    """(S, T) amplitudes of the terms of one contact state at states (S, N), the inputs' amplitudes (S, F) being given.
+
+    ``source`` (T,), ``vector`` (T, N) and ``projector`` (Z, N) are those of the contact state; no term has a power of
+    time.
+    """
+    driven = np.flatnonzero(source < given.shape[1])
+    of_driven, forced = given[:, source[driven]], vector[driven]
+    free = y - (of_driven.real @ forced.real - of_driven.imag @ forced.imag)
+    return np.concatenate([given, free @ projector.T], axis=1)[:, source]
