@@ -47,6 +47,9 @@ REWORDED = {
         f"root mean square of the {x} over a cycle": [f"root mean square of the {x} over the time of a cycle"]
         for x in _SWEPT
     },
+    "stretch of the spring; to the ground the absolute displacement of the mass": [
+        "stretch of the spring; to the ground the absolute displacement there"
+    ],
     "time of the contact event": ["time of the contact event; 0 where contact begins at the start of the run"],
     "share of the time in contact": ["share of the cycle's time in contact"],
     "coordinates at the slowest instant": [
