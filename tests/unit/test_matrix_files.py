@@ -1,0 +1,207 @@
+"""Matrices in files of other programs."""
+
+import struct
+import warnings
+
+import numpy as np
+import pytest
+import scipy.io
+from scipy.sparse import coo_array, csc_array, save_npz
+
+from beamsim.errors import MethodError
+from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.matrix_files.read import read_matrices, read_matrix
+
+
+def random_matrices():
+    rng = np.random.default_rng(3)
+    sparse = coo_array(
+        (rng.normal(size=40), (rng.integers(0, 30, 40), rng.integers(0, 20, 40))), shape=(30, 20)
+    ).tocsc()
+    square = rng.normal(size=(6, 6))
+    return {"dense": square, "sparse": sparse, "sym": square + square.T}
+
+
+def dense(values):
+    return values.toarray() if hasattr(values, "toarray") else np.asarray(values)
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_op4_written_is_read_back_exactly(tmp_path, binary):
+    written = random_matrices() | {"long": csc_array(([1.0, -2.5], ([0, 69_999], [0, 1])), shape=(70_000, 2))}
+    path = tmp_path / "model.op4"
+    write_op4(path, written, binary=binary)
+    read = {matrix.name: matrix.values for matrix in read_op4(path)}
+    assert list(read) == list(written)
+    for name, values in written.items():
+        np.testing.assert_array_equal(dense(read[name]), dense(values))
+
+
+@pytest.mark.parametrize("complex_", [False, True])
+@pytest.mark.parametrize("layout", ["dense", "bigmat", "nonbigmat"])
+@pytest.mark.parametrize("target", ["ascii", "<", ">"])
+def test_op4_agrees_with_pyyeti(tmp_path, target, layout, complex_):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        op4 = pytest.importorskip("pyyeti.nastran.op4")
+    matrices = {name: dense(values) * (1 + 2j if complex_ else 1) for name, values in random_matrices().items()}
+    path = tmp_path / "model.op4"
+    op4.write(path, matrices, binary=target != "ascii", endian="=" if target == "ascii" else target, sparse=layout)
+    known = op4.read(str(path))
+    assert len(known) == 3
+    for matrix in read_op4(path):
+        np.testing.assert_array_equal(dense(matrix.values), known[matrix.name])
+    if not complex_:
+        write_op4(path, matrices, binary=target != "ascii")
+        for name, values in op4.read(str(path)).items():
+            np.testing.assert_array_equal(values, matrices[name])
+
+
+def test_op4_with_64_bit_words_single_precision_and_big_endian_order(tmp_path):
+    def record(body):
+        return struct.pack(">i", len(body)) + body + struct.pack(">i", len(body))
+
+    wide = record(struct.pack(">4q16s", 2, 2, 2, 1, b"K       AA      "))
+    wide += record(struct.pack(">3q2d", 1, 1, 2, 3.0, -1.0)) + record(struct.pack(">3qd", 3, 1, 1, 1.0))
+    (tmp_path / "wide.op4").write_bytes(wide)
+    short = record(struct.pack(">4i8s", 2, 3, 2, 1, b"M       "))
+    short += record(struct.pack(">3ii2f", 2, 0, 3, 3 * 65536 + 2, 0.5, 4.0)) + record(struct.pack(">3if", 3, 1, 1, 1.0))
+    (tmp_path / "short.op4").write_bytes(short)
+    (first,), (second,) = read_op4(tmp_path / "wide.op4"), read_op4(tmp_path / "short.op4")
+    assert (first.name, second.name) == ("kaa", "m")
+    np.testing.assert_array_equal(dense(first.values), [[3, 0], [-1, 0]])
+    np.testing.assert_array_equal(dense(second.values), [[0, 0], [0, 0.5], [0, 4.0]])
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_a_cut_op4_file_is_refused(tmp_path, binary):
+    path = tmp_path / "cut.op4"
+    write_op4(path, {"m": np.arange(1.0, 37.0).reshape(6, 6)}, binary=binary)
+    path.write_bytes(path.read_bytes()[:-120])
+    with pytest.raises(MethodError, match="no OP4 file that can be read"):
+        read_op4(path)
+
+
+DMIG_LARGE = """\
+$ punched
+DMIG    KAAX           0       6       1       0                       3
+DMIG*   KAAX                           7               3
+*                      7               3 4.000000000D+05
+DMIG*   KAAX                           7               5
+*                      7               3-1.500000000D+02
+*                      7               5 2.000000000D+03
+DMIG*   KAAX                         101               0
+*                    101               0 9.000000000D+04
+"""
+DMIG_SMALL = """\
+DMIG    KAAX    0       6       1       0                       3
+DMIG    KAAX    7       3               7       3       4.+5
+DMIG    KAAX    7       5               7       3       -150.           +A
++A      7       5       2000.
+DMIG    KAAX    101     0               101     0       9.E4
+"""
+DMIG_FREE = """\
+DMIG,KAAX,0,6,1,0
+DMIG,KAAX,7,3,,7,3,4.+5
+DMIG,KAAX,7,5,,7,3,-150.
+,7,5,2000.
+DMIG,KAAX,101,0,,101,0,9.0E4
+"""
+STIFFNESS = [[4e5, -150.0, 0.0], [-150.0, 2e3, 0.0], [0.0, 0.0, 9e4]]
+NAMES = ((7, "z"), (7, "ry"), (101, "modal"))
+
+
+@pytest.mark.parametrize("text", [DMIG_LARGE, DMIG_SMALL, DMIG_FREE])
+def test_dmig_in_every_field_format(tmp_path, text):
+    path = tmp_path / "model.pch"
+    path.write_text(text)
+    matrix = read_matrix(path, "kAAx")
+    assert matrix.rows == matrix.columns == NAMES
+    np.testing.assert_array_equal(dense(matrix.values), STIFFNESS)
+
+
+def test_dmig_tells_the_line_that_cannot_be_read(tmp_path):
+    path = tmp_path / "model.pch"
+    path.write_text(DMIG_LARGE.replace("2.000000000D+03", "2.0000x0000D+03"))
+    with pytest.raises(MethodError, match=r"DMIG entry in line 5 "):
+        read_matrices(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "** MATRIX INPUT\n7,3, 7,3, 4e5\n7,5, 7,3, -150.\n7,5, 7,5, 2000\n101,0, 101,0, 9e4\n",
+        "7 3 7 3 4D5\n7 3 7 5 -150.\n7 5 7 5 2000\n101 0 101 0 9e4\n",
+    ],
+)
+def test_abaqus_by_nodes(tmp_path, text):
+    path = tmp_path / "job_STIF1.mtx"
+    path.write_text(text)
+    matrix = read_matrix(path, None)
+    assert matrix.rows == NAMES
+    np.testing.assert_array_equal(dense(matrix.values), STIFFNESS)
+
+
+def test_abaqus_by_numbers(tmp_path):
+    path = tmp_path / "job_STIF1.mtx"
+    path.write_text("1 1 4e5\n2 1 -150\n2 2 2000\n3 3 9e4\n")
+    np.testing.assert_array_equal(dense(read_matrix(path, None).values), STIFFNESS)
+    path.write_text("1 1 4e5\n2 1\n")
+    with pytest.raises(MethodError, match="a line 2 that is no entry"):
+        read_matrix(path, None)
+
+
+def test_general_formats(tmp_path):
+    import h5py
+
+    stiffness = csc_array(np.array(STIFFNESS))
+    scipy.io.mmwrite(tmp_path / "k.mtx", stiffness, symmetry="symmetric", precision=17)
+    scipy.io.hb_write(tmp_path / "k.hb", stiffness)
+    scipy.io.savemat(tmp_path / "k.mat", {"Kxx": stiffness, "Mxx": np.eye(3), "note": "text"})
+    save_npz(tmp_path / "k.npz", stiffness)
+    np.savez(tmp_path / "both.npz", Kxx=stiffness.toarray(), Mxx=np.eye(3))
+    with h5py.File(tmp_path / "new.mat", "w", userblock_size=512) as file:
+        group = file.create_group("Kxx")
+        group.attrs["MATLAB_sparse"] = 3
+        for key, values in (("data", stiffness.data), ("ir", stiffness.indices), ("jc", stiffness.indptr)):
+            group[key] = values
+        file["Full"] = np.arange(6.0).reshape(2, 3)
+    with open(tmp_path / "new.mat", "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+    for name, called in (
+        ("k.mtx", None), ("k.hb", None), ("k.mat", "KXX"), ("k.npz", None), ("both.npz", "kxx"), ("new.mat", "kxx"),
+    ):  # fmt: skip
+        np.testing.assert_allclose(
+            dense(read_matrix(tmp_path / name, called).values), STIFFNESS, rtol=1e-7, err_msg=name
+        )
+    np.testing.assert_array_equal(
+        dense(read_matrix(tmp_path / "new.mat", "full").values), np.arange(6.0).reshape(2, 3).T
+    )
+
+
+def test_harwell_boeing_with_one_triangle(tmp_path):
+    path = tmp_path / "k.rsa"
+    path.write_text(
+        "stiffness".ljust(72) + "K".ljust(8) + "\n"
+        f"{3:14d}{1:14d}{1:14d}{1:14d}{0:14d}\n"
+        f"RSA{3:25d}{3:14d}{4:14d}{0:14d}\n"
+        "(4I8)           (4I8)           (4E16.8)            \n"
+        f"{1:8d}{3:8d}{4:8d}{5:8d}\n{1:8d}{2:8d}{2:8d}{3:8d}\n"
+        f"{4e5:16.8E}{-150.0:16.8E}{2e3:16.8E}{9e4:16.8E}\n"
+    )
+    np.testing.assert_array_equal(dense(read_matrix(path, None).values), STIFFNESS)
+
+
+@pytest.mark.parametrize("name", ["missing.op4", "missing.mtx", "missing.mat", "matrix.txt"])
+def test_a_file_that_does_not_exist_or_has_an_unknown_ending(tmp_path, name):
+    with pytest.raises(MethodError, match=r"cannot be read|unknown ending"):
+        read_matrix(tmp_path / name, None)
+
+
+def test_names_that_the_file_does_not_have(tmp_path):
+    path = tmp_path / "model.op4"
+    write_op4(path, random_matrices())
+    with pytest.raises(MethodError, match=r"= kxx is no matrix of model.op4; it holds dense, sparse, sym"):
+        read_matrix(path, "kxx")
+    with pytest.raises(MethodError, match="holds 3 matrices; name one: dense, sparse, sym"):
+        read_matrix(path, None)
