@@ -212,7 +212,8 @@ def _write(file: Any, name: str, values: Any, binary: bool) -> None:
     rows, columns = matrix.shape
     sparse = matrix.nnz < rows * columns / 3
     big = sparse and rows > _LARGEST_PACKED_ROW
-    symmetric = rows == columns and (matrix != matrix.T).nnz == 0
+    difference: Any = matrix - matrix.T if rows == columns else matrix
+    symmetric = rows == columns and not np.any(difference.data)
     heading = (columns, -rows if big else rows, _SYMMETRIC if symmetric else 1 if rows == columns else 2, 2)
     if binary:
         _record(file, struct.pack("<4i8s", *heading, name.upper().encode().ljust(8)))

@@ -55,13 +55,14 @@ def _dense(model: Structure) -> tuple[Floats, Floats]:
 
 def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
     """The lowest `count` flexible modes by shift-invert Lanczos, then one Rayleigh-Ritz step through B."""
-    from scipy.sparse.linalg import eigsh
+    from scipy.sparse.linalg import LinearOperator, eigsh
 
     rigid = model.rigid.shape[1]
-    stiffness = (model.factor.T @ model.factor).tocsc()
     # K alone is singular where rigid-body modes exist; the shift is far below the flexible eigenvalues.
+    sigma = -1e-3 if rigid else 0.0
+    inverse = LinearOperator(model.mass.shape, matvec=model.factorise(model.stiffness - sigma * model.mass).solve)
     _, vectors = eigsh(
-        stiffness, k=count + rigid, M=model.mass, sigma=-1e-3 if rigid else 0.0, v0=np.linspace(1.0, 2.0, model.size)
+        model.stiffness, k=count + rigid, M=model.mass, sigma=sigma, OPinv=inverse, v0=np.linspace(1.0, 2.0, model.size)
     )
     return _rayleigh_ritz(model, vectors, count)
 

@@ -85,10 +85,7 @@ def _response_error(model: Structure, basis: ReducedBasis, damping: Floats, stat
 
 def _complement_response(model: Structure, phi: Floats, loads: Floats, s: float) -> Floats:
     """Undamped response at scaled frequency s in the complement of the kept modes."""
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
-    lu = splu(csc_array(model.factor.T @ model.factor - s**2 * model.mass))
+    lu = model.factorise(model.stiffness - s**2 * model.mass)
     x = np.asarray(lu.solve(loads - model.mass @ (phi @ (phi.T @ loads))))
     return np.asarray(x - phi @ (phi.T @ (model.mass @ x)))
 

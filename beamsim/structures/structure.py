@@ -114,12 +114,29 @@ class Structure(ABC):
         return float(np.sqrt(self.stiffness_scale / self.mass_scale))
 
     @cached_property
+    def stiffness(self) -> Any:
+        """(N, N) scaled K, sparse."""
+        return (self.factor.T @ self.factor).tocsc()
+
+    def factorise(self, matrix: Any) -> Any:
+        """LU factors (SuperLU) of a symmetric combination (N, N) of K and M."""
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
+
+        return splu(csc_array(matrix))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was done to the data of the bodies that a user should know."""
+        return tuple(remark for member in self.members if member.body is not self for remark in member.body.remarks)
+
+    @cached_property
     def factorised_stiffness(self) -> Any:
         """LU factors (SuperLU) of K; with rigid-body modes bordered by them."""
         from scipy.sparse import block_array, csc_array
         from scipy.sparse.linalg import splu
 
-        stiffness: Any = csc_array(self.factor.T @ self.factor)
+        stiffness: Any = self.stiffness
         if self.rigid.shape[1]:
             border = csc_array(self.mass @ self.rigid)
             stiffness = block_array([[stiffness, border], [border.T, None]], format="csc")
