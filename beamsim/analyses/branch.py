@@ -95,7 +95,7 @@ class BranchResult:
     )
     energy_error: Floats | None = dataset(
         "1",
-        "imbalance of the energies over a period, relative to the energy; None of harmonic balance",
+        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
         along=_POINT,
         default=None,
     )

@@ -21,6 +21,7 @@ import numpy as np
 from beamsim.errors import MethodError
 from beamsim.flow.stopping import check_stop
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
+from beamsim.orbits.balance_energy import energy_error
 from beamsim.orbits.condensation import Condensation, Receptances
 from beamsim.typing import Complexes, Floats
 
@@ -272,6 +273,12 @@ class ForcedBalance:
             J[:, -1] = -_rows_real(by_load + (receptances.receptance @ forces.by_level[:, :, None])[:, :, 0])
         motion = HarmonicMotion(w, structure, F, W, forces.value, forces.closed, forces.tangent)
         return _residual(W, receptances, S, forces.value), J, motion
+
+    def energy_error(self, point: BranchPoint) -> float:
+        """Imbalance of work and losses of a motion over a period; see :mod:`beamsim.orbits.balance_energy`."""
+        motion: HarmonicMotion = point.data
+        base = self._loads(*self.at(point.parameter))[1]
+        return energy_error(self._springs.system, self.cubic, motion.fundamental, motion.coordinates, motion.load, base)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""

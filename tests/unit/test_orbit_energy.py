@@ -112,3 +112,42 @@ def test_levels_of_a_continuation_have_their_unit():
     shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8}
     result = frequency_response(case("linear", excitation=shaken, sweep=two))
     assert "at level 0.1 m/s^2" in result.status
+
+
+def by_balance(kind, harmonics, level=1.0, **more):
+    """A response by harmonic balance of few harmonics, far from converged."""
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": level, "frequency": 0.8}
+    method = {"kind": "harmonic_balance", "harmonics": harmonics, "largest_error": 100}
+    sweep = {"kind": "continuation", "from": "0.79 Hz", "to": "0.8 Hz", "side_branches": "none", "method": method}
+    return frequency_response(case(kind, excitation=shaken, sweep=sweep, **more))
+
+
+@pytest.mark.parametrize(
+    ("kind", "stop", "harmonics", "level"),
+    [("linear", {}, 3, 1.0), ("linear", {"mounted_on": "ground"}, 9, 1.0), ("cubic", {"mounted_on": "ground"}, 5, 0.3)],
+)
+def test_sums_of_harmonics_are_in_balance_whatever_their_number(kind, stop, harmonics, level):
+    """Galerkin's balance leaves no work over a period, though the truncation is large."""
+    result = by_balance(kind, harmonics, level, stop=stop)
+    branch = result.branches[0]
+    assert branch.contact_share["stop"].max() > 0.05
+    assert branch.neglected_harmonics.max() > 1e-3
+    assert 0.0 < branch.energy_error.max() < 1e-9
+    assert result.summary["energy_error"] == branch.energy_error.max()
+
+
+def test_a_wrong_sum_of_harmonics_is_seen(monkeypatch):
+    """Higher harmonics of the stop's force that are wrong by a thousandth."""
+    from beamsim.orbits import harmonic_balance
+
+    exact = harmonic_balance.one_sided
+
+    def sampled(D):
+        contact = exact(D)
+        return replace(contact, positive=contact.positive * np.where(np.arange(D.size) > 1, 1.001, 1.0))
+
+    monkeypatch.setattr(harmonic_balance, "one_sided", sampled)
+    result = by_balance("linear", 7)
+    assert result.branches[0].energy_error.max() > 1e-6
+    assert result.outcome.all_of(OutcomeCode.ORBIT_ENERGY_NOT_BALANCED)
+    assert exit_code(result.outcome) == 3

@@ -317,10 +317,11 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         table = np.array(values)
         return {name: table[:, k] for k, name in enumerate(of)}
 
-    from_balance = errors = None
+    from_balance = None
     if not by_balance:
         errors = np.array([energy_error(problem.flow_at(p.parameter)[0], p.data) for p in traced.points])
     else:
+        errors = np.array([problem.energy_error(p) for p in traced.points])
         from beamsim.analyses.response.balance import neglected
 
         from_balance = neglected(traced)

@@ -94,12 +94,12 @@ class SweepCurve:
     name: str = key("direction and number of the level, up_0")
     direction: str = attribute("", "up or down")
     level_index: int = attribute("1", "number of the level, from 0")
-    level: float = attribute("{excitation_unit}", "level of the excitation; with a profile the factor applied to it")
+    level: float = attribute("{level_unit}", "level of the excitation; with a profile the factor applied to it")
     quantity: str = attribute("", "what is prescribed: acceleration, velocity or displacement of the base, or force")
     frequency_hz: Floats = axis("Hz", "excitation frequency")  # (C,) in the middle of each cycle
     time: Floats = dataset("s", "time at the start of the cycle", along=_FREQUENCY)
     excitation_amplitude: Floats = dataset(
-        "{excitation_unit}", "amplitude of the excitation, zero to peak", along=_FREQUENCY
+        "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak", along=_FREQUENCY
     )
     orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
     displacement: dict[str, Envelope] = named("probes", given={"quantity": "displacement", "unit": "m"})
@@ -118,6 +118,7 @@ class SweepCurve:
         along=_FREQUENCY,
         default=None,
     )
+    level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
     steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
     # only computed for limits
     peak_gap: dict[str, Floats] = per_snubber(
@@ -130,7 +131,7 @@ class SweepCurve:
 
     @property
     def excitation_unit(self) -> str:
-        """Unit of the excitation."""
+        """Unit of its amplitude."""
         return "N" if self.quantity == "force" else "m/s^2"
 
     @property
