@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
@@ -105,6 +106,27 @@ def test_both_directions_are_named_and_a_loss_is_stored(monkeypatch, tmp_path):
 def test_energies_that_are_not_finite_have_an_outcome():
     curve = beamsim.sweep(case({}, STEPPED)).curves["up_0"]
     lost = replace(curve, energy_error=np.array([0.0, np.nan, np.nan]))
-    outcome = swept_sine.balanced(COMPLETE, [lost], "m/s^2")
+    outcome = swept_sine.balanced(COMPLETE, [lost])
     assert outcome.code is OutcomeCode.NOT_FINITE
     assert outcome.numbers["time"] == curve.time[1]
+
+
+@pytest.mark.parametrize(
+    ("level", "sweep", "units"),
+    [
+        ("20 mm", STEPPED, ("m", "m/s^2")),
+        ("0.1 m/s", SWEPT, ("m/s", "m/s^2")),
+        (1.0, SWEPT | {"profile": [{"frequency": 0.5, "level": "0.1 g"}]}, ("", "m/s^2")),
+    ],
+)
+def test_a_level_has_the_unit_of_what_is_prescribed(tmp_path, level, sweep, units):
+    """A displacement was written in m/s^2."""
+    result = beamsim.sweep(case({}, sweep | {"to": 0.65}, level=level))
+    write_result(result, tmp_path / "sweep.h5")
+    with h5py.File(tmp_path / "sweep.h5") as file:
+        found = []
+        file.visititems(lambda name, node: found.append(node) if name.endswith("excitation_amplitude") else None)
+        curve = found[0].parent
+        assert curve.attrs["level"] == pytest.approx(result.curves["up_0"].level)
+        assert (curve.attrs["level_unit"], found[0].attrs["units"]) == units
+    assert beamsim.open_result(tmp_path / "sweep.h5").curves["up_0"].level_unit == units[0]

@@ -19,15 +19,15 @@ def energy_errors(imbalance: Floats, energy: Floats) -> Floats:
     return np.asarray(missing if scale == 0.0 else missing / scale)
 
 
-def balanced(outcome: Outcome, curves: Iterable[SweepCurve], level_unit: str) -> Outcome:
+def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
     """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
-    parts = [part for curve in curves for part in _lost(curve, level_unit)]
+    parts = [part for curve in curves for part in _lost(curve)]
     if not parts:
         return outcome
     return parts[0].but(*parts[1:], *(() if outcome.complete else (outcome,)))
 
 
-def _lost(curve: SweepCurve, level_unit: str) -> Iterator[Outcome]:
+def _lost(curve: SweepCurve) -> Iterator[Outcome]:
     """Where a curve loses its balance."""
     error = np.zeros(0) if curve.energy_error is None else curve.energy_error
     bad = np.flatnonzero(~(error <= LARGEST_ERROR))
@@ -38,6 +38,7 @@ def _lost(curve: SweepCurve, level_unit: str) -> Iterator[Outcome]:
         yield Outcome.of(OutcomeCode.NOT_FINITE, time=float(curve.time[first]))
         return
     yield Outcome.of(
-        OutcomeCode.SWEEP_ENERGY_NOT_BALANCED, direction=curve.direction, level=curve.level, level_unit=level_unit,
-        error=float(error.max()), frequency=float(curve.frequency_hz[first]), allowed=LARGEST_ERROR,
+        OutcomeCode.SWEEP_ENERGY_NOT_BALANCED, direction=curve.direction, level=curve.level,
+        level_unit=curve.level_unit, error=float(error.max()), frequency=float(curve.frequency_hz[first]),
+        allowed=LARGEST_ERROR,
     )  # fmt: skip

@@ -108,8 +108,7 @@ def step_level(
         states=len(flow.bare.states),
         processor_time_s=clock.process_time() - begin,
     )
-    unit = LEVEL_DIMENSIONS[quantity].unit
-    return LevelRun(tuple(curves), LevelWork(float(level), balanced(outcome, curves, unit), 0.0, work))
+    return LevelRun(tuple(curves), LevelWork(float(level), balanced(outcome, curves), 0.0, work))
 
 
 def _windows_at_a_time(settings: SteppedSine) -> int:
@@ -185,7 +184,7 @@ def _curve(
     )
     return outputs.curve(
         values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
-        quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
+        level_unit=LEVEL_DIMENSIONS[quantity].unit, quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
         excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.orders), steady=steady,
         energy_error=np.array([energy_errors(p.measured.imbalance, p.measured.energy).max() for p in points]),
     )  # fmt: skip

@@ -107,8 +107,7 @@ def sweep_level(
         processor_time_s=record.processor_time_s,
     )
     correction = None if corrections is None else CorrectionSize.of(corrections)
-    unit = "" if settings.profile else LEVEL_DIMENSIONS[quantity].unit
-    outcome = balanced(record.outcome, curves, unit)
+    outcome = balanced(record.outcome, curves)
     return LevelRun(curves, LevelWork(float(level), outcome, windows.truncation, work, correction), history)
 
 
@@ -124,6 +123,8 @@ def _curves(
 ) -> tuple[SweepCurve, ...]:
     windows = record.flow.windows
     tracked = np.stack([record.tracked(order) for order in (0.0, *settings.orders)])  # (1 + R, C, K)
+    quantity = excitation.quantity or "acceleration"
+    unit = "" if settings.profile else LEVEL_DIMENSIONS[quantity].unit
     curves = []
     for index, leg in enumerate(legs):
         direction = "up" if leg.last_hz > leg.first_hz else "down"
@@ -139,7 +140,7 @@ def _curves(
         frequency = windows.frequency_hz[cycles]
         curve = outputs.curve(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
-            quantity=excitation.quantity or "acceleration", frequency_hz=frequency, time=windows.cycle_start[cycles],
+            level_unit=unit, quantity=quantity, frequency_hz=frequency, time=windows.cycle_start[cycles],
             excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
             energy_error=energy_errors(record.imbalance[computed], record.energy[computed])[complete],
         )  # fmt: skip
