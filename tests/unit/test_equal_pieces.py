@@ -77,6 +77,18 @@ def test_integrals_of_products(motion, one_by_one):
     assert largest_difference(together, alone) < 1e-11
 
 
+def test_integrals_of_products_from_a_later_time_on(motion, one_by_one):
+    trajectory, _ = motion
+    begin, end = 0.02071, DURATION
+    late = trajectory.within(begin, end)  # begins a little before
+    times, factors = some_times()[some_times() > begin], power_factors(trajectory.flow)
+    together = late.product_integrals(times, *factors, begin)
+    whole = trajectory.product_integrals(np.append(begin, times), *factors)
+    assert largest_difference(together, whole[1:] - whole[0]) < 1e-11
+    one_by_one()
+    assert largest_difference(together, late.product_integrals(times, *factors, begin)) < 1e-11
+
+
 def test_maxima(motion, one_by_one):
     trajectory, groups = motion
     count = groups(trajectory.flow.system.contacts.start).row.shape[0]
