@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class MotionPart:
     whole: MotionPart | None = None
     index: int = 0
     bounds: dict[tuple[float, float, bool], Floats] = field(default_factory=dict)  # known so far, see `folded`
+    transforms: dict[bytes, Complexes | None] = field(default_factory=dict)  # of frequencies asked for, see `integrals`
 
     @classmethod
     def of(
@@ -81,7 +83,7 @@ class MotionPart:
 
     def between(self, begin: float, end: float) -> MotionPart:
         """A shorter part."""
-        return replace(self, motion=part_of(self.motion, begin, end), whole=None, bounds={})
+        return replace(self, motion=part_of(self.motion, begin, end), whole=None, bounds={}, transforms={})
 
     @property
     def segments(self) -> int:
@@ -99,15 +101,36 @@ class MotionPart:
 
     def mean_squares(self) -> Floats | None:
         """(k,) mean of the square, nothing left out; None where the motion holds powers of time."""
-        m, count = self.motion, self.table.shape[2]
-        if any(np.any(s.power) for s in m.flow.states):
+        if self.whole is not None:
+            squares = self.whole.mean_squares()
+            return None if squares is None else squares[self.index : self.index + 1]
+        return self._mean_squares
+
+    @cached_property
+    def _mean_squares(self) -> Floats | None:
+        m = self.motion
+        if not m.exponentials:
             return None
-        table = self.table + self.dropped
-        out = m.integrals(np.array([m.end]), np.concatenate([table, table], axis=2), np.eye(count))
-        return np.asarray(out[0] / (m.end - m.time[0]))
+        return np.asarray(m.square_integrals(self.table + self.dropped) / (m.end - m.time[0]))
 
     def integrals(self, omega: Floats) -> Complexes:
-        r"""(k, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt` over the part, t_0 its beginning; omega in rad/s."""
+        r"""(k, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt` over the part, t_0 its beginning; omega in rad/s.
+
+        Frequencies that a second output asks for too are worked out for all of them.
+        """
+        if self.whole is None:
+            return self._integrals(omega)
+        known, asked = self.whole.transforms, omega.tobytes()
+        if asked not in known:
+            known[asked] = None
+            return self._integrals(omega)
+        transforms = known[asked]
+        if transforms is None:
+            transforms = known[asked] = self.whole._integrals(omega)
+        return transforms[self.index : self.index + 1]
+
+    def _integrals(self, omega: Floats) -> Complexes:
+        """The same of the outputs of this part alone."""
         from beamsim.flow.fourier_kernels import fourier_integrals
 
         m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)

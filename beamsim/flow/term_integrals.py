@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.flow.sources import Sources
 from beamsim.flow.stopping import check_stop
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 SLOW = 1e-3  # a rate over the exponents and over one over the time, below which a pair is taken by itself
 AT_ONCE = 8192  # times of one product of matrices, which stay in the processor's cache
@@ -44,9 +44,8 @@ class IntegratedForm:
         ``longest`` is about the longest time that integrals are asked for, s.
         """
         count, outputs = exponent.size, plus.shape[0]
-        size = np.abs(exponent)
         rates = np.stack([exponent[:, None] + exponent, exponent[:, None] + exponent.conj()])
-        slow = np.abs(rates) * longest <= SLOW * (1.0 + longest * (size[:, None] + size))
+        slow = _slow(rates, exponent, longest)
         pairs = np.triu(np.ones((count, count), dtype=bool))
         both = np.where(pairs, np.stack([plus, minus]), 0.0)  # (2, Q, T, T)
         alone = np.nonzero(slow & np.any(both != 0.0, axis=1))
@@ -87,6 +86,35 @@ class IntegratedForm:
         count, outputs, _ = self.form.shape
         products = (x @ self.form.reshape(count, -1)).reshape(-1, outputs, count)
         return np.asarray(np.einsum("nqi,ni->nq", products, x))
+
+
+def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -> tuple[Complexes, Complexes]:
+    """(T, T) sums over segments of the integrals of ``u_i u_j`` and of ``u_i conj(u_j)``.
+
+    Parameters
+    ----------
+    exponent : (T,) of the terms of a contact state.
+    amplitude : (S, T) where the segments begin.
+    length : (S,) s.
+    """
+    begin, end = amplitude, amplitude * np.exp(length[:, None] * exponent)
+    sums = []
+    for conjugate in (False, True):
+        other, first, last = (v.conj() if conjugate else v for v in (exponent, begin, end))
+        rate = exponent[:, None] + other
+        slow = _slow(rate, exponent, float(length.max()))
+        both = (end.T @ last - begin.T @ first) / np.where(slow, 1.0, rate)
+        for i, j in zip(*np.nonzero(slow), strict=True):
+            grown = length if rate[i, j] == 0.0 else np.expm1(rate[i, j] * length) / rate[i, j]
+            both[i, j] = (begin[:, i] * first[:, j]) @ grown
+        sums.append(both)
+    return sums[0], sums[1]
+
+
+def _slow(rate: Complexes, exponent: Complexes, longest: float) -> Bools:
+    """(..., T, T) rates of pairs that are too small for their antiderivative within a time, s."""
+    size = np.abs(exponent)
+    return np.asarray(np.abs(rate) * longest <= SLOW * (1.0 + longest * (size[:, None] + size)))
 
 
 def _ranges(count: int) -> Iterator[slice]:

@@ -8,13 +8,13 @@ from functools import cache
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import ContactState, LinearOutput
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
-from beamsim.flow.term_integrals import IntegratedForm, given_amplitudes, term_amplitudes
+from beamsim.flow.term_integrals import IntegratedForm, given_amplitudes, summed_products, term_amplitudes
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -303,14 +303,30 @@ class Trajectory:
         for number in np.unique(of_entry):
             state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
             visits, at = np.unique(segment[entries], return_inverse=True)
-            given = given_amplitudes(self.flow.sources, self.time[visits], self.piece[visits])
-            begin = term_amplitudes(state.term_source, state.term_vector, state.projector, given, self.y[visits])
+            begin = self._amplitudes(state, visits)
             left, right = np.split(table[number, : state.term_basis.size], 2, axis=1)
             of_sums = forms([(left * weight.T[:, None], np.broadcast_to(right, (weight.shape[1], *right.shape)))])
             longest = float(tau[entries].max())
             form = IntegratedForm.of(state.exponent[state.term_basis], *of_sums, longest)
             out[entries] = form(begin, at, tau[entries])
         return np.zeros(0, dtype=np.int64)
+
+    def _amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
+        """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
+        given = given_amplitudes(self.flow.sources, self.time[segments], self.piece[segments])
+        return term_amplitudes(state.term_source, state.term_vector, state.projector, given, self.y[segments])
+
+    def square_integrals(self, table: Complexes) -> Floats:
+        """(k,) integrals over the whole motion of the squares of outputs (S, T, k); without powers of time."""
+        total = np.zeros(table.shape[2])
+        for number in np.unique(self.state):
+            check_stop()
+            state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
+            c = table[number, : state.term_basis.size]
+            exponent = state.exponent[state.term_basis]
+            plus, minus = summed_products(exponent, self._amplitudes(state, segments), self.length[segments])
+            total += 0.5 * ((plus @ c) * c + (minus @ c.conj()) * c).real.sum(axis=0)
+        return total
 
     def _integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
         from beamsim.flow.integral_kernels import product_integrals

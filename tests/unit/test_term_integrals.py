@@ -8,7 +8,9 @@ import pytest
 import beamsim
 from beamsim.analyses.run.analysis import exact_flow
 from beamsim.analyses.run.energy import power_factors
-from beamsim.flow import integral_kernels
+from beamsim.analyses.run.outputs import output_groups
+from beamsim.flow import fourier_kernels, integral_kernels
+from beamsim.flow.fourier import MotionPart
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.term_integrals import IntegratedForm
 from beamsim.flow.transient import simulate
@@ -89,3 +91,41 @@ def test_energies_of_motions_without_powers_of_time_call_no_kernel(monkeypatch):
     result = beamsim.run(beamsim.load_scenario(CASE, {"run.duration": "0.5 s"}))
     assert np.all(np.isfinite(result.energy.dissipated))
     assert result.summary["energy_error"] < 1e-12
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-9, 1e-3, 0.3])
+def test_mean_squares_are_those_of_the_compiled_closed_form(damping):
+    motion = motion_of(light_chain(damping), 60.0)
+    table, _ = works(motion)
+    count = table.shape[2]
+    both = np.concatenate([table, table], axis=2)
+    compiled = motion._integrals(np.array([60.0]), both, np.eye(count))[0]
+    np.testing.assert_allclose(motion.square_integrals(table), compiled, rtol=1e-11, atol=1e-13 * compiled.max())
+
+
+def test_what_outputs_ask_for_alike_is_worked_out_once_for_all(monkeypatch):
+    system = build_system(light_chain(0.3))
+    flow = exact_flow(system, 30.0)
+    motion = simulate(flow, system.initial_state)
+    whole = MotionPart.of(motion, output_groups(system, flow), 5.0, 30.0, 1e9)
+    outputs, omega = whole.table.shape[2], np.array([0.0, 3.0, 5.1])
+    alone = [whole.between(5.0, 30.0).one(j).integrals(omega) for j in range(outputs)]
+    squares = [whole.between(5.0, 30.0).one(j).mean_squares() for j in range(outputs)]
+    calls, compiled, summed = [], fourier_kernels.fourier_integrals, type(motion).square_integrals
+
+    def counted(name, function):
+        def call(*arguments):
+            calls.append(name)
+            return function(*arguments)
+
+        return call
+
+    monkeypatch.setattr(fourier_kernels, "fourier_integrals", counted("fourier", compiled))
+    monkeypatch.setattr(type(motion), "square_integrals", counted("squares", summed))
+    assert outputs > 3
+    for j in range(outputs):
+        one = whole.one(j)
+        np.testing.assert_array_equal(one.integrals(omega), alone[j])
+        np.testing.assert_allclose(one.mean_squares(), squares[j], rtol=1e-13)
+    assert calls.count("fourier") == 2  # of the first output, and of all
+    assert calls.count("squares") == 1
