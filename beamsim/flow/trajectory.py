@@ -104,6 +104,8 @@ class Trajectory:
         step = float(times[-1] - times[0]) / (times.size - 1) if times.size >= EVEN else 0.0
         even = times[0] + step * np.arange(times.size) if step > 0.0 else times[:0]
         evenly = even.size > 0 and np.abs(times - even).max() <= 4.0 * np.finfo(float).eps * abs(times[-1])
+        if not evenly and self.exponentials:
+            return self._sample_by_products(times, table, out)
         rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
         for first in range(0, times.size, rows):
             check_stop()
@@ -113,6 +115,22 @@ class Trajectory:
                 sample_evenly(self.flow.tables(), self.flow.inputs(), table, *logged, step, out[part])
             else:
                 sample(*self.flow.kernel_arguments(), table, *logged, out[part])
+
+    def _sample_by_products(self, times: Floats, table: Complexes, out: Floats) -> None:
+        """Outputs at any times into ``out`` (nt, k), without powers of time."""
+        segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
+        of_time = self.state[segment]
+        for number in np.unique(of_time):
+            state, entries = self.flow.states[number], np.flatnonzero(of_time == number)
+            exponent = state.exponent[state.term_basis]
+            rows = max(1, VALUES_A_CALL // max(exponent.size, table.shape[2], 1))
+            for first in range(0, entries.size, rows):
+                check_stop()
+                part = entries[first : first + rows]
+                visits, at = np.unique(segment[part], return_inverse=True)
+                tau = times[part] - self.time[segment[part]]
+                terms = self._amplitudes(state, visits)[at] * np.exp(tau[:, None] * exponent)
+                out[part] = (terms @ table[number, : exponent.size]).real
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""

@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.run.analysis import exact_flow
 from beamsim.analyses.run.energy import power_factors
 from beamsim.analyses.run.outputs import output_groups
-from beamsim.flow import fourier_kernels, integral_kernels
+from beamsim.flow import fourier_kernels, integral_kernels, march_kernels
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.term_integrals import IntegratedForm
@@ -129,3 +129,16 @@ def test_what_outputs_ask_for_alike_is_worked_out_once_for_all(monkeypatch):
         np.testing.assert_allclose(one.mean_squares(), squares[j], rtol=1e-13)
     assert calls.count("fourier") == 2  # of the first output, and of all
     assert calls.count("squares") == 1
+
+
+def test_samples_at_uneven_times_are_those_of_the_kernel():
+    system = build_system(light_chain(0.3))
+    flow = exact_flow(system, 30.0)
+    motion = simulate(flow, system.initial_state)
+    table = flow.output_table(output_groups(system, flow))
+    times = np.sort(np.append(np.random.default_rng(4).uniform(0.0, 30.0, 500), motion.event_time))
+    compiled = np.empty((times.size, table.shape[2]))
+    logged = (motion.time, motion.state, motion.piece, motion.y, times)
+    march_kernels.sample(*flow.kernel_arguments(), table, *logged, compiled)
+    scale = np.abs(compiled).max(axis=0)
+    assert np.all(np.abs(motion.sample_table(times, table) - compiled) < 1e-12 * scale)
