@@ -70,6 +70,7 @@ def test_a_mass_released_from_the_stop_has_not_begun():
     assert result.summary["contacts"]["stop"] == result.events.closing.sum()
 
 
+@pytest.mark.slow
 def test_a_swept_sine_counts_the_contact_in_its_first_cycle():
     shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 0.4}
     swept = {"kind": "swept_sine", "from": "0.2 Hz", "to": "0.6 Hz", "rate": "0.005 Hz/s"}

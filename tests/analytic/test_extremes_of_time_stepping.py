@@ -72,6 +72,7 @@ def independent(cubic, start=(0.0, 0.0), hz=HZ, duration=DURATION):
     return low, high, force, acceleration, shared / duration, closings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cubic", "run"),
     [

@@ -49,6 +49,7 @@ def compared(result, method):
     return values
 
 
+@pytest.mark.slow
 def test_newmark_converges_to_the_exact_motion(result):
     """Faster than with the step; where contacts fall within a step disturbs the second order."""
     coarse, fine = (compared(result, f"newmark:{step}") for step in (2e-3, 1.25e-4))

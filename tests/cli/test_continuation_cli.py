@@ -49,6 +49,7 @@ def results():
     return Computed()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [path.stem for path in OWN])
 def test_every_config_is_complete_and_drawn(results, name):
     result = results[name]
@@ -137,6 +138,7 @@ def test_harmonic_balance_agrees_with_shooting(results):
     np.testing.assert_array_equal(branch.stable, True)
 
 
+@pytest.mark.slow
 def test_too_few_harmonics_are_not_trusted(tmp_path):
     few = "sweep.method={kind: harmonic_balance, harmonics: 3}"
     done = sweep(CHAIN, "-o", tmp_path, "--set", few, "--no-plots")
@@ -216,6 +218,7 @@ def test_what_is_no_continuation_is_refused(tmp_path):
                 assert item.attrs["long_name"]
 
 
+@pytest.mark.slow
 def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     rate = "sweep={kind: swept_sine, from: 78 Hz, to: 84 Hz, rate: 20 oct/min, direction: both}"
     stepped = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
@@ -259,6 +262,7 @@ def test_limits_are_checked(tmp_path):
     assert sweep(*case, "--check").exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_study_of_continuations(tmp_path):
     case = tmp_path / "study.yaml"
     case.write_text(

@@ -279,6 +279,7 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
     assert "choose one with --quantity, for example --quantity displacement" in done.output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["uff", "csv"])
 def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, form):
     exported = call("export", run_file, "--format", form, "-o", tmp_path)

@@ -189,6 +189,7 @@ def test_forcing_follows_the_frequency(quantity, mounted):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_response_curve_of_the_beam():
     result = frequency_response(load_scenario(CONFIGS / "continuation_60_120hz.yaml"))
     assert result.complete

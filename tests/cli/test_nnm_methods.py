@@ -70,6 +70,7 @@ def same(a, b, path="result"):
         assert a == b, path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["compared", "never_at_rest", "beam"])
 def test_a_file_holds_the_whole_result(name, request, tmp_path):
     """Every field comes back; the table and the pictures are the same, and nothing is computed for them."""
@@ -143,6 +144,7 @@ def test_thesis_method_on_the_thesis_chains(name, steps, period):
     assert 1 / result.relaxed.frequency_hz[-1] == pytest.approx(period, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     """The bare beam: the minimiser goes into the 5:1 tongue with mode 2 and stays there. Exit code 3, steps kept."""
     done = invoke("nnm", CONFIGS / "nnm_thesis_mode_1.yaml", "--set", "nnm.method=relaxed_minimisation", "--set",
@@ -159,6 +161,7 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     assert stored.relaxed.factor[-1] == pytest.approx(tongue.parameter[0], abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_comparison_that_ends_early_leaves_the_mode_complete(tmp_path):
     done = invoke(
         "nnm", CHAIN, "--compare", "relaxed_minimisation", "--compare", "multiple_scales", "-o", tmp_path, "--json"
@@ -300,6 +303,7 @@ def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
     assert stored.backbone.residual.max() < 1e-10
 
 
+@pytest.mark.slow
 def test_a_range_of_many_decades_is_covered(tmp_path):
     """Steps grow with the stiffness factor and are no hundredth of the range: pi + pi / sqrt(1 + k e) for one mass."""
     case = tmp_path / "mass.yaml"

@@ -320,6 +320,7 @@ def _note(item):
     (folder / f"{os.getpid()}").write_text(repr(item) + os.environ["OPENBLAS_NUM_THREADS"])
 
 
+@pytest.mark.slow
 def test_one_worker_prepares_for_all(tmp_path, monkeypatch):
     monkeypatch.setenv("BEAMSIM_TEST_NOTES", str(tmp_path))
     assert sorted(on_this_machine(abs, [-3, -4, -5], 2, _note)) == [3, 4, 5]
@@ -354,6 +355,7 @@ def test_a_worker_that_dies_ends_the_study_with_a_remedy():
         list(on_this_machine(_die, [1, 2, 3], 2, _nothing))
 
 
+@pytest.mark.slow
 def test_the_environment_is_left_as_it_was(monkeypatch):
     import os
 

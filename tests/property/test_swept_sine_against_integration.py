@@ -139,6 +139,7 @@ def test_random_structure(make_system, case, rigid):
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "legs",
     [

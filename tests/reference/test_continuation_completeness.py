@@ -119,6 +119,7 @@ def test_harmonics_are_stored_as_many_as_asked_for():
     np.testing.assert_allclose(many.harmonics["tip"][0, :6], few.harmonics["tip"][0], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_branches_end_at_the_ends_of_the_range():
     """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
     result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(20, 20.6, "longest_period: 1, seek_at: 0"))
@@ -184,6 +185,7 @@ def test_harmonic_balance_seeks_coexisting_motions(levels):
     assert cubic.outcome.all_of(OutcomeCode.NOT_SOUGHT)
 
 
+@pytest.mark.slow
 def test_one_branch_does_not_spend_the_points_of_all():
     """Followed from 20 Hz alone, the curve spends hundreds of points below 21 Hz."""
     result = curve(

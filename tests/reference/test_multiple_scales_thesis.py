@@ -131,6 +131,7 @@ def test_every_config_is_listed():
     assert {p.stem for p in CONFIGS.glob("ms_*.yaml")} == {*CHAPTER_4, "ms_forced_oscillator"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAPTER_4)
 def test_configs_of_chapter_4(name):
     """What `beamsim nnm` reports at the thesis's factors; orders 2 and 3 where factors are small."""
@@ -147,6 +148,7 @@ def test_configs_of_chapter_4(name):
         assert s["initial_difference"][0][0] < 4e-3
 
 
+@pytest.mark.slow
 def test_forced_on_the_first_mode_at_factor_5():
     """Printed 77.58 Hz; 89.95 Hz here, whatever the level and force. 77.58 Hz belongs to 26.8 kN/m, factor 0.251."""
     changes = {"nnm.phase_resonance.levels": ["1 g"]}

@@ -168,6 +168,7 @@ def test_every_jump_has_its_resonance_and_its_tongue(beam_backbone):
     assert np.mean(others) < 0.3  # the twin: another order does not fit
 
 
+@pytest.mark.slow
 def test_work_of_the_backbone(make_system, monkeypatch):
     """Flows over half a period for the 75 steps of figure 3.16 with all tongues up to 20:1; measured 1190."""
     omega, tip, k = cantilever()
@@ -180,6 +181,7 @@ def test_work_of_the_backbone(make_system, monkeypatch):
     assert next(count) < 2000
 
 
+@pytest.mark.slow
 def test_first_mode_of_figure_3_16(make_system):
     """The thesis's figure 3.16: 10 elements, every degree of freedom, 107 kN/m, 75 steps; 20 hours in 2010."""
     omega, tip, k = cantilever()

@@ -86,6 +86,7 @@ def test_nowhere(installed):
     assert "every process compiles" in line
 
 
+@pytest.mark.slow
 def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installed, tmp_path):
     """An upgrade replaces the sources and leaves the compiled code: no kernel may go on calling an old one."""
     flow, cache = installed / "beamsim/flow", tmp_path / "cache"
@@ -159,6 +160,7 @@ def test_a_first_run_compiles_every_kernel_for_one_type(tmp_path):
     assert several == "[]"
 
 
+@pytest.mark.slow
 def test_an_index_that_names_a_class_of_an_older_version_is_written_anew(installed, tmp_path):
     """Compiled code is listed by the types of its arguments, which an upgrade may rename."""
     kernels, cache = installed / "beamsim/flow/pair_kernels.py", tmp_path / "cache"

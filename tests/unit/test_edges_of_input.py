@@ -86,6 +86,7 @@ def damaged(path, name, how):
             file[name] = new[how]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["text", "number", "longer", "two dimensions", "empty", "opaque", "group", "missing"])
 @pytest.mark.parametrize("stored", ["run_chain", "nnm", "continuation", "designs", "compare"])
 def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how):

@@ -132,6 +132,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
         beamsim.ensemble(scenario, {"excitation.level": [1.0]}, file=file)
 
 
+@pytest.mark.slow
 def test_failed_draws_are_counted_and_the_others_kept(scenario):
     """Of many draws only a selection is checked beforehand; a bad one among the others costs its row alone."""
     stiffness = np.full(1000, 1e3)

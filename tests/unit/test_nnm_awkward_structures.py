@@ -114,6 +114,7 @@ def test_energy_path_where_one_stop_touches_and_another_has_a_gap():
     assert result.backbone.frequency_hz[-1] > 1.05 * result.backbone.frequency_hz[0]
 
 
+@pytest.mark.slow
 def test_strong_coupling_is_no_jump():
     """Modes that share their energy at every step: the predictions fail, yet the branch is in one piece."""
     case = {
@@ -264,6 +265,7 @@ def tip_between_stops(stiffness, last):
     })  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stiffness", "last"), [(2e3, 1e-3), (2e3, 0.01), (2e4, 0.01)])
 def test_tip_stops_on_both_sides_whatever_the_range(stiffness, last):
     """Their backbone enters tongues, the stiffer ones' for good: it goes on, and the share of its energy is named.

@@ -30,6 +30,7 @@ def script(folder, workers, analysis):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "analysis"), [(1, RUN), (1, STEPPED), (2, RUN), (2, SWEEP)])
 def test_one_worker_and_threads_belong_to_the_process_itself(tmp_path, workers, analysis):
     done = script(tmp_path, workers, analysis)
