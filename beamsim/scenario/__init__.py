@@ -12,15 +12,7 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 0.127324
 """
 
-from beamsim.scenario.beam import (
-    Beam,
-    GeneralSection,
-    PointMass,
-    RectangleSection,
-    StiffnessBeam,
-    Supports,
-    TubeSection,
-)
+from beamsim.scenario.beam import Beam, ElasticSupport, PointMass, SandwichBeam, SegmentedBeam, StiffnessBeam, Supports
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.continuation import Continuation
@@ -52,6 +44,7 @@ from beamsim.scenario.run import (
     SpectrumSettings,
 )
 from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.sections import GeneralSection, RectangleSection, SandwichSection, TubeSection
 from beamsim.scenario.snubber import (
     BodySnubber,
     ChainSnubber,
@@ -88,6 +81,7 @@ __all__ = [
     "ContinueIn",
     "CubicGroundSpring",
     "CubicLinkSpring",
+    "ElasticSupport",
     "EnergyContinuation",
     "Excitation",
     "ExpansionMethod",
@@ -126,7 +120,10 @@ __all__ = [
     "RelaxedMinimisationMethod",
     "ReleasedForceStart",
     "Run",
+    "SandwichBeam",
+    "SandwichSection",
     "Scenario",
+    "SegmentedBeam",
     "ShootingMethod",
     "Snubber",
     "SnubberRatioDamping",

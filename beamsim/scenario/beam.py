@@ -1,123 +1,104 @@
-"""The beam: geometry, material, supports, damping, point masses."""
+"""The beam: what its sections or segments give, supports, damping, point masses."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Tag
+from pydantic import Field, Tag
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail, path_text
+from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
+from beamsim.scenario.bending import (
+    Bending,
+    SandwichBending,
+    Segment,
+    SolidBending,
+    StatedBending,
+    Stretch,
+    bending_tag,
+)
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
 from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import (
-    Area,
-    BendingStiffness,
-    Density,
+    Dashpot,
     Elements,
     Length,
-    MassPerLength,
-    Modulus,
+    NonNegativeStiffness,
     PointMassValue,
     PositionOrShare,
-    SecondMoment,
+    RotaryInertia,
+    RotationalDashpot,
+    RotationalStiffness,
     Share,
 )
 
 Support = Literal["clamped", "pinned", "free", "guided"]
+_HOLDS_DEFLECTION = ("clamped", "pinned")
+_HOLDS_SLOPE = ("clamped", "guided")
+
+SHORTEST = 1e-3
+"""Part of an element below which a segment is too short for the mesh."""
 
 
-class RectangleSection(Schema):
-    """Solid rectangle, bending about the axis along its width."""
+class ElasticSupport(Schema):
+    """An end on springs and dashpots to the base, beside what its kind holds."""
 
-    kind: Literal["rectangle"] = "rectangle"
-    """Solid rectangle."""
-    width: Length
-    """Size across the motion."""
-    thickness: Length
-    """Size in the direction of the motion."""
-
-    @property
-    def area(self) -> float:
-        """Cross-sectional area, m^2."""
-        return self.width * self.thickness
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area, b h^3 / 12, m^4."""
-        return self.width * self.thickness**3 / 12.0
-
-    @property
-    def extreme_fibre(self) -> float:
-        """Distance of the outermost fibre from the neutral axis, m."""
-        return self.thickness / 2.0
-
-
-class TubeSection(Schema):
-    """Round tube; a wall of half the diameter makes it a rod."""
-
-    kind: Literal["tube"] = "tube"
-    """Round tube."""
-    outer_diameter: Length
-    """Outer diameter."""
-    wall_thickness: Length
-    """Thickness of the wall, at most half the outer diameter."""
+    kind: Support = "free"
+    """What is held: nothing by default, the deflection (pinned) or the rotation (guided)."""
+    stiffness: NonNegativeStiffness = 0.0
+    """Force per deflection of the end; none by default."""
+    rotational_stiffness: RotationalStiffness = 0.0
+    """Moment per rotation of the end; none by default."""
+    dashpot: Dashpot = 0.0
+    """Force per velocity of the end; none by default."""
+    rotational_dashpot: RotationalDashpot = 0.0
+    """Moment per rate of rotation of the end; none by default."""
 
     def settle(self) -> None:
-        """Reject a wall thicker than the tube."""
-        if self.wall_thickness > self.outer_diameter / 2.0:
-            raise fail(
-                f"= {self.wall_thickness:g} m is more than half of outer_diameter = {self.outer_diameter:g} m",
-                "half the diameter is a solid rod",
-                ("wall_thickness",),
-            )
-
-    @property
-    def _inner_diameter(self) -> float:
-        return max(self.outer_diameter - 2.0 * self.wall_thickness, 0.0)
-
-    @property
-    def area(self) -> float:
-        """Cross-sectional area, m^2."""
-        return math.pi / 4.0 * (self.outer_diameter**2 - self._inner_diameter**2)
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area, pi (D^4 - d^4) / 64, m^4."""
-        return math.pi / 64.0 * (self.outer_diameter**4 - self._inner_diameter**4)
-
-    @property
-    def extreme_fibre(self) -> float:
-        """Distance of the outermost fibre from the neutral axis, m."""
-        return self.outer_diameter / 2.0
+        """Reject springs where nothing moves."""
+        for what, holding, keys in (
+            ("deflect", _HOLDS_DEFLECTION, ("stiffness", "dashpot")),
+            ("turn", _HOLDS_SLOPE, ("rotational_stiffness", "rotational_dashpot")),
+        ):
+            for key in keys:
+                if self.kind in holding and getattr(self, key) > 0.0:
+                    raise fail(
+                        f"has no effect: a {self.kind} end cannot {what}", "leave it out, or change kind", (key,)
+                    )
 
 
-class GeneralSection(Schema):
-    """Any section, given by its properties."""
-
-    kind: Literal["general"] = "general"
-    """Section given by its area and second moment."""
-    area: Area
-    """Cross-sectional area."""
-    second_moment: SecondMoment
-    """Second moment of area about the bending axis."""
-    extreme_fibre: Length
-    """Distance of the outermost fibre from the neutral axis, for the bending stress."""
+def _word_or_springs(value: Any) -> str:
+    return "<springs>" if isinstance(value, (dict, ElasticSupport)) else "<text>"
 
 
-Section = Annotated[RectangleSection | TubeSection | GeneralSection, BY_KIND]
+AnySupport = Annotated[
+    Annotated[Support, Tag("<text>")] | Annotated[ElasticSupport, Tag("<springs>")], Variants(_word_or_springs)
+]
 
 
 class Supports(Schema):
     """How the two ends are held."""
 
-    left: Support = "clamped"
-    """The end at x = 0: clamped, pinned, free, or guided (slides without rotation)."""
-    right: Support = "free"
+    left: AnySupport = "clamped"
+    """The end at x = 0: clamped, pinned, free, guided (slides without rotation), or springs {stiffness: 10 kN/m}."""
+    right: AnySupport = "free"
     """The end at x = length."""
+
+    @property
+    def kinds(self) -> tuple[Support, Support]:
+        """What the left and the right end hold."""
+        left, right = (end.kind if isinstance(end, ElasticSupport) else end for end in (self.left, self.right))
+        return left, right
+
+    @property
+    def springs(self) -> tuple[ElasticSupport | None, ElasticSupport | None]:
+        """Springs and dashpots of the left and the right end."""
+        left, right = (end if isinstance(end, ElasticSupport) else None for end in (self.left, self.right))
+        return left, right
 
 
 class PointMass(Schema):
@@ -126,10 +107,9 @@ class PointMass(Schema):
     position: PositionOrShare
     """Distance from the left end, or the share of the length: 60 %."""
     mass: PointMassValue
-    """The mass; it has no rotary inertia."""
-
-
-_HOLDS_DEFLECTION = ("clamped", "pinned")
+    """The mass."""
+    rotary_inertia: RotaryInertia = 0.0
+    """Its moment of inertia about its place on the beam, against rotation of the beam there; none by default."""
 
 
 class BeamBody(Body):
@@ -148,26 +128,33 @@ class BeamBody(Body):
     """Damping; none by default."""
     point_masses: tuple[PointMass, ...] = ()
     """Lumped masses."""
+    nodes: tuple[PositionOrShare, ...] = ()
+    """Positions, or shares of the length, at which the mesh is to have a node."""
 
     if TYPE_CHECKING:
 
         @property
         def bending_stiffness(self) -> float:
-            """E I, N m^2."""
+            """E I, N m^2; of segments the largest."""
 
         @property
         def mass_per_length(self) -> float:
-            """Mass per length, kg/m."""
+            """Mass per length, kg/m; of segments the mean."""
 
     @property
-    def stress_per_moment(self) -> float | None:
-        """Stress at the extreme fibre for a unit moment, Pa per N m; None where that is unknown."""
+    def stretches(self) -> tuple[Stretch, ...]:
+        """What the beam is made of, from left to right."""
         raise NotImplementedError
+
+    def settle(self) -> None:
+        """Give shares of the length in metres."""
+        super().settle()
+        self.resolve("nodes", tuple(self.on_the_body(x) for x in self.nodes))
 
     @property
     def gives_stress(self) -> bool:
         """Whether a bending stress can be recovered."""
-        return self.stress_per_moment is not None
+        return all(stretch.bending.stress_per_moment is not None for stretch in self.stretches)
 
     @property
     def rough_frequency_hz(self) -> float:
@@ -175,14 +162,15 @@ class BeamBody(Body):
         return math.pi / 2.0 * math.sqrt(self.bending_stiffness / self.mass_per_length) / self.length**2
 
     @property
-    def depth(self) -> float | None:
-        """Twice the distance of the outermost fibre, m; None where that is unknown."""
-        return None
+    def largest_depth(self) -> float:
+        """Twice the largest distance of the outermost fibre, m; 0 where none is known."""
+        return max((stretch.bending.depth or 0.0 for stretch in self.stretches), default=0.0)
 
     @property
     def largest_gap(self) -> float:
         """A fifth of the length, or ten times the depth if that is less."""
-        return min(self.length / 5.0, math.inf if self.depth is None else 10.0 * self.depth)
+        depth = self.largest_depth
+        return min(self.length / 5.0, 10.0 * depth if depth > 0.0 else math.inf)
 
     def refined(self) -> Self:
         """The beam with twice the elements."""
@@ -191,9 +179,10 @@ class BeamBody(Body):
     def default_probe(self) -> tuple[str, AtPlace]:
         """A free end, else the middle."""
         moving = ("free", "guided")
-        if self.supports.right in moving:
+        left, right = self.supports.kinds
+        if right in moving:
             return "right_end", AtPlace(position=self.length)
-        if self.supports.left in moving:
+        if left in moving:
             return "left_end", AtPlace(position=0.0)
         return "middle", AtPlace(position=self.length / 2.0)
 
@@ -206,7 +195,8 @@ class BeamBody(Body):
     def problems(self, where: Path) -> Iterator[Problem]:
         """Nothing left to move; point masses beyond the ends."""
         inside = [mass for mass in self.point_masses if 0.0 < mass.position < self.length]
-        if self.elements == 1 and self.supports.left == self.supports.right == "clamped" and not inside:
+        alone = self.elements == 1 and len(self.stretches) == 1 and not self.nodes
+        if alone and self.supports.kinds == ("clamped", "clamped") and not inside:
             yield Problem(
                 path_text((*where, "elements")),
                 "= 1 leaves no degree of freedom between two clamped ends",
@@ -214,11 +204,12 @@ class BeamBody(Body):
             )
         for index, mass in enumerate(self.point_masses):
             yield from self.position_problems(where, (*where, "point_masses", index, "position"), mass.position, "")
+        for index, x in enumerate(self.nodes):
+            yield from self.position_problems(where, (*where, "nodes", index), x, "")
 
     def held_end(self, position: float) -> tuple[str, str] | None:
         """(end, support) if no deflection is possible at the position."""
-        for end, x in (("left", 0.0), ("right", self.length)):
-            support = getattr(self.supports, end)
+        for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
             if position == x and support in _HOLDS_DEFLECTION:
                 return end, support
         return None
@@ -256,11 +247,10 @@ class BeamBody(Body):
 
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """A polynomial with a deflection or slope that the supports prevent."""
-        supports = self.supports
-        for end, support, x in (("left", supports.left, 0.0), ("right", supports.right, self.length)):
+        for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
             for what, order, held in (
                 ("deflection", 0, support in _HOLDS_DEFLECTION),
-                ("slope", 1, support in ("clamped", "guided")),
+                ("slope", 1, support in _HOLDS_SLOPE),
             ):
                 terms = [c * (j if order else 1) * x ** (j - order) for j, c in enumerate(numbers) if j >= order]
                 scale = sum(
@@ -277,11 +267,19 @@ class BeamBody(Body):
                     )
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
-        """Too few elements for the excitation."""
+        """Numbers of no solid, depth, too few elements."""
+        for stretch in self.stretches:
+            yield from stretch.bending.material_doubts((*where, *stretch.path))
+        depth = self.largest_depth
+        if depth > self.length / 10.0:
+            yield (
+                f"the beam is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) is "
+                "doubtful when the depth is more than a tenth of the length"
+            )
         if highest_hz > 0.0:
             omega = 2.0 * math.pi * highest_hz
-            wavelength = 2.0 * math.pi * (self.bending_stiffness / self.mass_per_length / omega**2) ** 0.25
-            per_wave = wavelength / (self.length / self.elements)
+            ratio = min(stretch.bending_stiffness / stretch.mass_per_length for stretch in self.stretches)
+            per_wave = 2.0 * math.pi * (ratio / omega**2) ** 0.25 / (self.length / self.elements)
             if per_wave < 6.0:
                 yield (
                     f"{path_text((*where, 'elements'))} = {self.elements} gives {per_wave:.1f} elements a bending "
@@ -298,140 +296,112 @@ def _distinct(a: float, b: float) -> tuple[str, str]:
     return repr(a), repr(b)
 
 
-class Beam(BeamBody):
+class UniformBeam(Bending, BeamBody):
+    """A beam along which nothing changes but point masses."""
+
+    @property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The whole beam."""
+        return (Stretch((), 0.0, self.length, self),)
+
+
+class Beam(SolidBending, UniformBeam):
     """A uniform Euler-Bernoulli beam along x from 0 (left) to `length` (right)."""
 
-    width: Length | None = None
-    """Width of a rectangular section (across the motion)."""
-    thickness: Length | None = None
-    """Thickness of a rectangular section (in the direction of the motion)."""
-    section: Section | None = None
-    """Any other cross-section, instead of width and thickness."""
-    youngs_modulus: Modulus
-    """Young's modulus."""
-    density: Density
-    """Density."""
+
+class StiffnessBeam(StatedBending, UniformBeam):
+    """A uniform beam by its bending stiffness and mass per length, such as a sandwich panel."""
+
+
+class SandwichBeam(SandwichBending, UniformBeam):
+    """A uniform beam of two faces and a core."""
+
+
+class SegmentedBeam(BeamBody):
+    """A beam of segments, each with properties of its own."""
+
+    segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
+    """The segments from left to right; together they cover the beam."""
 
     def settle(self) -> None:
-        """Reject a section that is missing or given twice."""
-        flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
-        if self.section is not None and flat:
-            raise fail(
-                f"is given together with beam.{flat[0]}", "keep section, or width and thickness, not both", ("section",)
-            )
-        if self.section is None and len(flat) < 2:
-            missing = "thickness" if flat == ["width"] else "width"
-            raise fail(
-                "is missing" if flat else "has no cross-section",
-                "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
-                (missing,) if flat else (),
-            )
+        """Give shares of the length in metres."""
+        super().settle()
+        self.resolve(
+            "segments",
+            tuple(
+                segment.model_copy(
+                    update={"from_": self.on_the_body(segment.from_), "to": self.on_the_body(segment.to)}
+                )
+                for segment in self.segments
+            ),
+        )
 
     @property
-    def cross_section(self) -> RectangleSection | TubeSection | GeneralSection:
-        """The section, also when it was given by width and thickness."""
-        if self.section is not None:
-            return self.section
-        assert self.width is not None
-        assert self.thickness is not None
-        return RectangleSection(width=self.width, thickness=self.thickness)
-
-    @property
-    def area(self) -> float:
-        """Cross-sectional area, m^2."""
-        return self.cross_section.area
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area, m^4."""
-        return self.cross_section.second_moment
-
-    @property
-    def extreme_fibre(self) -> float:
-        """Distance of the outermost fibre from the neutral axis, m."""
-        return self.cross_section.extreme_fibre
-
-    @property
-    def depth(self) -> float:
-        """Twice the distance of the outermost fibre, m."""
-        return 2.0 * self.extreme_fibre
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The segments."""
+        return tuple(
+            Stretch(("segments", index), segment.from_, segment.to, segment, segment.added_mass_per_length)
+            for index, segment in enumerate(self.segments)
+        )
 
     @property
     def bending_stiffness(self) -> float:
-        """E I, N m^2."""
-        return self.youngs_modulus * self.second_moment
+        """The largest E I, N m^2."""
+        return max(stretch.bending_stiffness for stretch in self.stretches)
 
     @property
     def mass_per_length(self) -> float:
-        """Rho S, kg/m."""
-        return self.density * self.area
+        """The mean mass per length, kg/m."""
+        return sum(stretch.mass_per_length * stretch.length for stretch in self.stretches) / self.length
 
-    @property
-    def stress_per_moment(self) -> float:
-        """Stress at the extreme fibre for a unit moment, Pa per N m."""
-        return self.extreme_fibre / self.second_moment
+    def problems(self, where: Path) -> Iterator[Problem]:
+        """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
+        yield from super().problems(where)
+        shortest = SHORTEST * self.length / self.elements
+        for index, segment in enumerate(self.segments):
+            at = (*where, "segments", index)
+            if segment.to - segment.from_ <= shortest:
+                yield Problem(
+                    path_text((*at, "to")),
+                    f"= {segment.to:g} m is not beyond its from = {segment.from_:g} m by more than {SHORTEST:g} of an "
+                    "element",
+                    "give from < to",
+                )
+        bounds = [(("from",), 0.0, self.segments[0].from_, 0)]
+        bounds += [
+            (("from",), before.to, after.from_, index)
+            for index, (before, after) in enumerate(pairwise(self.segments), start=1)
+        ]
+        bounds += [(("to",), self.length, self.segments[-1].to, len(self.segments) - 1)]
+        for key, expected, given, index in bounds:
+            if abs(given - expected) > 1e-9 * self.length:
+                yield Problem(
+                    path_text((*where, "segments", index, *key)),
+                    f"= {given:g} m, where {expected:g} m is expected",
+                    "segments follow one another from 0 to length without gap or overlap",
+                )
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
-        """Moduli of no solid, depth, too few elements."""
-        at = path_text(where)
-        if not 1e5 <= self.youngs_modulus <= 2e12:
+        """Segments that keep the others' stress from being given, beside the doubts of every beam."""
+        known = [stretch.bending.stress_per_moment is not None for stretch in self.stretches]
+        if any(known) and not all(known):
             yield (
-                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is that of no solid: "
-                "a unit such as GPa may be missing"
-            )
-        if not 1.0 <= self.density <= 25_000.0:
-            yield (f"{at}.density = {self.density:g} kg/m^3 is that of no solid: a unit such as g/cm^3 may be missing")
-        if self.depth > self.length / 10.0:
-            yield (
-                f"the beam is {self.depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) is "
-                "doubtful when the depth is more than a tenth of the length"
+                f"{path_text((*where, 'segments', known.index(False)))} gives no bending stress, so none is given for "
+                "the beam: add extreme_fibre and youngs_modulus"
             )
         yield from super().doubts(where, highest_hz)
 
 
-class StiffnessBeam(BeamBody):
-    """A uniform beam by its bending stiffness and mass per length, such as a sandwich panel."""
-
-    bending_stiffness: BendingStiffness
-    """Bending stiffness E I."""
-    mass_per_length: MassPerLength
-    """Mass per unit length."""
-    extreme_fibre: Length | None = None
-    """Distance of the outermost fibre from the neutral axis, for the bending stress."""
-    youngs_modulus: Modulus | None = None
-    """Young's modulus of the outermost fibre, for the bending stress: a strain alone gives none."""
-
-    @property
-    def stress_per_moment(self) -> float | None:
-        """E c / (E I) of the extreme fibre, Pa per N m; None where its distance or modulus is unknown."""
-        if self.extreme_fibre is None or self.youngs_modulus is None:
-            return None
-        return self.youngs_modulus * self.extreme_fibre / self.bending_stiffness
-
-    @property
-    def depth(self) -> float | None:
-        """Twice the distance of the outermost fibre, m; None where that is not given."""
-        return None if self.extreme_fibre is None else 2.0 * self.extreme_fibre
-
-    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
-        """Half of what the bending stress needs; too few elements."""
-        given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
-        missing = [name for name, value in given.items() if value is None]
-        if len(missing) == 1:
-            (alone,) = given.keys() - missing
-            yield (
-                f"{path_text((*where, alone))} has no effect without {missing[0]}: the bending stress needs both; "
-                f"give {missing[0]} too, or leave {alone} out"
-            )
-        yield from super().doubts(where, highest_hz)
-
-
-def by_stiffness(value: Any) -> bool:
-    """Whether a raw beam is given by its bending stiffness."""
-    return isinstance(value, StiffnessBeam) or (isinstance(value, dict) and "bending_stiffness" in value)
+def beam_tag(value: Any) -> str:
+    """Which variant a raw beam is, by what it gives."""
+    segmented = isinstance(value, SegmentedBeam) or (isinstance(value, dict) and "segments" in value)
+    return "<segments>" if segmented else bending_tag(value)
 
 
 AnyBeam = Annotated[
-    Annotated[Beam, Tag("<section>")] | Annotated[StiffnessBeam, Tag("<stiffness>")],
-    Variants(lambda value: "<stiffness>" if by_stiffness(value) else "<section>"),
+    Annotated[Beam, Tag("<section>")]
+    | Annotated[StiffnessBeam, Tag("<stiffness>")]
+    | Annotated[SandwichBeam, Tag("<sandwich>")]
+    | Annotated[SegmentedBeam, Tag("<segments>")],
+    Variants(beam_tag),
 ]

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Tag
 
 from beamsim.scenario.base import Variants, kind_of
-from beamsim.scenario.beam import Beam, StiffnessBeam, by_stiffness
+from beamsim.scenario.beam import Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
 from beamsim.scenario.chain import Chain
 
 
@@ -25,6 +25,20 @@ class NamedStiffnessBeam(StiffnessBeam):
     """A beam."""
 
 
+class NamedSandwichBeam(SandwichBeam):
+    """A uniform beam of two faces and a core, one of several bodies."""
+
+    kind: Literal["beam"] = "beam"
+    """A beam."""
+
+
+class NamedSegmentedBeam(SegmentedBeam):
+    """A beam of segments, one of several bodies."""
+
+    kind: Literal["beam"] = "beam"
+    """A beam."""
+
+
 class NamedChain(Chain):
     """A chain of masses, one of several bodies."""
 
@@ -32,14 +46,21 @@ class NamedChain(Chain):
     """A chain of masses."""
 
 
+_BEAMS = {"<section>": "", "<stiffness>": " by stiffness", "<sandwich>": " of sandwich", "<segments>": " of segments"}
+
+
 def _choose(value: Any) -> str | None:
     kind = kind_of(value)
     if kind == "beam":
-        return "<beam by stiffness>" if by_stiffness(value) else "<beam>"
+        return f"<beam{_BEAMS[beam_tag(value)]}>"
     return "<chain>" if kind == "chain" else None
 
 
 AnyBody = Annotated[
-    NamedBeam | Annotated[NamedStiffnessBeam, Tag("<beam by stiffness>")] | NamedChain,
+    NamedBeam
+    | Annotated[NamedStiffnessBeam, Tag("<beam by stiffness>")]
+    | Annotated[NamedSandwichBeam, Tag("<beam of sandwich>")]
+    | Annotated[NamedSegmentedBeam, Tag("<beam of segments>")]
+    | NamedChain,
     Variants(_choose, "has no kind of body", "give kind: beam or kind: chain"),
 ]

@@ -76,13 +76,20 @@ def read_as(scenario: Schema, place: Path, value: object) -> float:
 
 def choices_at(scenario: Schema, place: Path) -> tuple[str, ...]:
     """The words that the field at a place may hold (supports); none for a number."""
-    from typing import Literal, get_args, get_origin
-
-    if not isinstance(place[-1], str):
+    if not isinstance(place[-1], str) or not isinstance(value_at(scenario, place), str):
         return ()
     owner = value_at(scenario, place[:-1])
-    annotation = type(owner).model_fields[_attribute(owner, place[-1])].annotation
-    return tuple(get_args(annotation)) if get_origin(annotation) is Literal else ()
+    words = _words(type(owner).model_fields[_attribute(owner, place[-1])].annotation)
+    return words if len(words) > 1 else ()
+
+
+def _words(annotation: Any) -> tuple[str, ...]:
+    """Words of an annotation, or of the members of a union."""
+    from typing import Literal, get_args, get_origin
+
+    if get_origin(annotation) is Literal:
+        return tuple(get_args(annotation))
+    return tuple(word for member in get_args(annotation) for word in _words(member))
 
 
 def field_type_at(scenario: Schema, place: Path) -> FieldType | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from beamsim.structures.structure import MemberBody, Path
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Beam
+    from beamsim.scenario.beam import BeamBody
     from beamsim.structures.basis import ReducedBasis
 
 # What an end holds: (deflection, slope).
@@ -53,7 +54,8 @@ def _scatter(blocks: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) 
 def _rigid_modes(mesh: Mesh, mass: Any, held: Ints) -> Floats:
     """(2 nodes, r) rigid-body modes that the supports allow, orthonormal in the mass matrix.
 
-    Known by construction, so that their frequencies are zero and not round-off.
+    Known by construction, so that their frequencies are zero and not round-off. ``held`` are the degrees of freedom
+    that supports hold or springs pull back.
     """
     both = np.zeros((2 * mesh.nodes.size, 2))
     both[0::2, 0] = 1.0  # translation
@@ -78,7 +80,7 @@ class BeamStructure(BeamModel):
     """A beam as a structure."""
 
     def unit_stiffness(self, site: Site) -> float:
-        """E I / L^3, N/m."""
+        """E I / L^3, N/m, with the largest E I."""
         return self.beam.bending_stiffness / self.beam.length**3
 
     @property
@@ -109,39 +111,80 @@ class BeamStructure(BeamModel):
         return beam_sensitivities(self, path, ends, v, k, squared)
 
 
-def assemble_beam(beam: Beam, name: str = "beam", nodes: Sequence[float] = ()) -> BeamStructure:
+@dataclass(frozen=True)
+class _EndSprings:
+    """Springs and dashpots between the ends and the base, on dofs of the whole mesh."""
+
+    dofs: Ints  # (s,)
+    stiffness: Floats  # (s,) N/m; those of rotations divided by the length squared, as their dofs are L w'
+    dashpot: Floats  # (s,) N s/m
+
+    @classmethod
+    def of(cls, beam: BeamBody, nodes: int) -> _EndSprings:
+        """Those of both ends."""
+        dofs, stiffness, dashpot = [], [], []
+        for first, springs in zip((0, 2 * (nodes - 1)), beam.supports.springs, strict=True):
+            if springs is not None:
+                dofs += [first, first + 1]
+                stiffness += [springs.stiffness, springs.rotational_stiffness / beam.length**2]
+                dashpot += [springs.dashpot, springs.rotational_dashpot / beam.length**2]
+        return cls(np.array(dofs, dtype=np.int64), np.array(stiffness), np.array(dashpot))
+
+    def rows(self, factors: Floats, size: int) -> Any:
+        """(a, size) sparse rows of the springs or dashpots with a factor above zero, times its root."""
+        from scipy.sparse import csr_array
+
+        acting = np.flatnonzero(factors > 0)
+        entries = (np.sqrt(factors[acting]), (np.arange(acting.size), self.dofs[acting]))
+        return csr_array(entries, shape=(acting.size, size))
+
+
+def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = ()) -> BeamStructure:
     """Sparse matrices of a beam on its supports (equations: docs/theory.md, section 1).
 
-    Point masses are placed on nodes of their own, as is what joins the beam, at ``nodes`` (m); consistent mass
-    everywhere else.
+    Point masses are placed on nodes of their own, as are the bounds of segments, what joins the beam, at ``nodes`` (m),
+    and the nodes that the beam asks for; consistent mass everywhere else. The units of stiffness and mass are the
+    largest E I over the length cubed, and the mass of the beam itself.
     """
-    length = beam.length
-    mesh = build_mesh(beam.elements, [x / length for x in (*(m.position for m in beam.point_masses), *nodes)])
+    from scipy.sparse import vstack
+
+    length, stretches = beam.length, beam.stretches
+    bounds = np.array([0.0, *(stretch.start / length for stretch in stretches[1:]), 1.0])
+    hard = [*(mass.position for mass in beam.point_masses), *beam.nodes, *nodes]
+    mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
     size = 2 * mesh.nodes.size
     dofs = mesh.dofs
     mass_scale = beam.mass_per_length * length
+    stiffness_scale = beam.bending_stiffness / length**3
+    stretch_of = np.searchsorted(bounds, mesh.nodes[:-1] + mesh.lengths / 2) - 1
+    bending = np.array([stretch.bending_stiffness / beam.bending_stiffness for stretch in stretches])[stretch_of]
+    line_mass = np.array([stretch.mass_per_length / beam.mass_per_length for stretch in stretches])[stretch_of]
 
-    distributed = _scatter(mass_matrix(mesh.lengths), dofs, dofs, (size, size))
+    distributed = _scatter(line_mass[:, None, None] * mass_matrix(mesh.lengths), dofs, dofs, (size, size))
     strips = np.arange(2 * mesh.elements).reshape(-1, 2)
-    factor = _scatter(curvature_factor(mesh.lengths), strips, dofs, (2 * mesh.elements, size))
+    bent = np.sqrt(bending)[:, None, None] * curvature_factor(mesh.lengths)
+    factor = _scatter(bent, strips, dofs, (2 * mesh.elements, size))
     mass = distributed
     if beam.point_masses:
-        from scipy.sparse import csr_array
-
-        rows = np.array(
-            [np.sqrt(m.mass / mass_scale) * deflection_row(mesh, m.position / length) for m in beam.point_masses]
-        )
-        lumped = csr_array(rows)
+        lumped = point_mass_rows(mesh, beam)
         mass = distributed + lumped.T @ lumped
 
     translation = np.zeros(size)
     translation[0::2] = 1.0
-    held = supported_dofs(beam.supports.left, beam.supports.right, mesh.nodes.size)
+    held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
     free = np.setdiff1d(np.arange(size), held)
+    springs = _EndSprings.of(beam, mesh.nodes.size)
+    if springs.stiffness.any():
+        factor = vstack([factor, springs.rows(springs.stiffness / stiffness_scale, size)], format="csr")
     damping = None
+    if springs.dashpot.any():
+        dashpots = springs.rows(springs.dashpot, size)[:, free]
+        damping = (dashpots.T @ dashpots).tocsc()
     if beam.damping is not None and beam.damping.kind == "viscous":
-        # xi * integral of N N^T dx: the distributed mass matrix over rho S, point masses left out.
-        damping = (distributed * (beam.damping.coefficient * length))[free][:, free].tocsc()
+        # xi * integral of N N^T dx: the mass matrix of a uniform beam over its mass per length, point masses left out.
+        uniform = _scatter(mass_matrix(mesh.lengths), dofs, dofs, (size, size))
+        viscous = (uniform * (beam.damping.coefficient * length))[free][:, free].tocsc()
+        damping = viscous if damping is None else damping + viscous
 
     return BeamStructure(
         name=name,
@@ -150,11 +193,28 @@ def assemble_beam(beam: Beam, name: str = "beam", nodes: Sequence[float] = ()) -
         damping=damping,
         inertia=(mass @ translation)[free],
         ground=np.zeros(free.size),
-        rigid=_rigid_modes(mesh, mass, held)[free],
+        rigid=_rigid_modes(mesh, mass, np.concatenate([held, springs.dofs[springs.stiffness > 0]]))[free],
         mass_scale=mass_scale,
-        stiffness_scale=beam.bending_stiffness / length**3,
+        stiffness_scale=stiffness_scale,
         deflection_dofs=np.flatnonzero(free % 2 == 0),
         beam=beam,
         mesh=mesh,
         free=free,
+        stretch_of=stretch_of,
+        bending=bending,
+        line_mass=line_mass,
     )
+
+
+def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:
+    """(c, all dofs) sparse rows whose products are the scaled point masses and their rotary inertias."""
+    from scipy.sparse import csr_array
+
+    mass_scale = beam.mass_per_length * beam.length
+    rows = [np.sqrt(m.mass / mass_scale) * deflection_row(mesh, m.position / beam.length) for m in beam.point_masses]
+    rows += [
+        np.sqrt(m.rotary_inertia / mass_scale) / beam.length * deflection_row(mesh, m.position / beam.length, 1)
+        for m in beam.point_masses
+        if m.rotary_inertia > 0.0
+    ]
+    return csr_array(np.array(rows))

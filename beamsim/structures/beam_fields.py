@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.structures.hermite import shape_functions
-from beamsim.structures.places import Place
+from beamsim.structures.places import SLOPE, Place
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -30,10 +31,14 @@ class PolynomialField:
         self._xi = (points + 1) / 2
         x = mesh.nodes[:-1, None] + mesh.lengths[:, None] * self._xi
         self._weight = mesh.lengths[:, None] * weights / 2
-        self._share = np.array([m.mass / structure.mass_scale for m in masses])
-        self._rows = structure.rows([Place(structure.name, m.position) for m in masses])
+        self._inertia = self._weight * structure.line_mass[:, None]
         self._deflection, self._curvature = polynomial(x), polynomial.deriv(2)(x)
-        self._at_masses = polynomial(np.array([m.position / length for m in masses]))
+        at = np.array([m.position / length for m in masses])
+        places = [Place(structure.name, m.position) for m in masses]
+        slopes = [replace(place, direction=SLOPE) for place in places]
+        self._share = np.array([m.mass for m in masses] + [m.rotary_inertia for m in masses]) / structure.mass_scale
+        self._rows = structure.rows([*places, *slopes])
+        self._at_masses = np.concatenate([polynomial(at), polynomial.deriv()(at) / length])
 
     def _fields(self, vectors: Floats, derivative: int) -> Floats:
         """(elements, points, n) fields (N, n), or their derivatives, at the points of the quadrature."""
@@ -43,7 +48,7 @@ class PolynomialField:
 
     def products(self, vectors: Floats) -> Floats:
         """(n,) products with fields (N, n) in the scaled mass matrix."""
-        along = np.einsum("exn,ex->n", self._fields(vectors, 0), self._weight * self._deflection)
+        along = np.einsum("exn,ex->n", self._fields(vectors, 0), self._inertia * self._deflection)
         return np.asarray(along + (self._rows @ vectors).T @ (self._share * self._at_masses))
 
     def error(self, vectors: Floats, q: Floats, quantity: str) -> float:
@@ -51,15 +56,16 @@ class PolynomialField:
         missed = self._deflection - self._fields(vectors, 0) @ q
         at_masses = self._at_masses - (self._rows @ vectors) @ q
         kinetic = _relative(
-            float(np.sum(self._weight * missed**2) + self._share @ at_masses**2),
-            float(np.sum(self._weight * self._deflection**2) + self._share @ self._at_masses**2),
+            float(np.sum(self._inertia * missed**2) + self._share @ at_masses**2),
+            float(np.sum(self._inertia * self._deflection**2) + self._share @ self._at_masses**2),
         )
         if quantity == "velocity":  # has kinetic energy only
             return kinetic
         bent = self._curvature - self._fields(vectors, 2) @ q
+        stiff = self._weight * self._structure.bending[:, None]
         return max(
             kinetic,
-            _relative(float(np.sum(self._weight * bent**2)), float(np.sum(self._weight * self._curvature**2))),
+            _relative(float(np.sum(stiff * bent**2)), float(np.sum(stiff * self._curvature**2))),
         )
 
 

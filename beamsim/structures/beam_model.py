@@ -16,7 +16,7 @@ from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Beam
+    from beamsim.scenario.beam import BeamBody
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
@@ -34,9 +34,12 @@ def deflection_row(mesh: Mesh, x: float, derivative: int = 0) -> Floats:
 class BeamModel(BodyStructure, ABC):
     """An Euler-Bernoulli beam in cubic Hermite elements; places are metres from its left end."""
 
-    beam: Beam
+    beam: BeamBody
     mesh: Mesh
     free: Ints  # (N,) which of the unsupported beam's dofs are left
+    stretch_of: Ints  # (elements,) which of the beam's stretches each element belongs to
+    bending: Floats  # (elements,) bending stiffness, in the largest of the beam
+    line_mass: Floats  # (elements,) mass per length, in the mean of the beam
 
     @property
     def most_modes(self) -> int:
@@ -46,8 +49,19 @@ class BeamModel(BodyStructure, ABC):
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega."""
         # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
-        # both rigid-body modes counted. A mass added lowers at most one more frequency past the limit.
-        return int(np.ceil(np.sqrt(omega) / np.pi)) + 2 + len(self.beam.point_masses)
+        # both rigid-body modes counted. Segments cut apart bound the beam in the same way, and so does the softest and
+        # heaviest all along. A mass added lowers at most one more frequency past the limit, as does a rotary inertia.
+        beam, physical = self.beam, omega * self.frequency_scale
+        stretches = beam.stretches
+        per_length = [
+            (physical**2 * stretch.mass_per_length / stretch.bending_stiffness) ** 0.25 / np.pi for stretch in stretches
+        ]
+        apart = sum(int(np.ceil(n * s.length)) + 2 for n, s in zip(per_length, stretches, strict=True))
+        heaviest = max(stretch.mass_per_length for stretch in stretches)
+        softest = min(stretch.bending_stiffness for stretch in stretches)
+        alike = int(np.ceil((physical**2 * heaviest / softest) ** 0.25 * beam.length / np.pi)) + 2
+        rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
+        return min(apart, alike) + len(beam.point_masses) + rotary
 
     def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
         """Single places: moments are recovered from one point force at a time."""

@@ -30,7 +30,8 @@ def damping_matrix(body: BodyStructure, basis: ReducedBasis, omega: Floats) -> F
     damping = body.stated_damping
     c = np.diag(2 * _modal_ratios(damping, omega.size, basis.modes) * omega)
     if damping is not None and damping.kind == "rayleigh":
-        c += np.diag(damping.mass + damping.stiffness * omega**2)
+        of_mass, of_stiffness = damping.factors
+        c += np.diag(of_mass + of_stiffness * omega**2)
     return c + _of_dashpots(body, basis)
 
 
@@ -66,7 +67,8 @@ def joined_damping(structure: Structure, basis: ReducedBasis, omega: Floats) -> 
         c += 2 * weight * energy * np.outer(inverse, inverse)
         stated = member.body.stated_damping
         if stated is not None and stated.kind == "rayleigh":
-            c += stated.mass * member.mass_ratio * (fields.T @ (member.body.mass @ fields)) + stated.stiffness * energy
+            of_mass, of_stiffness = stated.factors
+            c += of_mass * member.mass_ratio * (fields.T @ (member.body.mass @ fields)) + of_stiffness * energy
     if any(coupling.stiffness for coupling in structure.couplings):
         c -= 2 * np.outer(common, common) * in_springs * np.outer(inverse, inverse)
     return np.asarray((c + c.T) / 2) + _of_dashpots(structure, basis)

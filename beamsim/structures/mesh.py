@@ -43,17 +43,19 @@ class Mesh:
         return element.astype(np.int64), (x - self.nodes[element]) / self.lengths[element]
 
 
-def build_mesh(elements: int, hard_points: Iterable[float] = ()) -> Mesh:
+def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterable[float] = (0.0, 1.0)) -> Mesh:
     """A mesh with a node at every hard point, uniform in between, with no element longer than 1 / elements.
 
     Parameters
     ----------
     elements : number of elements of the beam without hard points.
-    hard_points : nondimensional positions that need a node (point masses). A point within a thousandth of
-        an element from another node gets none, because a sliver element would make the matrices ill-conditioned.
+    hard_points : nondimensional positions that need a node (point masses, nodes that are asked for). A point within a
+        thousandth of an element from another node gets none, because a sliver element would make the matrices
+        ill-conditioned.
+    bounds : the ends, and positions that get a node in any case: where segments meet.
     """
     size = 1.0 / elements
-    ends = [0.0, 1.0]
+    ends = list(bounds)
     for x in sorted(hard_points):
         if all(abs(x - end) > _SLIVER * size for end in ends):
             ends.append(x)

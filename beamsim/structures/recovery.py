@@ -65,9 +65,21 @@ def beam_recovery(
         position=x * length,
         deflection=deflection_rows(model.mesh, x, model.whole_field(member.field(basis.vectors))) * scale,
         bending_moment=moment * (scale * beam.bending_stiffness / length**2),
-        stress_per_moment=beam.stress_per_moment,
+        stress_per_moment=_stress_per_moment(model, x),
         base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
     )
+
+
+def _stress_per_moment(model: BeamModel, x: Floats) -> Floats | None:
+    """(nx,) stress per moment at stations, Pa per N m, where segments meet the larger one; None where unknown."""
+    by_stretch = [stretch.bending.stress_per_moment for stretch in model.beam.stretches]
+    known = [value for value in by_stretch if value is not None]
+    if len(known) < len(by_stretch):
+        return None
+    right, inside = model.mesh.locate(x)
+    left = np.where(inside < 1e-9, np.maximum(right - 1, 0), right)
+    values = np.array(known)[model.stretch_of]
+    return np.asarray(np.maximum(values[left], values[right]))
 
 
 @dataclass(frozen=True)
@@ -83,7 +95,7 @@ class _Fields:
 
 
 def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
-    """(nx, n) scaled moments w'' at nondimensional x, for a unit of each column of the basis.
+    """(nx, n) scaled moments E I w'' at nondimensional x, for a unit of each column of the basis.
 
     Parameters
     ----------
@@ -146,7 +158,9 @@ def _moments(model: BeamModel, member: MemberBody, x: Floats, fields: _Fields) -
     mesh = model.mesh
     h, dofs = mesh.lengths, mesh.dofs
     u, a = fields.displacement[dofs], fields.acceleration[dofs]
-    force = np.einsum("esd,esn->edn", curvature_factor(h), np.einsum("esd,edn->esn", curvature_factor(h), u))
+    a = a * model.line_mass[:, None, None]
+    curvature = np.einsum("esd,edn->esn", curvature_factor(h), u) * model.bending[:, None, None]
+    force = np.einsum("esd,esn->edn", curvature_factor(h), curvature)
     force -= np.einsum("edc,ecn->edn", mass_matrix(h), a)
     element, xi = mesh.locate(x)
     levers: list[tuple[Floats, Floats]] = []

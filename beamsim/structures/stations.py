@@ -106,7 +106,7 @@ class Recovery:
     position: Floats  # (nx,) on the axis
     deflection: Floats  # (nx, n) 1/sqrt(kg)
     bending_moment: Floats | None = None  # (nx, n) N m; E I w'', positive where the beam's top is in compression
-    stress_per_moment: float | None = None  # extreme_fibre / I, Pa per N m; None where no fibre is known
+    stress_per_moment: Floats | None = None  # (nx,) extreme_fibre / I, Pa per N m; None where no fibre is known
     base_moment: Floats | None = None  # (nx,) N m per m/s^2 of base acceleration: static share of the modes left out
 
 
@@ -126,7 +126,7 @@ def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
     for recovery in recoveries:
         if recovery.bending_moment is not None and recovery.stress_per_moment is not None:
             assert recovery.base_moment is not None
-            rows.append(recovery.stress_per_moment * recovery.bending_moment)
+            rows.append(recovery.stress_per_moment[:, None] * recovery.bending_moment)
             base.append(recovery.stress_per_moment * recovery.base_moment)
             bodies.append((recovery.body, recovery.axis, recovery.position))
     if not rows:

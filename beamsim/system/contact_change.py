@@ -88,7 +88,8 @@ def _damping(system: StructuralSystem, before: Scenario, after: Scenario) -> Flo
 def _diagonal(damping: Any, omega: Floats, modes: int) -> Floats:
     """Modal or Rayleigh damping as `beamsim.structures.damping` builds it, 1/s."""
     if damping.kind == "rayleigh":
-        return np.asarray(damping.mass + damping.stiffness * omega**2)
+        of_mass, of_stiffness = damping.factors
+        return np.asarray(of_mass + of_stiffness * omega**2)
     given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
     ratio = np.full(omega.size, given[-1])
     count = min(given.size, modes)

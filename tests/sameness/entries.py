@@ -172,7 +172,9 @@ class Entry:
         if excitation.get("kind") == "harmonic" and not replaced:
             changes.append(f"excitation.level={nudged(level)}")
         if "beam" in scenario:
-            changes.append(f"beam.youngs_modulus={nudged(scenario['beam']['youngs_modulus'])}")
+            first = scenario["beam"].get("segments", [scenario["beam"]])[0]
+            where = "segments[0]." if "segments" in scenario["beam"] else ""
+            changes.append(f"beam.{where}youngs_modulus={nudged(first['youngs_modulus'])}")
         elif "bodies" in scenario:
             name, body = next(iter(scenario["bodies"].items()))
             changes.append(f"bodies.{name}.youngs_modulus={nudged(body['youngs_modulus'])}")

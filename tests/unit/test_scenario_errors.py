@@ -151,7 +151,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         # sections
         (
             "beam={width: 50 mm, section: {kind: tube, outer_diameter: 20 mm, wall_thickness: 2 mm}}",
-            "beam.section is given together with beam.width",
+            "beam.section is given together with width",
         ),
         ("beam.width=null", "beam.width is missing; give width and thickness"),
         ("beam={width: null, thickness: null}", "beam has no cross-section"),

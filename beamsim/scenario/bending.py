@@ -1,0 +1,270 @@
+"""What makes a stretch of a beam stiff and heavy: a section of one material, a sandwich, or the numbers themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field, Tag
+
+from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
+from beamsim.scenario.quantities import (
+    BendingStiffness,
+    Density,
+    Length,
+    MassPerLength,
+    Modulus,
+    NonNegativeMassPerLength,
+    PositionOrShare,
+)
+from beamsim.scenario.sections import RectangleSection, SandwichSection, Section, SolidSection
+
+
+class Bending(Schema):
+    """Bending stiffness and mass of a stretch of a beam, whatever they are given by."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def bending_stiffness(self) -> float:
+            """E I, N m^2."""
+
+        @property
+        def mass_per_length(self) -> float:
+            """Mass per length, kg/m."""
+
+    @property
+    def stress_per_moment(self) -> float | None:
+        """Stress at the extreme fibre for a unit moment, Pa per N m; None where that is unknown."""
+        raise NotImplementedError
+
+    @property
+    def depth(self) -> float | None:
+        """Twice the distance of the outermost fibre, m; None where that is unknown."""
+        raise NotImplementedError
+
+    def material_doubts(self, where: Path) -> Iterator[str]:
+        """A sentence for each doubtful number."""
+        yield from ()
+
+
+class SolidBending(Bending):
+    """A section of one material."""
+
+    width: Length | None = None
+    """Width of a rectangular section (across the motion)."""
+    thickness: Length | None = None
+    """Thickness of a rectangular section (in the direction of the motion)."""
+    section: Section | None = None
+    """Any other cross-section, instead of width and thickness."""
+    youngs_modulus: Modulus
+    """Young's modulus."""
+    density: Density
+    """Density."""
+
+    def settle(self) -> None:
+        """Reject a section that is missing or given twice."""
+        super().settle()
+        flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
+        if self.section is not None and flat:
+            raise fail(
+                f"is given together with {flat[0]}", "keep section, or width and thickness, not both", ("section",)
+            )
+        if self.section is None and len(flat) < 2:
+            missing = "thickness" if flat == ["width"] else "width"
+            raise fail(
+                "is missing" if flat else "has no cross-section",
+                "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
+                (missing,) if flat else (),
+            )
+
+    @property
+    def cross_section(self) -> SolidSection:
+        """The section, also when it was given by width and thickness."""
+        if self.section is not None:
+            return self.section
+        assert self.width is not None
+        assert self.thickness is not None
+        return RectangleSection(width=self.width, thickness=self.thickness)
+
+    @property
+    def area(self) -> float:
+        """Cross-sectional area, m^2."""
+        return self.cross_section.area
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area, m^4."""
+        return self.cross_section.second_moment
+
+    @property
+    def extreme_fibre(self) -> float:
+        """Distance of the outermost fibre from the neutral axis, m."""
+        return self.cross_section.extreme_fibre
+
+    @property
+    def depth(self) -> float:
+        """Twice the distance of the outermost fibre, m."""
+        return 2.0 * self.extreme_fibre
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m^2."""
+        return self.youngs_modulus * self.second_moment
+
+    @property
+    def mass_per_length(self) -> float:
+        """Rho S, kg/m."""
+        return self.density * self.area
+
+    @property
+    def stress_per_moment(self) -> float:
+        """Stress at the extreme fibre for a unit moment, Pa per N m."""
+        return self.extreme_fibre / self.second_moment
+
+    def material_doubts(self, where: Path) -> Iterator[str]:
+        """Moduli and densities of no solid."""
+        at = path_text(where)
+        if not 1e5 <= self.youngs_modulus <= 2e12:
+            yield (
+                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is that of no solid: "
+                "a unit such as GPa may be missing"
+            )
+        if not 1.0 <= self.density <= 25_000.0:
+            yield (f"{at}.density = {self.density:g} kg/m^3 is that of no solid: a unit such as g/cm^3 may be missing")
+
+
+class SandwichBending(Bending):
+    """A sandwich of two materials."""
+
+    section: SandwichSection
+    """The sandwich; its faces and core have their own materials."""
+
+    @property
+    def depth(self) -> float:
+        """Twice the distance of the outermost fibre, m."""
+        return 2.0 * self.section.extreme_fibre
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I of faces and core, N m^2."""
+        return self.section.bending_stiffness
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass of faces and core, kg/m."""
+        return self.section.mass_per_length
+
+    @property
+    def stress_per_moment(self) -> float:
+        """E_f c / (E I) of the faces' outer fibre, Pa per N m."""
+        return self.section.faces.youngs_modulus * self.section.extreme_fibre / self.section.bending_stiffness
+
+
+class StatedBending(Bending):
+    """Bending stiffness and mass per length as they are stated, such as those of a sandwich panel."""
+
+    bending_stiffness: BendingStiffness
+    """Bending stiffness E I."""
+    mass_per_length: MassPerLength
+    """Mass per unit length."""
+    extreme_fibre: Length | None = None
+    """Distance of the outermost fibre from the neutral axis, for the bending stress."""
+    youngs_modulus: Modulus | None = None
+    """Young's modulus of the outermost fibre, for the bending stress: a strain alone gives none."""
+
+    @property
+    def stress_per_moment(self) -> float | None:
+        """E c / (E I) of the extreme fibre, Pa per N m; None where its distance or modulus is unknown."""
+        if self.extreme_fibre is None or self.youngs_modulus is None:
+            return None
+        return self.youngs_modulus * self.extreme_fibre / self.bending_stiffness
+
+    @property
+    def depth(self) -> float | None:
+        """Twice the distance of the outermost fibre, m; None where that is not given."""
+        return None if self.extreme_fibre is None else 2.0 * self.extreme_fibre
+
+    def material_doubts(self, where: Path) -> Iterator[str]:
+        """Half of what the bending stress needs."""
+        given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
+        missing = [name for name, value in given.items() if value is None]
+        if len(missing) == 1:
+            (alone,) = given.keys() - missing
+            yield (
+                f"{path_text((*where, alone))} has no effect without {missing[0]}: the bending stress needs both; "
+                f"give {missing[0]} too, or leave {alone} out"
+            )
+
+
+class SegmentBase(Schema):
+    """A stretch of a beam with properties of its own."""
+
+    from_: PositionOrShare = Field(alias="from")
+    """Where it begins: distance from the left end of the beam, or the share of its length: 40 %."""
+    to: PositionOrShare
+    """Where it ends; the next segment begins there."""
+    added_mass_per_length: NonNegativeMassPerLength = 0.0
+    """Mass per length that adds no stiffness, such as cables or cells; none by default."""
+
+
+class SolidSegment(SolidBending, SegmentBase):
+    """A segment of one material."""
+
+
+class SandwichSegment(SandwichBending, SegmentBase):
+    """A segment that is a sandwich."""
+
+
+class StatedSegment(StatedBending, SegmentBase):
+    """A segment by its bending stiffness and mass per length."""
+
+
+def bending_tag(value: Any) -> str:
+    """Which variant a raw beam or segment is, by what it gives."""
+    if isinstance(value, dict):
+        section = value.get("section")
+        if "bending_stiffness" in value:
+            return "<stiffness>"
+        sandwich = isinstance(section, SandwichSection) or (
+            isinstance(section, dict) and section.get("kind") == "sandwich"
+        )
+        return "<sandwich>" if sandwich else "<section>"
+    if isinstance(value, StatedBending):
+        return "<stiffness>"
+    return "<sandwich>" if isinstance(value, SandwichBending) else "<section>"
+
+
+Segment = Annotated[
+    Annotated[SolidSegment, Tag("<section>")]
+    | Annotated[SandwichSegment, Tag("<sandwich>")]
+    | Annotated[StatedSegment, Tag("<stiffness>")],
+    Variants(bending_tag),
+]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of a beam along which nothing changes."""
+
+    path: Path  # below the beam
+    start: float  # m
+    end: float  # m
+    bending: Bending
+    added_mass_per_length: float = 0.0  # kg/m
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m^2."""
+        return self.bending.bending_stiffness
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length with what is added, kg/m."""
+        return self.bending.mass_per_length + self.added_mass_per_length
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        return self.end - self.start
