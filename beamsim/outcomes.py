@@ -259,6 +259,12 @@ class OutcomeCode(Enum):
         "[; not started: {left}]",
         "",
     )
+    REDUCTION_NOT_ACCURATE = (
+        OutcomeKind.UNTRUSTED,
+        "not reliable: the error of the reduced model's receptance at contacts and loads up to {highest:.6g} Hz is "
+        "bounded only by {bound:.2g} of its size, more than {allowed:g}",
+        "keep more modes (reduction: {{modes: all}}), or leave reduction out",
+    )
     HARMONICS_NEGLECTED = (
         OutcomeKind.UNTRUSTED,
         "not reliable: at {place} the neglected harmonics amount to {error:.3g} % of the motion "

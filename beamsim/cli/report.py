@@ -175,6 +175,13 @@ def _reduction(result: Result, error: float) -> str:
     return f"{kept}, estimated error {error:.2g}"
 
 
+def _reduction_bound(result: Result, bound: float) -> str:
+    if math.isnan(bound):
+        return "not known"
+    highest = si(result.summary["highest_frequency_hz"], "Hz")
+    return f"{bound:.2g} of the receptance at contacts and loads up to {highest}"
+
+
 def base_correction(result: Result, share: float) -> str:
     """How the acceleration of a swept base differs from the specified one, if it does."""
     return f"{si(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
@@ -184,5 +191,6 @@ SHARED: Texts = {
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_error": _reduction,
+    "reduction_bound": _reduction_bound,
 }
 """Texts of the entries that several analyses share."""

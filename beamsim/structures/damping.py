@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,54 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import BodyStructure, Structure
+
+
+@dataclass(frozen=True)
+class StatedParts:
+    """Damping of a full model: a matrix, and ratios of modes that are known by their bounds (scaled units)."""
+
+    known: Any  # (N, N) sparse, dashpots, viscous and Rayleigh damping; None without
+    lowest: float  # modal ratio of the modes that a reduction leaves out: bounds
+    highest: float
+    on_coordinates: bool  # modal damping is defined for the reduced coordinates alone (composite modal damping)
+
+    def share_of(self, model: Structure, omega: float) -> float:
+        """A number c with C <= c K for the known damping C in all motion of frequencies beyond ``omega``, scaled."""
+        if self.known is None:
+            return 0.0
+        from scipy.sparse.linalg import eigsh
+
+        from beamsim.structures.sturm import negative_eigenvalues
+
+        norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
+        start = np.linspace(1.0, 2.0, model.size)
+        share = 1.01 * float(eigsh(self.known.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])
+        while share > 0 and negative_eigenvalues(share * norm - self.known) != 0:
+            share *= 2
+        return 2 * max(share, 0.0)  # K + omega^2 M <= 2 K in that motion
+
+
+def stated_parts(model: Structure, basis: ReducedBasis) -> StatedParts:
+    """What damps the full model, of which a basis keeps ``basis.modes`` modes."""
+    frequency = model.frequency_scale
+    known: Any = None if model.damping is None else model.damping / (model.mass_scale * frequency)
+    ratios = []
+    for member in model.members:
+        stated = member.body.stated_damping
+        ratios.append(_modal_ratios(stated, model.size, model.size))
+        if stated is not None and stated.kind == "rayleigh":
+            mass, stiffness = member.body.mass * member.mass_ratio, member.body.factor.T @ member.body.factor
+            matrix = mass * (stated.mass / frequency)
+            matrix = matrix + stiffness * (member.stiffness_ratio * stated.stiffness * frequency)
+            if member.expansion is not None:
+                matrix = member.expansion.T @ matrix @ member.expansion
+            known = matrix if known is None else known + matrix
+    left_out = [ratio[min(basis.modes, ratio.size - 1) :] for ratio in ratios]
+    equal = all(np.array_equal(ratio, ratios[0]) for ratio in ratios)
+    springs = any(coupling.stiffness for coupling in model.couplings)
+    composite = bool(np.any(ratios)) and (not equal or springs)
+    lowest, highest = min(float(r.min()) for r in left_out), max(float(r.max()) for r in left_out)
+    return StatedParts(known, lowest, highest, composite)
 
 
 def damping_matrix(body: BodyStructure, basis: ReducedBasis, omega: Floats) -> Floats:

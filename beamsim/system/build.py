@@ -22,6 +22,7 @@ from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
 from beamsim.structures.places import SLOPE, Place, Site
+from beamsim.structures.reduction_bound import receptance_bound
 from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -150,6 +151,12 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
             f"the reduced model is not accurate: its estimated relative error is {modes.reduction_error:.2g}; "
             "keep more modes (reduction: {modes: all}), or leave reduction out"
         )
+    elif assessed and not modes.reduction_bound <= DOUBTFUL_REDUCTION:
+        warnings.append(
+            f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz the error of its "
+            f"receptance at contacts and loads is bounded by {modes.reduction_bound:.2g} of its size; keep more modes "
+            "(reduction: {modes: all}), or leave reduction out"
+        )
     return StructuralSystem(
         dynamics=PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0)),
         forcing=forcing,
@@ -187,6 +194,7 @@ def _mode_table(
 ) -> ModeTable:
     basis, structure = parts.basis, parts.structure
     error = reduction_error(structure, basis, damping, _linear_state(parts, stops)) if assessed else math.nan
+    bound = receptance_bound(structure, basis, damping, _loads(parts)) if assessed else math.nan
     closed = closed_frequencies(parts.omega, stops.shape, stops.slow[0], basis.rigid)
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
@@ -198,7 +206,17 @@ def _mode_table(
         static_vectors=basis.static_vectors,
         highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
         reduction_error=error,
+        reduction_bound=bound,
     )
+
+
+def _loads(parts: Parts) -> Floats:
+    """(m, N) rows of contacts and point forces, and the inertia load where the base moves or gravity acts."""
+    scenario, structure = parts.scenario, parts.structure
+    springs = [snubber_site(spring) for spring in scenario.nonlinear_springs]
+    rows = structure.rows([*parts.snubber_sites, *springs, *force_sites(scenario)])
+    moving = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
+    return np.vstack([rows, structure.inertia]) if moving or scenario.gravity != 0 else rows
 
 
 def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:

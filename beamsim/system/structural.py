@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
 from beamsim.fields import Counter, attribute, dataset, declared, group, key
@@ -69,6 +71,12 @@ class ModeTable:
     static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
     highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
     reduction_error: float = attribute("1", "estimated relative error of the reduction")  # see docs/theory.md
+    reduction_bound: float = attribute(
+        "1",
+        "bound of the error of the receptance at contacts and loads up to highest_frequency_hz, over the static "
+        "compliance there, or over the receptance where that is larger",
+        default=np.nan,
+    )
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,8 @@ MENDED: dict[str, str] = {
     "* sweep*energy_error": "sweeps and the curves of their directions are held to their energy balance",
     "* nnm*phase_resonance*energy_error": "motions at phase resonance are, too",
     "*memory_bytes": "the summary of a run says what it may keep in memory",
+    "*reduction_bound": "the error of the reduced receptance is bounded beside its estimate",
+    "*highest_frequency_hz": "the summary says up to which frequency",
     "* run*work@evaluations": "a function that stays near zero takes steps by higher derivatives: a quarter fewer",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""

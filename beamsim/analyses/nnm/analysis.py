@@ -36,6 +36,7 @@ from beamsim.analyses.nnm.result import (
     RelaxedComparison,
 )
 from beamsim.analyses.nnm.summary import nnm_summary
+from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
@@ -123,7 +124,7 @@ def nnm(
                 scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
             )
     outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
-    outcome = balanced(outcome, branches, branch.unit)
+    outcome = reduction_checked(balanced(outcome, branches, branch.unit), system.modes)
     result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,

@@ -13,6 +13,7 @@ import numpy as np
 from beamsim.analyses.branch import BranchResult, SpecialPointResult
 from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
+from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.response.branches import (
     COVERED,
     Budget,
@@ -102,7 +103,7 @@ def frequency_response(
     outcome = _combined(outcomes)
     if isinstance(settings.method, HarmonicBalance):
         outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
-    outcome = balanced(outcome, branches, model.followed.unit)
+    outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), model.system.modes)
     overlay = {}
     left = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None and stop():

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY, margins
+from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import (
     SEARCHED,
     Convergence,
@@ -123,7 +124,7 @@ def run(
     result = RunResult(
         scenario=scenario,
         method=motion.method,
-        outcome=motion.outcome,
+        outcome=reduction_checked(motion.outcome, system.modes),
         time=motion.histories.signal(lambda time: time),
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.limits import margins_of
+from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
@@ -103,7 +104,7 @@ def sweep(
         return SweepResult(
             scenario=scenario,
             kind=settings.kind,
-            outcome=outcome,
+            outcome=reduction_checked(outcome, system.modes),
             curves=dict(curves),
             linear=linear_curve(system, settings.from_, settings.to, logarithmic),
             peaks=peaks,

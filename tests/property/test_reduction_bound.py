@@ -1,0 +1,259 @@
+"""The bound of a reduced model's receptance, against the receptance of the full model."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from beamsim.analyses.run.analysis import run
+from beamsim.outcomes import OutcomeCode
+from beamsim.scenario import load_scenario
+from beamsim.structures.modes import natural_modes
+from beamsim.structures.reduction_bound import LeftOut, receptance_bound
+from beamsim.structures.sturm import frequency_beyond, negative_eigenvalues
+from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
+
+BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 7e10, "density": 2700}
+UNDAMPED = {"kind": "modal", "ratio": 0.0}
+ENDS = st.sampled_from(["clamped", "pinned", "free", "guided"])
+RATIO = st.floats(0.001, 0.2)
+DAMPING = st.one_of(
+    st.just(UNDAMPED),
+    st.builds(lambda ratio: {"kind": "modal", "ratio": ratio}, RATIO),
+    st.builds(lambda ratios: {"kind": "modal", "ratio": ratios}, st.lists(RATIO, min_size=1, max_size=8)),
+    st.builds(
+        lambda a, b: {"kind": "rayleigh", "mass": a, "stiffness": b}, st.floats(0.1, 50.0), st.floats(1e-7, 1e-4)
+    ),
+    st.builds(lambda c: {"kind": "viscous", "coefficient": c}, st.floats(0.1, 300.0)),
+)
+PLACE = st.floats(0.05, 1.0)
+
+
+def snubber(position):
+    return {"name": f"at{position}", "position": position, "side": "below", "stiffness": 1e5, "gap": 1e-3}
+
+
+@st.composite
+def beams(draw, damping=DAMPING):
+    masses = [{"position": x, "mass": draw(st.floats(0.01, 2.0))} for x in draw(st.lists(PLACE, max_size=2))]
+    beam = {**BEAM, "elements": draw(st.integers(10, 30)), "damping": draw(damping), "point_masses": masses}
+    left, right = draw(ENDS), draw(ENDS)
+    beam["supports"] = {"left": left, "right": right}
+    free = min(x for x in (0.95 if right in ("clamped", "pinned") else 1.0, 1.0))
+    places = draw(st.lists(st.floats(0.05, free), min_size=1, max_size=2, unique=True))
+    return {
+        "beam": beam,
+        "snubbers": [snubber(x) for x in places],
+        "reduction": {"modes": draw(st.integers(2, 8))},
+    }
+
+
+@st.composite
+def chains(draw):
+    size = draw(st.integers(5, 12))
+    number = st.floats(0.1, 10.0)
+    springs = draw(st.lists(st.floats(1e3, 1e5), min_size=size, max_size=size))
+    dashpot = st.one_of(st.just(0.0), st.floats(0.01, 50.0))
+    dashpots = draw(st.lists(dashpot, min_size=size, max_size=size))
+    chain = {
+        "masses": draw(st.lists(number, min_size=size, max_size=size)),
+        "springs": [*springs, 0.0] if draw(st.booleans()) else [0.0, *springs[1:], 0.0],
+        "dashpots": [*dashpots, 0.0],
+    }
+    at = {"name": "s", "mass": draw(st.integers(1, size)), "side": "below", "stiffness": 1e4, "gap": 1e-3}
+    return {"chain": chain, "snubbers": [at], "reduction": {"modes": draw(st.integers(2, 4))}}
+
+
+def truncation(case):
+    parts = reduced_parts(load_scenario(json.dumps(case)))
+    structure = parts.structure
+    loads = np.vstack([structure.rows(parts.snubber_sites), structure.inertia])
+    return LeftOut(structure, parts.basis, parts.reduced.damping, loads)
+
+
+def full_receptance(t, s):
+    """Of the full model in all of its modes, each with its ratio."""
+    model = t.model
+    modes = natural_modes(model)
+    stated = model.members[0].body.stated_damping
+    ratios = np.zeros(model.size)
+    matrix = np.zeros((model.size, model.size))
+    if stated is not None and stated.kind == "modal":
+        given = np.atleast_1d(stated.ratio)
+        ratios[:] = given[-1]
+        ratios[: given.size] = given[: model.size]
+    elif stated is not None and stated.kind == "rayleigh":
+        frequency = model.frequency_scale
+        matrix += np.diag(stated.mass / frequency + stated.stiffness * frequency * modes.omega**2)
+    if model.damping is not None:
+        physical = modes.vectors.T @ (model.damping @ modes.vectors)
+        matrix += physical / (model.mass_scale * model.frequency_scale)
+    impedance = np.diag(modes.omega**2 - s**2 + 2j * s * ratios * modes.omega) + 1j * s * matrix
+    loads = modes.vectors.T @ t.loads.T
+    return loads.T @ np.linalg.solve(impedance, loads)
+
+
+def frequencies(t):
+    """Between the resonances, up to the highest frequency."""
+    kept = np.sqrt(t.basis.omega[: t.basis.modes - 1] * t.basis.omega[1 : t.basis.modes])
+    highest = t.basis.highest_frequency
+    return [s for s in (*kept[kept < highest], 0.3 * highest, highest) if s > 0]
+
+
+def assert_bounded(t, share=1.0):
+    for s in frequencies(t):
+        full = full_receptance(t, s)
+        true, bound = np.abs(full - t.receptance(s)), share * t.errors(s)
+        assert np.all(true <= bound * (1 + 1e-6) + 1e-11 * np.abs(full).max())
+
+
+@settings(max_examples=60, deadline=None)
+@given(beams())
+def test_it_bounds_the_error_of_beams_whatever_damps_and_holds_them(case):
+    assert_bounded(truncation(case))
+
+
+@settings(max_examples=50, deadline=None)
+@given(chains())
+def test_it_bounds_the_error_of_chains_with_dashpots(case):
+    assert_bounded(truncation(case))
+
+
+@settings(max_examples=50, deadline=None)
+@given(beams(st.just(UNDAMPED)))
+def test_undamped_at_one_place_it_is_within_a_factor_of_three(case):
+    t = truncation(case)
+    contacts = slice(0, len(case["snubbers"]))
+    for s in frequencies(t):
+        full, reduced = full_receptance(t, s), t.receptance(s)
+        true = np.diag(np.abs(full - reduced))[contacts]
+        measurable = true > 1e-8 * np.abs(full).max()
+        assert np.all(np.diag(t.errors(s))[contacts][measurable] <= 3 * true[measurable])
+
+
+def test_a_third_of_it_is_no_bound():
+    case = {"beam": {**BEAM, "damping": UNDAMPED}, "snubbers": [snubber(1.0)], "reduction": {"modes": 3}}
+    assert_bounded(truncation(case))
+    with pytest.raises(AssertionError):
+        assert_bounded(truncation(case), 1 / 3)
+
+
+def test_it_is_sharper_than_the_bound_by_two_moments_of_the_modes_left_out():
+    """a + b w^2 / (1 - w^2 / W^2) - a / (1 - w^2 b / a), a and b being sums of phi^2 / w_i^2 and phi^2 / w_i^4."""
+    case = {"beam": {**BEAM, "damping": UNDAMPED}, "snubbers": [snubber(1.0)], "reduction": {"modes": 4}}
+    t = truncation(case)
+    modes = natural_modes(t.model)
+    left_out = slice(t.basis.modes, None)
+    squared = (modes.vectors[:, left_out].T @ t.loads[0]) ** 2
+    omega = modes.omega[left_out]
+    a, b = np.sum(squared / omega**2), np.sum(squared / omega**4)
+    for share in (0.3, 0.6, 1.0):
+        s = share * t.basis.highest_frequency
+        two = a + b * s**2 / (1 - (s / omega[0]) ** 2) - a / (1 - s**2 * b / a)
+        assert 0 < t.errors(s)[0, 0] < two
+
+
+def joined(inner, outer):
+    half = {**BEAM, "kind": "beam", "length": 0.5, "elements": 12}
+    return {
+        "bodies": {
+            "inner": {**half, "supports": {"left": "clamped", "right": "free"}, "damping": inner},
+            "outer": {**half, "supports": {"left": "free", "right": "free"}, "damping": outer},
+        },
+        "joints": [
+            {
+                "name": "hinge",
+                "between": [{"body": "inner", "position": 0.5}, {"body": "outer", "position": 0.0}],
+                "kind": "hinge",
+                "rotational_stiffness": 200.0,
+                "rotational_dashpot": 0.5,
+            }
+        ],
+        "snubbers": [
+            {"name": "end", "at": {"body": "outer", "position": 0.5}, "side": "below", "stiffness": 1e5, "gap": 1e-3}
+        ],
+        "reduction": {"modes": 4},
+    }
+
+
+@settings(max_examples=20, deadline=None)
+@given(RATIO, RATIO)
+def test_it_bounds_the_error_of_joined_bodies_with_modal_damping_defined_for_the_coordinates(inner, outer):
+    t = truncation(joined({"kind": "modal", "ratio": inner}, {"kind": "modal", "ratio": outer}))
+    assert t.stated.on_coordinates
+    stiffness, mass = (t.model.factor.T @ t.model.factor).toarray(), t.model.mass.toarray()
+    vectors = mass @ t.basis.vectors
+    damping = t.stated.known.toarray() + vectors @ t.modal_damping @ vectors.T
+    for s in frequencies(t):
+        full = t.loads @ np.linalg.solve(stiffness - s**2 * mass + 1j * s * damping, t.loads.T)
+        true = np.abs(full - t.receptance(s))
+        assert np.all(true <= t.errors(s) * (1 + 1e-6) + 1e-11 * np.abs(full).max())
+
+
+def test_between_two_bodies_errors_add_up():
+    panels = {
+        "bodies": {
+            name: {**BEAM, "kind": "beam", "thickness": h, "supports": {"left": "clamped"}, "damping": UNDAMPED}
+            for name, h in (("a", 0.01), ("b", 0.02))
+        },
+        "reduction": {"modes": 6},
+    }
+    ends = [{"body": "a", "position": 1.0}, {"body": "b", "position": 0.7}]
+    between = {**panels, "snubbers": [{"name": "s", "between": ends, "stiffness": 1e5, "gap": 1e-3}]}
+    parts = reduced_parts(load_scenario(json.dumps(between)))
+    loads = parts.structure.rows(parts.snubber_sites)
+    bound = receptance_bound(parts.structure, parts.basis, parts.reduced.damping, loads)
+    full = reduced_parts(load_scenario(json.dumps({**between, "reduction": {"modes": "all"}})))
+    static = float(np.sum((loads @ full.basis.vectors) ** 2 / full.basis.omega**2))
+    s = parts.basis.highest_frequency
+    sizes = [float(np.sum((loads @ p.basis.vectors) ** 2 / (p.basis.omega**2 - s**2))) for p in (full, parts)]
+    true = abs(sizes[0] - sizes[1])
+    assert 0 < true <= bound * max(static, abs(sizes[1])) * (1 + 1e-6)
+
+
+def test_a_mode_that_the_basis_lacks_is_noticed():
+    case = {"beam": {**BEAM, "damping": UNDAMPED}, "snubbers": [snubber(1.0)], "reduction": {"modes": 4}}
+    t = truncation(case)
+    model, omega = t.model, natural_modes(t.model).omega
+    assert omega[3] < frequency_beyond(model, omega[:4], 1.05 * omega[4]) <= omega[4]
+    assert frequency_beyond(model, omega[[0, 1, 3]], omega[4]) == 0.0
+
+
+@pytest.mark.parametrize("ends", [("clamped", "free"), ("free", "free")])
+def test_sturm_counts(ends):
+    left, right = ends
+    case = {"beam": {**BEAM, "elements": 40, "supports": {"left": left, "right": right}}, "snubbers": [snubber(0.5)]}
+    model = truncation(case).model
+    omega = natural_modes(model).omega
+    stiffness = model.factor.T @ model.factor
+    for n in range(2, 30):
+        between = (omega[n - 1] + omega[n]) / 2
+        assert negative_eigenvalues(stiffness - between**2 * model.mass) == n
+
+
+WEAK = """
+chain: {masses: [100, 0.01], springs: [1e6, 1, 0]}
+excitation: {kind: harmonic, applied_to: base, level: 1 m/s^2, frequency: 1 Hz}
+reduction: {modes: 1}
+run: {duration: 0.1 s, sample_rate: 1 kHz, convergence: "off"}
+"""
+
+
+def test_results_of_a_reduction_without_a_useful_bound_are_not_trusted():
+    """The mode kept is that of the light mass; what the base's motion does to the heavy one is left out."""
+    result = run(load_scenario(WEAK))
+    assert result.modes.reduction_bound > 0.1
+    assert result.outcome.code is OutcomeCode.REDUCTION_NOT_ACCURATE
+    assert not result.outcome.trusted
+    whole = run(load_scenario(WEAK, ["reduction={modes: 2}"]))
+    assert whole.modes.reduction_bound == 0.0
+    assert whole.outcome.complete
+
+
+def test_a_bound_above_one_percent_is_a_warning():
+    system = build_system(load_scenario(WEAK, ["chain.masses=[5, 1]", "chain.springs=[1e6, 1e3, 0]"]))
+    assert 0.01 < system.modes.reduction_bound < 0.1
+    assert any("may not be accurate" in text for text in system.warnings)
