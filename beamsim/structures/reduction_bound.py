@@ -46,8 +46,9 @@ def receptance_bound(model: Structure, basis: ReducedBasis, damping: Floats, loa
     -------
     float
         A bound up to the highest frequency that the reduction was made for; 0 where all modes are kept, infinite where
-        there are natural frequencies below it that the modes kept lack. The size of a receptance is the geometric mean
-        of those at its two places, each of which is its static compliance or, near resonances, its present amount.
+        there are natural frequencies below it that the modes kept lack, nan where round-off leaves that open. The size
+        of a receptance is the geometric mean of those at its two places, each of which is its static compliance or,
+        near resonances, its present amount.
     """
     parts = [(part.structure, part.dofs) for part in model.parts] or [(model, slice(None))]
     blocks = basis.blocks or ((basis, np.arange(basis.size)),)
@@ -67,8 +68,8 @@ def receptance_bound(model: Structure, basis: ReducedBasis, damping: Floats, loa
             errors += part.errors(scaled) / part.model.stiffness_scale
             present += np.abs(part.receptance(scaled)) / part.model.stiffness_scale
         size = np.sqrt(np.maximum(static, np.diag(present)))[moved]
-        largest = max(largest, float((errors[np.ix_(moved, moved)] / np.outer(size, size)).max()))
-    return largest
+        largest = np.maximum(largest, (errors[np.ix_(moved, moved)] / np.outer(size, size)).max())
+    return float(largest)
 
 
 def _frequencies(basis: ReducedBasis) -> Floats:

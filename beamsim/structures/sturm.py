@@ -57,7 +57,7 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     """A lower bound of the natural frequencies that are not among the lowest, ``kept`` ones (scaled, ascending).
 
     Certified by Sturm counts, up to round-off of their factorisations: below the value returned there are no natural
-    frequencies but those kept. Zero where the kept ones are not the lowest, so that nothing can be said.
+    frequencies but those kept. Zero where the kept ones are not the lowest; nan where no count is known.
 
     Parameters
     ----------
@@ -66,7 +66,9 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     stiffness = (model.factor.T @ model.factor).tocsc()
     last = float(kept[-1]) if kept.size else 0.0
     between = last + (guess - last) * np.array(_SHARES)
+    counts = []
     for omega in (*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)):
-        if negative_eigenvalues(stiffness - omega**2 * model.mass) == int(np.sum(kept < omega)):
+        counts.append(negative_eigenvalues(stiffness - omega**2 * model.mass))
+        if counts[-1] == int(np.sum(kept < omega)):
             return float(omega)
-    return 0.0
+    return np.nan if None in counts else 0.0
