@@ -151,8 +151,46 @@ class HalfSine(Shock):
         return 0.5 / self.duration
 
 
+PointForce = Annotated[Harmonic | MultiTone | Step | HalfSine, BY_KIND]
+
+
+class Forces(Schema):
+    """Several forces at points, each with its own signal."""
+
+    kind: Literal["forces"] = "forces"
+    """Several forces at points."""
+    forces: Annotated[tuple[PointForce, ...], Field(min_length=1)]
+    """The forces: each a harmonic, multi_tone, step or half_sine excitation that is applied to a point."""
+
+    def settle(self) -> None:
+        """Reject what moves the base."""
+        for index, force in enumerate(self.forces):
+            if force.on_base:
+                raise fail(
+                    "is the base, where forces at points are listed",
+                    "apply it to {position: 270 mm} or {mass: 2}; base motion is an excitation by itself",
+                    ("forces", index, "applied_to"),
+                )
+
+    @property
+    def shock(self) -> bool:
+        """Whether all of them begin at a time and leave a free motion."""
+        return all(force.shock for force in self.forces)
+
+    @property
+    def frequencies_hz(self) -> tuple[float, ...]:
+        """Frequencies of all tones, Hz, each once."""
+        return tuple(dict.fromkeys(f for force in self.forces for f in force.frequencies_hz))
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """The highest of all, Hz."""
+        return max(force.highest_frequency_hz for force in self.forces)
+
+
 Excitation = Annotated[
-    NoExcitation | Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput, BY_KIND
+    NoExcitation | Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput | Forces,
+    BY_KIND,
 ]
 
 

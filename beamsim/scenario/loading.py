@@ -94,7 +94,16 @@ def _validated(root: Node) -> Scenario:
     except ScenarioError as error:
         problems = [(path_parts(problem.path), problem) for problem in error.problems]
     except ValidationError as error:
-        problems = [_problem(*describe(Scenario, detail)) for detail in error.errors(include_url=False)]
+        details = error.errors(include_url=False)
+        wrong = [detail["loc"] for detail in details]
+        # a list is too short for pydantic as well where its items are wrong
+        details = [
+            detail
+            for detail in details
+            if detail["type"] != "too_short"
+            or not any(loc != detail["loc"] and loc[: len(detail["loc"])] == detail["loc"] for loc in wrong)
+        ]
+        problems = [_problem(*describe(Scenario, detail)) for detail in details]
         problems += _between_fields(data)
     unique = list(dict.fromkeys(located(root, path, problem) for path, problem in problems))
     raise ScenarioError(sorted(unique, key=lambda problem: (problem.file != root.file, problem.line or 0)))

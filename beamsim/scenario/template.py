@@ -33,7 +33,7 @@ snubbers:                            # one-sided springs, any number of them
 gravity: 0 m/s^2                     # 1 g acts downwards, towards w < 0
 
 excitation:
-  kind: harmonic                     # or multi_tone, step, half_sine, none
+  kind: harmonic                     # or multi_tone, step, half_sine, forces, none
   applied_to: base                   # or {position: 270 mm} for a force
   level: 2 g                         # zero to peak; for the base also 0.2 m/s or 0.1 mm
   frequency: 65 Hz
@@ -83,7 +83,7 @@ chain:
 gravity: 0 m/s^2                     # 1 g acts towards negative displacement
 
 excitation:
-  kind: harmonic                     # or multi_tone, step, half_sine, none
+  kind: harmonic                     # or multi_tone, step, half_sine, forces, none
   applied_to: {mass: 2}              # a force; or base, which moves the walls
   level: 0.1 N                       # zero to peak; for the base 2 g, 0.2 m/s or 0.1 mm
   frequency: 0.8 rad/s               # or Hz, rpm

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-from beamsim.scenario.base import path_text
+from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.damping import ModalDamping
 from beamsim.scenario.excitation import Shock
 from beamsim.scenario.joint import Joint, points_apart
@@ -103,12 +103,13 @@ def _timing(scenario: _Doubted) -> Iterator[str]:
             f"run.sample_rate = {run.output_rate:g} Hz is {run.output_rate / highest:.3g} samples a period: "
             "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
         )
-    if isinstance(excitation, Shock) and run.output_rate < 20.0 * excitation.highest_frequency_hz:
-        yield (
-            f"run.sample_rate = {run.output_rate:g} Hz puts fewer than 10 samples into the pulse of "
-            f"{0.5 / excitation.highest_frequency_hz:g} s"
-        )
-    if isinstance(excitation, Shock) and excitation.time >= run.duration:
-        yield f"excitation.time = {excitation.time:g} s lies after the end of the run, {run.duration:g} s"
+    for path, shock in walk(excitation, ("excitation",)):
+        if isinstance(shock, Shock) and run.output_rate < 20.0 * shock.highest_frequency_hz:
+            yield (
+                f"run.sample_rate = {run.output_rate:g} Hz puts fewer than 10 samples into the pulse of "
+                f"{0.5 / shock.highest_frequency_hz:g} s"
+            )
+        if isinstance(shock, Shock) and shock.time >= run.duration:
+            yield f"{path_text(path)}.time = {shock.time:g} s lies after the end of the run, {run.duration:g} s"
     if run.output_rate * run.duration > 1.01 * MANY_SAMPLES:
         yield f"{run.output_rate * run.duration:.3g} output samples make a very large result file"

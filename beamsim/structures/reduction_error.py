@@ -37,7 +37,7 @@ class LinearState:
     stiffness: Floats  # (m,) N/m
     dashpot: Floats  # (m,) N s/m
     output_rows: Floats  # (o, N) where responses are compared, besides the contacts
-    load: Floats | None  # (N,) scaled excitation pattern
+    loads: Floats  # (L, N) scaled excitation patterns
     omega: tuple[float, ...]  # excitation frequencies, rad/s
 
 
@@ -60,8 +60,7 @@ def reduction_error(model: Structure, basis: ReducedBasis, damping: Floats, stat
 def _response_error(model: Structure, basis: ReducedBasis, damping: Floats, state: LinearState, omega: float) -> float:
     m = state.stiffness.size
     outputs = np.vstack([state.contact_rows, state.output_rows])
-    inputs = [state.contact_rows] if state.load is None else [state.contact_rows, state.load[None, :]]
-    loads = np.vstack(inputs).T
+    loads = np.vstack([state.contact_rows, state.loads]).T
     if outputs.size == 0 or loads.size == 0:
         return 0.0
     s = omega / model.frequency_scale

@@ -17,7 +17,7 @@ from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.structures.assembly import snubber_site
+from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
@@ -29,7 +29,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
 from beamsim.system.mechanisms import check_mechanisms, held_problems
-from beamsim.system.parts import Parts, force_sites, point_of_excitation, reduced_parts, start_of
+from beamsim.system.parts import Parts, exciting_forces, force_sites, reduced_parts, start_of
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
@@ -142,7 +142,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
 
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
-    on_base = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
+    on_base = scenario.excitation.kind != "none" and not exciting_forces(scenario)
     sites = parts.snubber_sites + force_sites(scenario)
     recoveries = parts.reduced.recoveries(sites, on_base) if recovered else ()
     modes = _mode_table(parts, stops, damping, recoveries, assessed)
@@ -185,8 +185,10 @@ def _acting(parts: Parts) -> list[tuple[Path, Site, str]]:
         (located.path, snubber_site(located), f"{located.item.name}")
         for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
     ]
-    point = point_of_excitation(scenario)
-    return acting if point is None else [*acting, (("excitation", "applied_to"), point, "a force")]
+    return acting + [
+        ((*path, "applied_to"), site_in(scenario, force.applied_to), "a force")
+        for path, force in exciting_forces(scenario)
+    ]
 
 
 def _mode_table(
@@ -221,16 +223,15 @@ def _loads(parts: Parts) -> Floats:
 
 def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
     scenario, structure = parts.scenario, parts.structure
-    point = point_of_excitation(scenario)
-    load: Floats | None = None
-    if scenario.excitation.kind != "none":
-        load = structure.inertia if point is None else structure.row(point)
+    loads = structure.rows([site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)])
+    if not loads.size and scenario.excitation.kind != "none":
+        loads = structure.inertia[None, :]
     return LinearState(
         contact_rows=structure.rows(parts.snubber_sites),
         stiffness=contacts.slow[0],
         dashpot=contacts.slow[1],
         output_rows=structure.rows(parts.probe_sites),
-        load=load,
+        loads=loads,
         omega=tuple(2 * np.pi * f for f in scenario.excitation.frequencies_hz),
     )
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
 from beamsim.system.equations import Forcing
-from beamsim.system.parts import Parts
+from beamsim.system.parts import Parts, exciting_forces
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.inputs.excitation import Driven
     from beamsim.inputs.signal import Signal
+    from beamsim.scenario.base import Path
 
 
 def constant_loads(parts: Parts) -> Floats:
@@ -30,12 +33,17 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
     if excitation.kind == "none":
         return None, Forcing(np.zeros((0, parts.basis.size)), ())
     duration = None if scenario.run is None else scenario.run.duration
-    folder = scenario.folder_of("excitation", "file")
-    key = (excitation, duration, folder)
-    if excitation.applied_to != "base":
-        signals = (parts.shared.once("signal", key, lambda: level_signal(excitation, duration, folder)),)
-        return None, Forcing(parts.shape(excitation.applied_to)[None, :], signals)
-    motion = parts.shared.once("signal", key, lambda: base_motion(excitation, duration, folder))
+
+    def signal_of(driven: Driven, at: Path, signal: Callable[..., Any]) -> Any:
+        folder = scenario.folder_of(*at, "file")
+        key = (driven, duration, folder)
+        return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
+
+    if forces := exciting_forces(scenario):
+        signals = tuple(signal_of(force, path, level_signal) for path, force in forces)
+        return None, Forcing(np.array([parts.shape(force.applied_to) for _, force in forces]), signals)
+    assert excitation.kind != "forces"
+    motion = signal_of(excitation, ("excitation",), base_motion)
     load: list[Floats] = [-parts.inertia]
     signal: list[Signal] = [motion.acceleration]
     if structure.ground.any():  # springs to ground stretch by the base's displacement as well

@@ -18,7 +18,9 @@ from beamsim.system.shared import ReducedStructure, SharedBuilds
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.inputs.excitation import Driven
     from beamsim.scenario import Scenario
+    from beamsim.scenario.base import Path
     from beamsim.scenario.run import Start
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
@@ -104,20 +106,20 @@ def start_of(scenario: Scenario) -> Start | None:
     return None if scenario.run is None else scenario.run.start
 
 
-def point_of_excitation(scenario: Scenario) -> Site | None:
-    """Where a point force acts; None for base motion and for no excitation."""
+def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
+    """The point forces of the excitation with their paths; none of base motion and of no excitation."""
     excitation = scenario.excitation
-    if excitation.kind == "none" or excitation.applied_to == "base":
-        return None
-    return site_in(scenario, excitation.applied_to)
+    if excitation.kind == "none":
+        return []
+    if excitation.kind == "forces":
+        return [(("excitation", "forces", index), force) for index, force in enumerate(excitation.forces)]
+    return [] if excitation.applied_to == "base" else [(("excitation",), excitation)]
 
 
 def force_sites(scenario: Scenario) -> list[Site]:
     """Sites of every point force, released ones included."""
     sites = [site_in(scenario, force) for force in scenario.constant_forces]
-    point = point_of_excitation(scenario)
-    if point is not None:
-        sites.append(point)
+    sites += [site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)]
     start = start_of(scenario)
     if isinstance(start, ReleasedForceStart):
         sites.append(site_in(scenario, start.released_force))

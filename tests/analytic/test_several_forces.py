@@ -1,0 +1,144 @@
+"""Several point forces: superposition, static limits, independent integration, energies, errors."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+L = 0.8
+BEAM = {
+    "length": L, "width": 0.04, "thickness": 0.006, "youngs_modulus": 70e9, "density": 2700.0,
+    "damping": {"kind": "modal", "ratio": 0.01},
+}  # fmt: skip
+HARMONIC = {"kind": "harmonic", "applied_to": {"position": 0.3}, "level": 4.0, "frequency": 17.0, "phase": 0.7}
+TONES = {
+    "kind": "multi_tone",
+    "applied_to": {"position": L},
+    "tones": [{"level": 1.0, "frequency": 31.0}, {"level": 0.5, "frequency": 90.0, "phase": 1.0}],
+}
+PULSE = {"kind": "half_sine", "applied_to": {"position": 0.5}, "level": 3.0, "duration": 0.01, "time": 0.05}
+STEP = {"kind": "step", "applied_to": {"position": 0.6}, "level": -2.0, "time": 0.02}
+FORCES = (HARMONIC, TONES, PULSE, STEP)
+
+
+def case(excitation, **more):
+    return {
+        "beam": BEAM,
+        "excitation": excitation,
+        "probes": [{"name": "p", "position": 0.7}],
+        "reduction": {"modes": 6},
+        "run": {"duration": 0.2, "sample_rate": 2000.0},
+        **more,
+    }
+
+
+def together(*forces):
+    return {"kind": "forces", "forces": list(forces)}
+
+
+def run(excitation, **more):
+    return beamsim.run(load_scenario(case(excitation, **more)))
+
+
+def test_a_single_force_in_the_list_is_that_force():
+    stop = {"snubbers": [{"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 2e-4}]}
+    one, listed = run(HARMONIC, **stop), run(together(HARMONIC), **stop)
+    assert one.summary["contacts"]["s"] >= 2
+    assert listed.summary["contacts"] == one.summary["contacts"]
+    np.testing.assert_array_equal(listed.probes["p"].displacement, one.probes["p"].displacement)
+
+
+def test_forces_superpose_while_a_preloaded_stop_stays_closed():
+    # modes and static vectors follow the places of the forces: all modes make the models alike
+    closed = {
+        "snubbers": [{"name": "s", "position": L, "side": "below", "stiffness": 2e3, "gap": -0.2}],
+        "reduction": {"modes": "all"},
+    }
+    results = [run(force, **closed) for force in FORCES]
+    rest = run({**HARMONIC, "level": 0.0}, **closed).probes["p"].displacement
+    whole = run(together(*FORCES), **closed)
+    assert whole.summary["contacts"]["s"] == 0
+    assert whole.snubbers["s"].force.min() > 0.0
+    expected = rest + sum(result.probes["p"].displacement - rest for result in results)
+    scale = np.abs(expected - rest).max()
+    np.testing.assert_allclose(whole.probes["p"].displacement, expected, atol=1e-9 * scale)
+    assert whole.summary["energy_error"] < 1e-10
+
+
+def test_slow_forces_give_the_static_deflection():
+    """Two forces far below the first frequency: the sum of the closed-form deflections of a cantilever."""
+    slow = [
+        {"kind": "harmonic", "applied_to": {"position": a}, "level": p, "frequency": 1e-3, "phase": "90 deg"}
+        for a, p in ((0.3, 4.0), (0.6, -1.5))
+    ]
+    system = build_system(load_scenario(case(together(*slow))))
+    load = sum(row * signal(0.0) for row, signal in zip(system.forcing.load, system.forcing.signal, strict=True))
+    q = load / system.dynamics.stiffness
+    EI = 70e9 * 0.04 * 0.006**3 / 12
+    expected = sum(p * a**2 / (6 * EI) * (3 * 0.7 - a) for a, p in ((0.3, 4.0), (0.6, -1.5)))
+    assert system.probes[0].shape @ q == pytest.approx(expected, rel=1e-5)  # 6 modes and the static vectors
+    moment = system.bodies[0].bending_moment @ q
+    x = system.bodies[0].position
+    exact = sum(p * np.clip(a - x, 0, None) for a, p in ((0.3, 4.0), (0.6, -1.5)))
+    np.testing.assert_allclose(np.abs(moment), np.abs(exact), atol=2e-3 * np.abs(exact).max())
+
+
+def test_contact_under_several_forces_against_independent_integration():
+    stop = {"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 2e-4}
+    scenario = load_scenario(case(together(*FORCES), snubbers=[stop]))
+    result, system = beamsim.run(scenario), build_system(scenario)
+    assert result.summary["contacts"]["s"] >= 2
+    assert result.summary["energy_error"] < 1e-10
+    n, shape = system.dynamics.size, system.snubbers[0].shape
+    rows = [system.forcing.load[i] for i in range(4)]
+
+    def values(t):
+        tones = np.sin(2 * np.pi * 31 * t) + 0.5 * np.sin(2 * np.pi * 90 * t + 1.0)
+        pulse = 3.0 * np.sin(np.pi * (t - 0.05) / 0.01) if 0.05 <= t <= 0.06 else 0.0
+        return 4.0 * np.sin(2 * np.pi * 17 * t + 0.7), tones, pulse, -2.0 if t >= 0.02 else 0.0
+
+    def rhs(t, y):
+        q, v = y[:n], y[n:]
+        force = 2e4 * max(-(2e-4 + shape @ q), 0.0)
+        load = sum(value * row for value, row in zip(values(t), rows, strict=True))
+        return np.concatenate([v, load - system.dynamics.stiffness * q - system.dynamics.damping @ v + force * shape])
+
+    # from break to break of the forces
+    y, at = system.initial_state, result.time <= 0.06
+    expected = np.zeros(0)
+    for begin, end in ((0.0, 0.02), (0.02, 0.05), (0.05, 0.06)):
+        times = result.time[(result.time >= begin - 1e-12) & (result.time < end - 1e-12)]
+        solution = solve_ivp(
+            rhs, (begin, end - 1e-13), y, method="DOP853", rtol=1e-9, atol=1e-12, t_eval=[*times, end - 1e-13]
+        )
+        expected = np.append(expected, system.probes[0].shape @ solution.y[:n, :-1])
+        y = solution.y[:, -1]
+    got = result.probes["p"].displacement[at][: expected.size]
+    np.testing.assert_allclose(got, expected, atol=2e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("excitation", "where", "what"),
+    [
+        (together({**HARMONIC, "applied_to": "base", "level": "1 g"}), "forces[0].applied_to", "is the base"),
+        (together(HARMONIC, {**STEP, "applied_to": {"position": 1.2}}), "forces[1].applied_to.position", "beyond"),
+        (together({**STEP, "applied_to": {"position": 0.0}}), "forces[0].applied_to.position", "clamped"),
+        (together({**HARMONIC, "level": "1 g"}), "forces[0].level", "a point takes a force"),
+        (together(), "forces", "empty"),
+    ],
+)
+def test_what_cannot_act_is_said(excitation, where, what):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(case(excitation))
+    assert any(p.path == f"excitation.{where}" and what in p.message for p in caught.value.problems), caught.value
+    assert len(caught.value.problems) == 1
+
+
+def test_a_sweep_of_several_forces_is_refused():
+    sweep = {"kind": "stepped", "from": 10.0, "to": 20.0, "points": 3}
+    with pytest.raises(ScenarioError, match="sweeps the frequency of a harmonic excitation"):
+        load_scenario(case(together(HARMONIC, STEP), sweep=sweep))
