@@ -217,7 +217,7 @@ def _loads(parts: Parts) -> Floats:
     scenario, structure = parts.scenario, parts.structure
     springs = [snubber_site(spring) for spring in scenario.nonlinear_springs]
     rows = structure.rows([*parts.snubber_sites, *springs, *force_sites(scenario)])
-    moving = scenario.excitation.kind != "none" and point_of_excitation(scenario) is None
+    moving = scenario.excitation.kind != "none" and not exciting_forces(scenario)
     return np.vstack([rows, structure.inertia]) if moving or scenario.gravity != 0 else rows
 
 
