@@ -36,6 +36,8 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+    from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.structure import Structure
 
 
 DOUBTFUL_REDUCTION = 0.01
@@ -209,7 +211,23 @@ def _mode_table(
         highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
         reduction_error=error,
         reduction_bound=bound,
+        **_energy_shares(structure, basis),
     )
+
+
+def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, dict[str, Floats]]:
+    """(r,) by body the shares of kinetic and of strain energy of the coordinates; nothing of a single body."""
+    if len(structure.members) == 1:
+        return {}
+    kinetic, strain = {}, {}
+    squared = np.where(basis.omega > 0, basis.omega, np.nan) ** 2
+    for member in structure.members:
+        fields = member.field(basis.vectors)
+        moving = np.einsum("ij,ij->j", fields, member.body.mass @ fields)
+        kinetic[member.body.name] = moving * member.mass_ratio
+        bent = np.asarray(member.body.factor @ fields)
+        strain[member.body.name] = np.sum(bent**2, axis=0) * member.stiffness_ratio / squared
+    return {"kinetic_energy_share": kinetic, "strain_energy_share": strain}
 
 
 def _loads(parts: Parts) -> Floats:

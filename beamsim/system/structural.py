@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
-from beamsim.fields import Counter, attribute, dataset, declared, group, key
+from beamsim.fields import Counter, attribute, dataset, declared, group, key, per_name
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
@@ -77,6 +77,15 @@ class ModeTable:
         "compliance there, or over the receptance where that is larger",
         default=np.nan,
     )
+    # by body, of several bodies only
+    kinetic_energy_share: dict[str, Floats] = per_name(
+        "bodies", "1", "share of a mode's kinetic energy in this body", along=_MODE, default_factory=dict
+    )
+    strain_energy_share: dict[str, Floats] = per_name(
+        "bodies", "1",
+        "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
+        along=_MODE, default_factory=dict,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,12 @@ from scipy.optimize import brentq
 import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.store.results import open_run, write_result
 from beamsim.structures.assembly import assemble
 from beamsim.structures.joined import null_space_basis
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
 FREE = {"supports": {"left": "free", "right": "free"}}
@@ -488,3 +490,43 @@ def test_ten_beams_keep_the_sparsity_of_one():
     one = assemble(load_scenario({"beam": {k: v for k, v in beam(5.0, 1000, "clamped").items() if k != "kind"}}))
     assert structure.size == one.size
     assert structure.mass.nnz <= one.mass.nnz + 9 * 16
+
+
+@pytest.mark.parametrize("spring", [0.0, 150.0])
+def test_energies_of_modes_are_those_of_the_bodies_and_of_the_springs_between(spring, tmp_path):
+    """Of every coordinate: kinetic energies add up, and what strain energy the bodies lack is in the hinge's spring."""
+    ends = [at("a", 0.4), at("b", 0.0)]
+    case = joined(
+        {"a": beam(0.4, 8, "clamped"), "b": beam(0.6, 12)},
+        [{"name": "h", "kind": "hinge", "between": ends, "rotational_stiffness": spring}],
+        snubbers=[{"name": "s", "at": at("b", 0.6), "side": "below", "stiffness": 1e4, "gap": 1e-3}],
+        reduction={"modes": 5},
+        run={"duration": 0.01, "sample_rate": 1000.0, "start": "rest"},
+    )
+    result = beamsim.run(load_scenario(case))
+    modes = result.modes
+    kinetic, strain = modes.kinetic_energy_share, modes.strain_energy_share
+    assert list(kinetic) == list(strain) == ["a", "b"]
+    np.testing.assert_allclose(sum(kinetic.values()), 1.0, rtol=1e-10)
+    flexible = modes.open_frequencies_hz > 0
+    assert flexible.sum() == 6 - (spring == 0.0)
+    if spring == 0.0:
+        np.testing.assert_allclose(sum(strain.values())[flexible], 1.0, rtol=1e-9)
+        assert np.isnan(strain["a"][0])
+        # the free bar turns about the hinge, and the beam that it hangs on is still
+        np.testing.assert_allclose([kinetic["a"][0], kinetic["b"][0]], [0.0, 1.0], atol=1e-12)
+    else:
+        structure = assemble(load_scenario(case))
+        coupling = next(c for c in structure.couplings if c.stiffness)
+        vectors = np.array([np.asarray(structure.row(coupling.site))])
+        reduced = vectors @ reduced_basis(case)
+        omega = 2 * np.pi * modes.open_frequencies_hz
+        in_spring = spring * reduced[0] ** 2 / structure.mass_scale / omega**2
+        assert in_spring[0] > 0.05
+        np.testing.assert_allclose(1 - sum(strain.values()), in_spring, atol=1e-9)
+    again = open_run(write_result(result, tmp_path / "r.h5"))
+    np.testing.assert_array_equal(again.modes.strain_energy_share["b"], strain["b"])
+
+
+def reduced_basis(case):
+    return reduced_parts(load_scenario(case)).basis.vectors
