@@ -54,7 +54,7 @@ MENDED: dict[str, str] = {
     "* nnm*phase_resonance*energy_error": "motions at phase resonance are, too",
     "*memory_bytes": "the summary of a run says what it may keep in memory",
     "*reduction_bound": "the error of the reduced receptance is bounded beside its estimate",
-    "*modes/bodies/*_energy_share": "modes of several bodies: which of them moves, and which bends",
+    "*modes/bodies/*": "modes of several bodies: which of them moves, and which bends",
     "*highest_frequency_hz": "the summary says up to which frequency",
     "* run*work@evaluations": "a function that stays near zero takes steps by higher derivatives: a quarter fewer",
 }
