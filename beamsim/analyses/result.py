@@ -77,7 +77,8 @@ class Result:
 
     def interrupted(self, during: str) -> Self:
         """The result, marked as incomplete because something was given up on request."""
-        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during=during)
+        parts = () if self.outcome.complete else (self.outcome,)
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, during=during)
         return changed(self, outcome=outcome, summary={**self.summary, "status": outcome.text})
 
     @property

@@ -99,8 +99,8 @@ def run(
         from beamsim.analyses.run.analysis import run as simulate
 
         result = simulate(scenario, progress, interrupted)
-    if against is not None and not interrupted.signal:
-        result = compare_with(result, stepper)
+        if against is not None and not interrupted.signal:
+            result = compare_with(result, stepper, interrupted)
     finish("run", result, target, reporting, interrupted.signal)
 
 

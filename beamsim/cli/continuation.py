@@ -36,14 +36,14 @@ def continue_response(
         from beamsim.analyses.response.analysis import frequency_response
 
         result = frequency_response(scenario, progress, interrupted)
-    for path, sweep in stored:
-        from beamsim.analyses.response.overlay import with_overlay
+        for path, sweep in stored:
+            from beamsim.analyses.response.overlay import with_overlay
 
-        result = with_overlay(result, sweep, path.name)
-    if expansion and not interrupted():
-        from beamsim.analyses.response.forced_expansion import with_forced_expansion
-        from beamsim.cli.conclusion import located
+            result = with_overlay(result, sweep, path.name)
+        if expansion and not interrupted():
+            from beamsim.analyses.response.forced_expansion import with_forced_expansion
+            from beamsim.cli.conclusion import located
 
-        with located(scenario):
-            result = with_forced_expansion(result)
+            with located(scenario):
+                result = with_forced_expansion(result, interrupted)
     finish("continuation", result, target, reporting, interrupted.signal)

@@ -20,6 +20,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.flow.stopping import check_stop
 from beamsim.inputs.signal import Signal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -27,6 +28,7 @@ from beamsim.typing import Bools, Floats, Ints
 
 HHT_ALPHA = -0.05
 MOST_STEPS = 5_000_000
+STEPS_OF_A_CALL = 1000  # between two looks at a request to stop
 RTOL, ATOL = 1e-8, 1e-12  # of DOP853 by default
 
 
@@ -112,6 +114,8 @@ def newmark(
     ------
     ValueError
         If the motion takes more than `MOST_STEPS` steps.
+    Stopped
+        On request, within `beamsim.flow.stopping.heeding`.
     """
     from beamsim.flow.time_stepping_kernels import contact_space, march_in_steps
 
@@ -142,17 +146,26 @@ def newmark(
         arrays.states,
     )
 
-    def march(steps: int, motion: Floats) -> int:
-        unsettled: int = march_in_steps(
-            system.stiffness, system.damping, inverse, *space, projection, problem.gap, problem.felt, laws,
-            cubic.stiffness, step, alpha, loads[:steps], d[:steps], rate[:steps], start[:n].copy(), start[n:].copy(),
-            phases.copy(), rows, motion, force[:steps], record[:steps],
+    every = m + cubic.count
+
+    def march(total: int) -> int:
+        carried = (
+            start[:n].copy(), start[n:].copy(), np.zeros(n), np.zeros(every), np.zeros(every), np.zeros(every),
+            np.zeros((m, arrays.dynamics.shape[2])),
         )  # fmt: skip
+        current, unsettled = phases.copy(), 0
+        for first in range(0, total, STEPS_OF_A_CALL):
+            check_stop()
+            unsettled += march_in_steps(
+                system.stiffness, system.damping, inverse, *space, projection, problem.gap, problem.felt, laws,
+                cubic.stiffness, step, alpha, loads, d, rate, first, min(first + STEPS_OF_A_CALL, total), carried,
+                current, rows, motion, force, record,
+            )  # fmt: skip
         return unsettled
 
-    march(2, np.empty((3, 2, rows.shape[0])))  # compiles
+    march(2)  # compiles
     begin = clock.process_time()
-    unsettled = march(count + 1, motion)
+    unsettled = march(count + 1)
     return SteppedMotion(
         time, motion[0], motion[1], motion[2], force, system.contacts.touching(record), count, unsettled,
         clock.process_time() - begin,
@@ -195,6 +208,11 @@ def dop853(
     ----------
     times : (nt,) of the record, increasing from 0; the events are added to it.
     max_step : s. The others are those of `newmark`.
+
+    Raises
+    ------
+    Stopped
+        On request, within `beamsim.flow.stopping.heeding`.
     """
     from scipy.integrate import solve_ivp
 
@@ -223,6 +241,7 @@ def dop853(
         return np.concatenate([contact, cubic.stiffness * x[m:, 0] ** 3])
 
     def slope(t: float, y: Floats, phases: Ints) -> Floats:
+        check_stop()
         x = quantities(t, y)
         load = system.constant_load - system.stiffness * y[:n] - system.damping @ y[n : 2 * n]
         for row, signal in zip(forcing.load, forcing.signal, strict=True):

@@ -52,26 +52,33 @@ def _row(row, delta, rate, p):  # type: ignore[no-untyped-def]
 @kernel
 def march_in_steps(  # type: ignore[no-untyped-def]
     stiffness, damping, inverse, moved, compliance, projection, gap, felt, laws, cubic, h, alpha, loads, d, base_rate,
-    q, v, phases, rows, motion, force, record,
+    first, end, carried, phases, rows, motion, force, record,
 ):  # fmt: skip
-    """Steps from the state (q, v), changed in place, through all loads; returns the number of unsettled steps."""
+    """Steps ``first`` to ``end``; returns the number of unsettled steps.
+
+    ``carried`` (q, v, a, forces, penetrations, their rates, internal states) and ``phases`` are changed in place, so
+    that a further call goes on; step 0 needs q, v and phases alone.
+    """
     force_row, guards, guard, following, resets, reset, dynamics, states = laws
+    q, v, a, N, delta, rate, p = carried
     n, m, every = q.size, phases.size, gap.size
     R = dynamics.shape[2]
     beta, gamma = (1.0 - alpha) ** 2 / 4.0, (1.0 - 2.0 * alpha) / 2.0
     share, fast = 1.0 + alpha, gamma / (beta * h)
-    N, p, new = np.zeros(every), np.zeros((m, R)), np.zeros((m, R))
-    delta, rate = projection @ q - gap + felt * d[0], projection @ v + felt * base_rate[0]
-    for j in range(m):
-        N[j] = _row(force_row[j, phases[j]], delta[j], rate[j], p[j])
-    for j in range(m, every):
-        N[j] = cubic[j - m] * delta[j] ** 3
-    a = loads[0] - stiffness * q - damping @ v - N @ projection
+    new = np.zeros((m, R))
+    if first == 0:
+        delta[:] = projection @ q - gap + felt * d[0]
+        rate[:] = projection @ v + felt * base_rate[0]
+        for j in range(m):
+            N[j] = _row(force_row[j, phases[j]], delta[j], rate[j], p[j])
+        for j in range(m, every):
+            N[j] = cubic[j - m] * delta[j] ** 3
+        a[:] = loads[0] - stiffness * q - damping @ v - N @ projection
     A, b = np.zeros((every, every)), np.zeros(every)
     pending = np.zeros(m, dtype=np.int64)  # guard whose reset gives the internal states at the end of the step, plus 1
     origin = phases.copy()
     unsettled = 0
-    for step in range(loads.shape[0]):
+    for step in range(first, end):
         if step > 0:
             before = damping @ v + stiffness * q + N @ projection
             drift = fast * q + (gamma / beta - 1.0) * v + h * (gamma / (2.0 * beta) - 1.0) * a
@@ -131,12 +138,12 @@ def march_in_steps(  # type: ignore[no-untyped-def]
                     break
             unsettled += not settled
             new_q = free - share * (moved @ b)
-            new_a = (new_q - q) / (beta * h * h) - v / (beta * h) - (0.5 / beta - 1.0) * a
-            v = fast * new_q - drift
-            q, a = new_q, new_a
+            a[:] = (new_q - q) / (beta * h * h) - v / (beta * h) - (0.5 / beta - 1.0) * a
+            v[:] = fast * new_q - drift
+            q[:] = new_q
             for j in range(every):
                 N[j], delta[j] = b[j], guess[j]
-            rate = projection @ v + felt * base_rate[step]
+            rate[:] = projection @ v + felt * base_rate[step]
             for j in range(m):
                 for i in range(R):
                     p[j, i] = new[j, i]

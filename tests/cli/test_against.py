@@ -142,3 +142,31 @@ def test_what_is_no_time_stepper(text):
 def test_too_many_steps(result):
     with pytest.raises(ScenarioError, match="use a step of at least"):
         against(result, Stepper.parse("newmark:1e-9"))
+
+
+@pytest.mark.parametrize(("method", "asked"), [("newmark:1e-5", 4), ("dop853", 100)])
+def test_a_comparison_that_is_stopped_leaves_the_run(result, method, asked):
+    """Newmark's 400,000 steps ask before every thousand; DOP853 asks at each evaluation."""
+    left = asked
+
+    def stop():
+        nonlocal left
+        left -= 1
+        return left <= 0
+
+    part = against(result, Stepper.parse(method), stop)
+    assert left == 0
+    assert part.against is None
+    assert part.outcome.interrupted
+    assert part.status == part.summary["status"] == "interrupted during the comparison with a time stepper"
+    assert part.probes is result.probes
+    assert result.complete
+
+
+def test_steps_in_several_calls_are_those_of_one(result, monkeypatch):
+    whole = against(result, Stepper.parse("newmark:1e-3")).summary["against"]
+    monkeypatch.setattr("beamsim.flow.time_stepping.STEPS_OF_A_CALL", 7)
+    parts = against(result, Stepper.parse("newmark:1e-3")).summary["against"]
+    for values in (whole, parts):
+        del values["processor_time_s"]
+    assert whole == parts

@@ -284,3 +284,40 @@ def test_a_signal_during_a_long_motion_keeps_what_was_computed(command, number, 
     if command == "run":
         assert 0.0 < kept.time[-1] < 2000.0
         assert kept.time[-1] <= kept.outcome.numbers["parameter"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "entered", "during"),
+    [
+        (
+            ["run", "one_sided_65hz.yaml", "--set", "run.duration=0.5 s", "--against", "newmark:1e-4"],
+            "beamsim.analyses.run.against._step",
+            "the comparison with a time stepper",
+        ),
+        (
+            ["sweep", "ms_forced_oscillator.yaml", "--compare", "multiple_scales"],
+            "beamsim.analyses.response.forced_expansion._refuse",
+            "the expansion",
+        ),
+    ],
+)
+def test_a_signal_during_a_comparison_keeps_the_result(arguments, entered, during, heeded, monkeypatch, tmp_path):
+    from importlib import import_module
+
+    from typer.testing import CliRunner
+
+    from beamsim.cli.app import app
+
+    module, _, name = entered.rpartition(".")
+    real = getattr(import_module(module), name)
+
+    def interrupted(*given):
+        os.kill(os.getpid(), signal.SIGINT)
+        return real(*given)
+
+    monkeypatch.setattr(entered, interrupted)
+    command, config, *more = arguments
+    target = tmp_path / "case.h5"
+    done = CliRunner().invoke(app, [command, str(CONFIGS / config), *more, "--no-plots", "-o", str(target)])
+    assert done.exit_code == 130, done.output
+    assert beamsim.open_result(target).status == f"interrupted during {during}"

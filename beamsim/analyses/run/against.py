@@ -5,6 +5,7 @@ The stepper (`beamsim.flow.time_stepping`) shares neither sources, start nor eve
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from beamsim.analyses.run.result import Against, AgainstFigure, RunResult
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.stopping import Stopped, heeding, never
 from beamsim.flow.time_stepping import HHT_ALPHA, MOST_STEPS, RTOL, SteppedMotion, dop853, newmark
 from beamsim.system.build import build_system
 from beamsim.typing import Bools, Floats
@@ -56,14 +58,26 @@ class Stepper:
         return cls(method, value)
 
 
-def against(result: RunResult, stepper: Stepper) -> RunResult:
+def against(result: RunResult, stepper: Stepper, stop: Callable[[], bool] = never) -> RunResult:
     """The result with a comparison with a time stepper, in `RunResult.against` and in its summary.
+
+    Parameters
+    ----------
+    stop : asked several times a second whether to leave the comparison out; the result is then marked as interrupted.
 
     Raises
     ------
     ScenarioError
         If the step is so small that the motion takes too many steps.
     """
+    try:
+        with heeding(stop):
+            return _with_comparison(result, stepper)
+    except Stopped:
+        return result.interrupted("the comparison with a time stepper")
+
+
+def _with_comparison(result: RunResult, stepper: Stepper) -> RunResult:
     system = build_system(result.scenario)
     end = float(result.time[-1])
     step = _step(stepper, system)
