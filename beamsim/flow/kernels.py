@@ -19,7 +19,8 @@ from beamsim.flow.compiled import inner, kernel, summing
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
 TAYLOR = 8  # order of the derivative that is bounded where steps by the curvature stay short
-CLOSE, PATIENCE = 1e3, 8  # times its round-off a function is close to zero; steps taken there before that order
+CLOSE, PATIENCE = 1e6, 8  # times its round-off a function is close to zero; steps taken there before that order
+LIKE_NOISE = 1e3  # times the tolerance of an extreme a value is close to it
 TOGETHER = 64  # outputs whose extremes are searched for in one march
 AT_ONCE = 1e-10  # of a segment: a function that rises to zero so soon after an event has round-off below zero there
 
@@ -343,6 +344,26 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _follow_zeros(out, least, tau, slopes):  # type: ignore[no-untyped-def]
+    """Slope, at the start of a segment, of each function that has not risen from zero since; -inf for the others."""
+    for j in range(least.size):
+        if out[0, j] > max(out[3, j], least[j]):
+            slopes[j] = -np.inf
+        elif tau == 0.0:
+            slopes[j] = out[1, j]
+
+
+@inner
+def _leaves_at_once(out, least, tau, slopes, hit):  # type: ignore[no-untyped-def]
+    """Whether a function found below zero at tau left it where the segment began, from `_follow_zeros`.
+
+    What rests at zero until an input begins leaves it with a power of time, and falls below its round-off late. Where
+    the slope at the start takes it there, the zero is that of a straight line.
+    """
+    return slopes[hit] * tau > -0.5 * max(out[3, hit], least[hit])
+
+
+@inner
 def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     """Time of the zero next to tau, by one Newton step where the curvature allows it."""
     g, slope, bound = out[0, hit], out[1, hit], out[2, hit]
@@ -641,9 +662,9 @@ def extremes(  # type: ignore[no-untyped-def]
                             when[j] = seg_time[g] + top
                         slack = relative * abs(highest[j]) + 4.0 * noise
                     safe = _safe_step(highest[j] - f + slack, -slope, bound)
-                    near = highest[j] - f < CLOSE * slack
-                    if near and near_zero > PATIENCE and safe < 0.1 * (reach - tau) and highest[j] - f + slack > 0.0:
-                        value = highest[j] - f + slack
+                    value = highest[j] - f + slack
+                    near = value < max(LIKE_NOISE * slack, CLOSE * noise)
+                    if near and near_zero > PATIENCE and safe < 0.1 * (reach - tau) and value > 0.0:
                         safe = max(safe, _taylor_step(exponent, power, nb, gamma, size, i, -1.0, tau, reach, value))
                     close = close or near
                     if reach >= H and safe >= H - tau:  # no more of it in this segment: the last takes its place

@@ -25,7 +25,9 @@ from beamsim.flow.kernels import (
     _fill_least,
     _fill_sources,
     _first_internal,
+    _follow_zeros,
     _is_close,
+    _leaves_at_once,
     _long_step,
     _next_step,
     _outputs,
@@ -74,6 +76,7 @@ def march(  # type: ignore[no-untyped-def]
     out = np.zeros((4, most))
     all_least = np.zeros(most)
     all_floors = np.zeros(most)
+    slopes = np.zeros(most)
     largest, bend = np.zeros(B), np.zeros(B)
     response = make_response(swept, tables, y.size)
     forced_size = np.zeros((most, 0)) if swept is None else response.watch_size
@@ -147,6 +150,8 @@ def march(  # type: ignore[no-untyped-def]
                 if tau == 0.0 and guard >= 0:
                     _fill_floors(out, size, nb, forced_size, used, H, floors)
                 step, hit = _next_step(out, least, floors, reach - tau)
+                if guard < 0:
+                    _follow_zeros(out, least, tau, slopes)
                 if hit >= 0:
                     break
                 if swept is None:
@@ -165,7 +170,12 @@ def march(  # type: ignore[no-untyped-def]
                     H = tau
                     whole = False
                     break
-            tau = _crossing(out, hit, tau) if hit >= 0 else H
+            if hit < 0:
+                tau = H
+            elif guard < 0 and _leaves_at_once(out, least, tau, slopes, hit):
+                tau = 0.0
+            else:
+                tau = _crossing(out, hit, tau)
             if swept is not None and tau > 0.0:
                 keep_segment(tables, swept, response, state, piece, t, tau, zeta, used)
             _fill_basis(exponent, power, nb, tau, basis)

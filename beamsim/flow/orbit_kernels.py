@@ -554,7 +554,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
             for a in range(3 + r):
                 push += contacts.jump[j, before, guard, a] * motion[a]
             # f- - f+ = -sign * shape * push, and dt_e = -change / gdot
-            factor = push / gdot * sign
+            factor = push / gdot * sign if gdot != 0.0 else 0.0  # a contact that begins at rest
             for k in range(columns):
                 a = factor * change[k]
                 for i in range(n):

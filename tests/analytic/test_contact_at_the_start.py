@@ -83,3 +83,17 @@ def test_a_swept_sine_counts_the_contact_in_its_first_cycle():
     begun = np.count_nonzero(pressed[1:] & ~pressed[:-1])  # after the first sample, which lies at the gap itself
     assert int(curve.contacts["stop"][0]) == begun
     assert pressed[1]
+
+
+@pytest.mark.parametrize("masses", [1, 2])
+@pytest.mark.parametrize("kind", ["step", "half_sine"])
+def test_a_mass_that_rests_at_a_closed_gap_until_it_is_pushed(kind, masses):
+    """Contact begins with the push, whatever power of time the penetration starts with: 2 to 5."""
+    push = {"kind": kind, "applied_to": {"mass": masses}, "level": -3.0, "time": 0.3}
+    push |= {"duration": 2.0} if kind == "half_sine" else {}
+    stop = {"name": "stop", "mass": 1, "side": "below", "stiffness": STOP, "gap": 0.0}
+    chain = {"masses": [1.0, 0.5][:masses], "springs": [SPRING, 9.0][:masses], "snubbers": [stop]}
+    result = beamsim.run(case("rest", chain=chain, excitation=push, run={"duration": 1.0}))
+    assert result.events.closing[0]
+    assert result.events.time[0] == 0.3
+    assert result.summary["contact_share"]["stop"] == pytest.approx(0.7, abs=1e-12)

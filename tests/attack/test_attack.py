@@ -42,7 +42,9 @@ FOUND = {
     7001412: "an equilibrium beside a stop 1e8 times as stiff was refused",
     7001607: "a penetration of zero, in steps of 1e-9 s",
     7001866: "a soft structure beside a stiff stop was taken to float",
+    7006101: "a contact of no gap that begins with a power of time, seen late",
     7006206: "the extremes of a quantity that is zero but for round-off",
+    7007079: "a stop of no gap at which a mass rests until the input begins, seen late",
 }
 
 
