@@ -74,6 +74,7 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
 def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
     from beamsim.analyses.designs.analysis import design_study, gather
     from beamsim.analyses.designs.table import CaseTable
+    from beamsim.cli.interruption import raised_again
     from beamsim.store.journal import Journal, journal_path
     from beamsim.store.results import write_designs
 
@@ -90,12 +91,13 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
             nonlocal saved
             journal.add(outcome)
             table.add(outcome)
+            stop_if_asked()
             if clock.monotonic() - saved > SAVED_EVERY_S:
                 write_designs(gather(plan, table, clock.monotonic() - begin), target)
                 saved = clock.monotonic()
 
         try:
-            with _progress(table.count, cases, reporting) as progress:
+            with _progress(table.count, cases, reporting) as progress, raised_again() as stop_if_asked:
                 result = design_study(
                     plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
                     progress=progress,

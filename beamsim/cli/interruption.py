@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -56,3 +56,36 @@ def interruptible() -> Iterator[Interruption]:
         raise
     finally:
         restore()
+
+
+@contextmanager
+def raised_again() -> Iterator[Callable[[], None]]:
+    """Yield a function that raises what SIGINT or SIGTERM has raised within the block, if it was lost.
+
+    Python drops what a signal raises while a callback of the compiler runs.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+    raised: list[BaseException] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def handle(number: int, frame: Any) -> None:
+        try:
+            before[signal.Signals(number)](number, frame)  # type: ignore[operator,misc]
+        except BaseException as error:
+            raised.append(error)
+            raise
+
+    def check() -> None:
+        if raised:
+            raise raised[0]
+
+    handled = [number for number, handler in before.items() if callable(handler)]
+    for number in handled:
+        signal.signal(number, handle)
+    try:
+        yield check
+    finally:
+        for number in handled:
+            signal.signal(number, before[number])

@@ -13,7 +13,7 @@ import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.analyses.response.analysis import frequency_response
 from beamsim.cli.conclusion import exit_code
-from beamsim.cli.interruption import interruptible
+from beamsim.cli.interruption import interruptible, raised_again
 from beamsim.outcomes import COMPLETE
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
@@ -321,3 +321,40 @@ def test_a_signal_during_a_comparison_keeps_the_result(arguments, entered, durin
     done = CliRunner().invoke(app, [command, str(CONFIGS / config), *more, "--no-plots", "-o", str(target)])
     assert done.exit_code == 130, done.output
     assert beamsim.open_result(target).status == f"interrupted during {during}"
+
+
+def test_a_signal_whose_exception_is_lost_ends_a_study_after_the_case(heeded, monkeypatch, tmp_path):
+    """As in a callback of the compiler, within which nothing can be raised."""
+    from contextlib import suppress
+
+    from typer.testing import CliRunner
+
+    from beamsim.analyses.designs.cases import CaseSolver
+    from beamsim.cli.app import app
+
+    solved = []
+
+    def solve(self, task, real=CaseSolver.solve):
+        solved.append(task.index)
+        if len(solved) == 2:
+            with suppress(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGINT)
+        return real(self, task)
+
+    monkeypatch.setattr(CaseSolver, "solve", solve)
+    sets = ["--set", "vary.samples=5", "--set", "run.duration=0.5 s", "--workers", "1", "--no-plots"]
+    target = tmp_path / "study.h5"
+    done = CliRunner().invoke(app, ["sweep", str(CONFIGS / "design_tolerances.yaml"), *sets, "-o", str(target)])
+    assert done.exit_code == 130, done.output
+    assert len(solved) == 2
+    assert "2 of 5 cases are in" in done.output
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_what_is_raised_again_is_what_was_lost(heeded):
+    with raised_again() as check:
+        check()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            check()
