@@ -177,7 +177,8 @@ class Entry:
             changes.append(f"beam.{where}youngs_modulus={nudged(first['youngs_modulus'])}")
         elif "bodies" in scenario:
             name, body = next(iter(scenario["bodies"].items()))
-            changes.append(f"bodies.{name}.youngs_modulus={nudged(body['youngs_modulus'])}")
+            where, first = ("segments[0].", body["segments"][0]) if "segments" in body else ("", body)
+            changes.append(f"bodies.{name}.{where}youngs_modulus={nudged(first['youngs_modulus'])}")
         else:
             springs = scenario["chain"]["springs"]
             index = next((k for k in range(1, len(springs)) if float(str(springs[k]).split()[0])), 0)
