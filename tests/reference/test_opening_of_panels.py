@@ -17,7 +17,9 @@ STIFFNESS, PRELOAD, STANDARD_GRAVITY = 150e3, 5.0, 9.80665
 def force_for_a_unit_level(omega):
     """Amplitude of the force in the closed snubber for 1 m/s^2 of the base, N; 1 % modal damping of each panel."""
     inner = Beam(0.77, 0.44, 0.005, 70e9, 2700.0, 20, "clamped")
-    outer = Beam(0.77, 1.0, 1.0, 12.0 * 210.0, 3.1, 20, "clamped")  # of a section of 1 m by 1 m: E I and mass per length
+    outer = Beam(
+        0.77, 1.0, 1.0, 12.0 * 210.0, 3.1, 20, "clamped"
+    )  # of a section of 1 m by 1 m: E I and mass per length
     damping = []
     for beam in (inner, outer):
         squares, shapes = eigh(beam.K, beam.M)
@@ -30,7 +32,9 @@ def force_for_a_unit_level(omega):
 
 
 def test_the_snubber_opens_where_the_force_of_the_closed_structure_reaches_the_preload():
-    scenario = load_scenario(CONFIG, ["sweep.continue_in.from=1 g", "sweep.continue_in.to=1.12 g", "reduction.modes=all"])
+    scenario = load_scenario(
+        CONFIG, ["sweep.continue_in.from=1 g", "sweep.continue_in.to=1.12 g", "reduction.modes=all"]
+    )
     expected = PRELOAD / force_for_a_unit_level(2.0 * np.pi * 40.0)
     (branch,) = beamsim.frequency_response(scenario).branches
     assert branch.special[0].kind == "grazing"

@@ -33,13 +33,16 @@ def in_pieces(scenario):
         for index, segment in enumerate(body["segments"]):
             start, end = segment.pop("from"), segment.pop("to")
             segment.pop("added_mass_per_length", None)
-            masses = [{**m, "position": m["position"] - start} for m in body.get("point_masses", ()) if m["position"] > start]
+            masses = [{**mass, "position": mass["position"] - start} for mass in body.get("point_masses", ())]
             ends = {"left": "free" if index else "clamped", "right": "free"}
             piece = {**segment, "kind": "beam", "length": end - start, "supports": ends, "damping": body["damping"]}
             piece |= {"elements": elements[index], "point_masses": masses if index == 2 else []}
             bodies[f"{name}{index}"] = piece
             if index:
-                ends = [{"body": f"{name}{index - 1}", "position": "100 %"}, {"body": f"{name}{index}", "position": 0.0}]
+                ends = [
+                    {"body": f"{name}{index - 1}", "position": "100 %"},
+                    {"body": f"{name}{index}", "position": 0.0},
+                ]
                 joints.append({"kind": "rigid", "between": ends})
     joints.append(
         {"kind": "rigid", "between": [{"body": "right1", "position": "100 %"}, {"body": "leaf", "position": 0.0}]}
