@@ -66,7 +66,9 @@ def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
 def _stress(result: RunResult, stress: float) -> str:
     s = result.summary
     body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
-    return f"{si(stress, 'Pa')} at {body}x = {si(s['largest_bending_stress_position_m'], 'm')}"
+    y = s.get("largest_bending_stress_across_m", math.nan)
+    across = "" if math.isnan(y) else f", y = {si(y, 'm')}"
+    return f"{si(stress, 'Pa')} at {body}x = {si(s['largest_bending_stress_position_m'], 'm')}{across}"
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -200,6 +202,7 @@ TEXTS: Texts = {
     "peak_spring_force_n": _spring_force,
     "gap_m": _preload,
     "largest_bending_stress_pa": _stress,
+    "largest_von_mises_stress_pa": lambda _, stress: f"{si(stress, 'Pa')} at the surface of a plate",
     "spectral_lines": _spectral_lines,
     "random": _random,
     "convergence": _convergence,

@@ -11,6 +11,7 @@ import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.fields import rows_of
+from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import AT_ONCE, MOST_CURVES, Scale, curve_style, finish, legend, scale_for, thinned
@@ -263,14 +264,15 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         _doubts(result, plot_density(result.random, above), "random", "figures")
         plot_transmissibility(result.random, below)
         figures["random"] = figure
-    if result.bodies:
-        figure, axes = panels(len(result.bodies), height=4.4 if len(result.bodies) == 1 else 3.2 * len(result.bodies))
-        for ax, body in zip(axes, result.bodies, strict=True):
+    beams = [name for name, body in result.bodies.items() if body.across is None]
+    if beams:
+        figure, axes = panels(len(beams), height=4.4 if len(beams) == 1 else 3.2 * len(beams))
+        for ax, body in zip(axes, beams, strict=True):
             plot_deflected_shapes(result, ax, body)
-            if len(result.bodies) > 1:
+            if len(beams) > 1:
                 ax.set_title(body, fontsize="medium")
         figures["deflected_shapes"] = figure
-    return figures
+    return figures | plate_figures(result)
 
 
 def save_run_plots(

@@ -22,7 +22,7 @@ from beamsim.scenario.bending import (
 )
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.place import AtPlace, Point
 from beamsim.scenario.quantities import (
     Dashpot,
     Elements,
@@ -186,8 +186,10 @@ class BeamBody(Body):
             return "left_end", AtPlace(position=0.0)
         return "middle", AtPlace(position=self.length / 2.0)
 
-    def on_the_body(self, position: float) -> float:
+    def on_the_body(self, position: Point) -> Point:
         """The position, of a share that of the length, moved to the end if it is beyond it by round-off only."""
+        if isinstance(position, tuple):
+            return position
         if isinstance(position, Share):
             return self.length * position
         return self.length if self.length < position <= self.length * (1.0 + 1e-12) else position
@@ -207,19 +209,23 @@ class BeamBody(Body):
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(where, (*where, "nodes", index), x, "")
 
-    def held_end(self, position: float) -> tuple[str, str] | None:
+    def held_end(self, position: Point) -> tuple[str, str] | None:
         """(end, support) if no deflection is possible at the position."""
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
             if position == x and support in _HOLDS_DEFLECTION:
                 return end, support
         return None
 
-    def holds(self, position: float) -> bool:
+    def holds(self, position: Point) -> bool:
         """Whether a support is at a position."""
         return self.held_end(position) is not None
 
-    def position_problems(self, where: Path, at: Path, position: float, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: Point, what: str) -> Iterator[Problem]:
         """What is wrong with a position; ``what`` does nothing on a support, and is empty for what may stand there."""
+        if isinstance(position, tuple):
+            remedy = "give the distance from its left end, position: 270 mm"
+            yield Problem(path_text(at), f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
+            return
         if position > self.length:
             given = _distinct(position, self.length)
             yield Problem(
@@ -236,7 +242,8 @@ class BeamBody(Body):
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Why no snubber can move to a position of the beam."""
-        if self.on_the_body(position) > self.length:
+        at_end = self.on_the_body(position)
+        if isinstance(at_end, float) and at_end > self.length:
             yield from self.position_problems(where, at, position, "")
         if (held := self.held_end(position)) is not None:
             yield Problem(

@@ -9,6 +9,7 @@ from pydantic import Tag
 from beamsim.scenario.base import Variants, kind_of
 from beamsim.scenario.beam import Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
 from beamsim.scenario.chain import Chain
+from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
 
 
 class NamedBeam(Beam):
@@ -53,6 +54,8 @@ def _choose(value: Any) -> str | None:
     kind = kind_of(value)
     if kind == "beam":
         return f"<beam{_BEAMS[beam_tag(value)]}>"
+    if kind == "plate":
+        return "<plate by stiffness>" if plate_by_stiffness(value) else "<plate>"
     return "<chain>" if kind == "chain" else None
 
 
@@ -61,6 +64,8 @@ AnyBody = Annotated[
     | Annotated[NamedStiffnessBeam, Tag("<beam by stiffness>")]
     | Annotated[NamedSandwichBeam, Tag("<beam of sandwich>")]
     | Annotated[NamedSegmentedBeam, Tag("<beam of segments>")]
-    | NamedChain,
-    Variants(_choose, "has no kind of body", "give kind: beam or kind: chain"),
+    | NamedChain
+    | Plate
+    | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
+    Variants(_choose, "has no kind of body", "give kind: beam, kind: chain or kind: plate"),
 ]

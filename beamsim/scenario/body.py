@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, path_text
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.place import AtPlace, Point
 
 
 class Located(NamedTuple):
@@ -83,11 +83,11 @@ class Body(Schema):
         """Name and place of the probe where nothing else tells one."""
         raise NotImplementedError
 
-    def on_the_body(self, position: float) -> float:
+    def on_the_body(self, position: Point) -> Point:
         """The position in m where it is given as a share; at the end if it is beyond it by round-off only."""
         return position
 
-    def holds(self, position: float) -> bool:
+    def holds(self, position: Point) -> bool:
         """Whether nothing can deflect at a position."""
         return False
 
@@ -95,7 +95,7 @@ class Body(Schema):
         """What is wrong with the body by itself."""
         yield from ()
 
-    def position_problems(self, where: Path, at: Path, position: float, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: Point, what: str) -> Iterator[Problem]:
         """What is wrong with a position on the body; ``what`` does nothing on a support, and is empty for what may."""
         yield Problem(
             path_text(at), f"applies to a beam, but {_this(where)} is a {self.body_kind}",
@@ -123,6 +123,10 @@ class Body(Schema):
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
         """Springs that a stiffness factor up to ``largest`` would give a negative slope."""
+        yield from ()
+
+    def point_force_doubts(self, where: Path, position: Point) -> Iterator[str]:
+        """A sentence where a force at a point, written at ``where``, makes a result doubtful."""
         yield from ()
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:

@@ -133,7 +133,7 @@ def points_apart(joints: Sequence[Joint], default_body: str) -> Iterator[Apart]:
         if len(ends) != 2:
             continue
         (first, x), (second, y) = ends
-        if x is None or y is None or first == second:
+        if not isinstance(x, float) or not isinstance(y, float) or first == second:
             continue
         for number, name in enumerate((first, second)):
             origin.setdefault(name, 0.0)

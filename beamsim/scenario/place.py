@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
-from beamsim.scenario.base import Path, Schema, fail
+from pydantic import Tag
+
+from beamsim.scenario.base import Path, Schema, Variants, fail, number_or_list
 from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare
 
-_REMEDY = "give position: 270 mm on a beam, or mass: 2 on a chain"
+_REMEDY = "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, or mass: 2 on a chain"
+
+
+Point = float | tuple[float, float]
+"""Metres along a beam, or [x, y] on a plate."""
+
+PlatePoint = Annotated[tuple[PositionOrShare, PositionOrShare], Tag("<list>")]
+"""x and y on a plate."""
+
+PointPosition = Annotated[Annotated[PositionOrShare, Tag("<number>")] | PlatePoint, Variants(number_or_list)]
 
 
 class PointOfBody(Schema):
     """A point of a body, by its position or the number of a mass."""
 
-    position: PositionOrShare | None = None
-    """Distance from the left end of the beam, or the share of its length: 60 %."""
+    position: PointPosition | None = None
+    """Distance from the left end of a beam, or the share of its length: 60 %; [x, y] on a plate."""
     mass: MassNumber | None = None
     """Number of the mass of the chain, from 1."""
 
@@ -34,8 +45,8 @@ class AtPlace(PointOfBody):
     """Name of the body; may be left out where there is only one."""
 
     @property
-    def point(self) -> float:
-        """The position in m, or the number of the mass."""
+    def point(self) -> Point:
+        """The position in m, on a plate both of its coordinates, or the number of the mass."""
         if self.position is not None:
             return self.position
         assert self.mass is not None
@@ -48,7 +59,7 @@ class AtPlace(PointOfBody):
 
 
 @lru_cache(maxsize=1024)
-def _at(position: float | None, mass: int | None) -> AtPlace:
+def _at(position: Point | None, mass: int | None) -> AtPlace:
     return AtPlace(position=position, mass=mass)
 
 

@@ -99,6 +99,33 @@ class Quantity(FieldType):
         return schema
 
 
+@dataclass(frozen=True)
+class Between(Quantity):
+    """A number between two bounds, which are allowed values where it is closed."""
+
+    low: float = 0.0
+    high: float = 1.0
+    closed: bool = False
+
+    def bounded(self, number: float) -> float:
+        """Check the bounds."""
+        inside = self.low <= number <= self.high if self.closed else self.low < number < self.high
+        if not inside:
+            words = "from" if self.closed else "between"
+            to = "to" if self.closed else "and"
+            raise UnitError(
+                f"must be {words} {self.low:g} {to} {self.high:g}", f"write for example {self.dimension.example}"
+            )
+        return number + 0.0
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string with the bounds."""
+        schema = super().json_schema()
+        bounds = ("minimum", "maximum") if self.closed else ("exclusiveMinimum", "exclusiveMaximum")
+        schema["anyOf"][0] |= dict(zip(bounds, (self.low, self.high), strict=True))
+        return schema
+
+
 class Share(float):
     """A share of a length that is not known yet."""
 
@@ -328,6 +355,7 @@ MassNumber = Annotated[int, Whole(1)]
 
 Modes = Annotated[int | Literal["all"], ModesType(1)]
 Elements = Annotated[int, Whole(1, 5000)]
+PlateElements = tuple[Annotated[int, Whole(1, 500)], Annotated[int, Whole(1, 500)]]
 SteppedCount = Annotated[int, Whole(2, 100_000)]
 
 Coefficient = Annotated[float, Quantity(units.NUMBER)]
@@ -347,6 +375,14 @@ Density = Annotated[float, _positive(units.DENSITY)]
 Modulus = Annotated[float, _positive(units.PRESSURE)]
 NonNegativeModulus = Annotated[float, _not_negative(units.PRESSURE)]
 BendingStiffness = Annotated[float, _positive(units.BENDING_STIFFNESS)]
+PlateStiffness = Annotated[float, _positive(units.PLATE_STIFFNESS)]
+TorsionalStiffness = Annotated[float, _not_negative(units.TORSIONAL_STIFFNESS)]
+MassPerArea = Annotated[float, _positive(units.MASS_PER_AREA)]
+SectionModulusPerLength = Annotated[float, _positive(units.SECTION_MODULUS_PER_LENGTH)]
+PoissonsRatio = Annotated[
+    float, Between(replace(units.NUMBER, name="Poisson's ratio", example="0.33"), low=-1.0, high=1.0)
+]
+Grading = Annotated[float, Between(replace(units.NUMBER, name="grading", example="2"), low=1.0, high=4.0, closed=True)]
 MassPerLength = Annotated[float, _positive(units.MASS_PER_LENGTH)]
 NonNegativeMassPerLength = Annotated[float, _not_negative(units.MASS_PER_LENGTH)]
 RotaryInertia = Annotated[float, _not_negative(units.ROTARY_INERTIA)]

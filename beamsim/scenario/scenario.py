@@ -313,7 +313,8 @@ def _on(body: str | None, place: AtPlace) -> AtPlace:
 
 def _probe_name(place: AtPlace) -> str:
     """Name of a default probe: mass_2, or with its body inner_0.77."""
-    point = f"mass_{place.mass}" if place.mass is not None else f"{place.position:g}"
+    position = place.point if isinstance(place.point, tuple) else (place.point,)
+    point = f"mass_{place.mass}" if place.mass is not None else "_".join(f"{p:g}" for p in position)
     return point if place.body is None else f"{place.body}_{point}"
 
 
@@ -338,7 +339,8 @@ def _snapped(value: object, bodies: dict[str, Body], default: str) -> object:
     name = getattr(value, "body", None) or default
     for key, old in value.__dict__.items():
         new = _snapped(old, bodies, default)
-        if key == "position" and isinstance(old, float) and isinstance(name, str) and name in bodies:
+        point = isinstance(old, tuple) and key in ("position", "from_", "to")  # [x, y] on a plate
+        if (point or (key == "position" and isinstance(old, float))) and isinstance(name, str) and name in bodies:
             new = bodies[name].on_the_body(old)
         if (new != old or type(new) is not type(old)) if isinstance(old, float) else new is not old:
             changed[key] = new

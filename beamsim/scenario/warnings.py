@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-from beamsim.scenario.base import path_text, walk
+from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.damping import ModalDamping
 from beamsim.scenario.excitation import Shock
 from beamsim.scenario.joint import Joint, points_apart
@@ -38,6 +38,7 @@ def doubts(scenario: _Doubted) -> Iterator[str]:
     for name, body in scenario.all_bodies.items():
         yield from _damping(path_text(scenario.body_path(name)), body.damping)
     yield from _snubbers(scenario)
+    yield from _point_forces(scenario)
     for apart in points_apart(scenario.joints, scenario.default_body):
         yield (
             f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
@@ -60,6 +61,26 @@ def _damping(where: str, damping: Any) -> Iterator[str]:
         ratios = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio,)
         if max(ratios) >= 1.0:
             yield f"{where}.damping.ratio = {max(ratios):g} is critical or above; was {max(ratios):g} % meant?"
+
+
+def _point_forces(scenario: _Doubted) -> Iterator[str]:
+    """Where forces act on points."""
+    acting: list[tuple[Path, str, Any]] = [
+        *scenario.located_snubbers,
+        *(
+            (("constant_forces", index), scenario.default_body, force)
+            for index, force in enumerate(scenario.constant_forces)
+        ),
+    ]
+    for path, part in walk(scenario.excitation, ("excitation",)):
+        applied_to = getattr(part, "applied_to", "base")
+        if applied_to != "base":
+            acting.append(((*path, "applied_to"), scenario.default_body, applied_to))
+    for path, named_body, item in acting:
+        for place in item.places:
+            body = scenario.all_bodies.get(place.body or named_body)
+            if body is not None and place.position is not None:
+                yield from body.point_force_doubts(path, place.position)
 
 
 def _snubbers(scenario: _Doubted) -> Iterator[str]:

@@ -127,4 +127,5 @@ def station_columns(stations: Stations) -> dict[str, Any]:
     if len(stations.parts) > 1:
         sizes = [part.stations.stop - part.stations.start for part in stations]
         of_body = {"body": np.repeat(np.arange(len(sizes)), sizes)}
-    return {**of_body, "position_m" if stations.axis.continuous else "mass": stations.position}
+    across = {} if stations.across is None else {"across_m": stations.across}
+    return {**of_body, "position_m" if stations.axis.continuous else "mass": stations.position, **across}

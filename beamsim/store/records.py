@@ -23,6 +23,8 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
+Coordinates = tuple[float, float]
+
 _OF_SNUBBERS = ("force", "penetration")
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
 
@@ -66,27 +68,30 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
                 )  # fmt: skip
     if not records:
         return []
-    x, zeros = np.array([*nodes.values()], dtype=float), np.zeros(len(nodes))
-    return [pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=zeros, z=zeros), *records]
+    x, y = np.array([*nodes.values()], dtype=float).T
+    return [pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=y, z=np.zeros(x.size)), *records]
 
 
-def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], float], set[str]]:
+def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
     """Position of every probe and snubber, and the snubbers that push downwards."""
-    probes = {("probe", p.name): _coordinate(p) for p in scenario.effective_probes}
-    snubbers = {("snubber", s.name): _coordinate(s) for s in scenario.all_snubbers}
+    probes = {("probe", p.name): _coordinates(p) for p in scenario.effective_probes}
+    snubbers = {("snubber", s.name): _coordinates(s) for s in scenario.all_snubbers}
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
 
 
-def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], float], set[str]]:
+def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
     """The same for a run, whose file contains the positions, with the base."""
-    nodes: dict[tuple[str, str], float] = {}
+    nodes: dict[tuple[str, str], Coordinates] = {}
     upside_down = set()
     for folder, kind in (("probes", "probe"), ("snubbers", "snubber")):
         for group in ordered(file, folder):
-            nodes[kind, str(group.attrs["name"])] = float(group.attrs["position"])
+            across = float(group.attrs.get("across", np.nan))
+            nodes[kind, str(group.attrs["name"])] = (
+                float(group.attrs["position"]), across if np.isfinite(across) else 0.0,
+            )  # fmt: skip
             if group.attrs.get("side") == "above":
                 upside_down.add(str(group.attrs["name"]))
-    return {**nodes, ("base", "base"): 0.0}, upside_down
+    return {**nodes, ("base", "base"): (0.0, 0.0)}, upside_down
 
 
 def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
@@ -98,9 +103,10 @@ def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
     return "snubber" if quantity in _OF_SNUBBERS else "probe"
 
 
-def _coordinate(item: Any) -> float:
-    """Position along its body, or number of the mass; the first place of a snubber between two."""
-    return float(getattr(item, "probed_places", item.places)[0].point)
+def _coordinates(item: Any) -> Coordinates:
+    """Position along its body, or number of the mass, and y on a plate; the first place of a snubber between two."""
+    point = getattr(item, "probed_places", item.places)[0].point
+    return (float(point[0]), float(point[1])) if isinstance(point, tuple) else (float(point), 0.0)
 
 
 def _name(dataset: h5py.Dataset) -> str:

@@ -10,15 +10,17 @@ from beamsim.structures.chain import assemble_chain
 from beamsim.structures.joined import join
 from beamsim.structures.joints import couplings_of
 from beamsim.structures.places import Site, site_of
+from beamsim.structures.plate import assemble_plate
 from beamsim.structures.several import assemble_side_by_side
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located, Scenario
     from beamsim.structures.structure import BodyStructure, Coupling, Structure
 
-ASSEMBLE: dict[str, Callable[[Any, str, Sequence[float]], BodyStructure]] = {
+ASSEMBLE: dict[str, Callable[[Any, str, Sequence[Any]], BodyStructure]] = {
     "beam": assemble_beam,
     "chain": assemble_chain,
+    "plate": assemble_plate,
 }
 """A line a kind of body; the third argument is where something joins it."""
 

@@ -16,6 +16,7 @@ from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
 from beamsim.structures.places import Place, Site, SpringEnd
 from beamsim.structures.recovery import beam_recovery
+from beamsim.structures.rigid_motion import allowed_rigid_modes
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import MemberBody, Path
 from beamsim.typing import Floats, Ints
@@ -51,29 +52,13 @@ def _scatter(blocks: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) 
     return matrix
 
 
-def _rigid_modes(mesh: Mesh, mass: Any, held: Ints) -> Floats:
-    """(2 nodes, r) rigid-body modes that the supports allow, orthonormal in the mass matrix.
-
-    Known by construction, so that their frequencies are zero and not round-off. ``held`` are the degrees of freedom
-    that supports hold or springs pull back.
-    """
-    both = np.zeros((2 * mesh.nodes.size, 2))
-    both[0::2, 0] = 1.0  # translation
-    both[0::2, 1] = mesh.nodes  # rotation about the left end
-    both[1::2, 1] = 1.0
-    constraint = both[held]
-    if held.size == 0:
-        allowed = both
-    else:
-        _, s, vt = np.linalg.svd(constraint)
-        rank = int(np.sum(s > 1e-9))
-        allowed = both @ vt[rank:].T
-    modes: list[Floats] = []
-    for column in allowed.T:
-        for done in modes:
-            column = column - done * (done @ (mass @ column))
-        modes.append(column / np.sqrt(column @ (mass @ column)))
-    return np.array(modes).reshape(len(modes), 2 * mesh.nodes.size).T
+def _rigid_motions(mesh: Mesh) -> Floats:
+    """(2 nodes, 2) translation, and rotation about the left end."""
+    motions = np.zeros((2 * mesh.nodes.size, 2))
+    motions[0::2, 0] = 1.0
+    motions[0::2, 1] = mesh.nodes
+    motions[1::2, 1] = 1.0
+    return motions
 
 
 class BeamStructure(BeamModel):
@@ -193,7 +178,9 @@ def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = (
         damping=damping,
         inertia=(mass @ translation)[free],
         ground=np.zeros(free.size),
-        rigid=_rigid_modes(mesh, mass, np.concatenate([held, springs.dofs[springs.stiffness > 0]]))[free],
+        rigid=allowed_rigid_modes(
+            _rigid_motions(mesh), mass, np.concatenate([held, springs.dofs[springs.stiffness > 0]])
+        )[free],
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.flatnonzero(free % 2 == 0),

@@ -72,7 +72,7 @@ class BeamModel(BodyStructure, ABC):
         if place.direction not in _DERIVATIVE:
             raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
         derivative = _DERIVATIVE[place.direction]
-        row = deflection_row(self.mesh, place.point / self.beam.length, derivative)[self.free]
+        row = deflection_row(self.mesh, place.coordinate / self.beam.length, derivative)[self.free]
         return row / self.beam.length if derivative else row
 
     def whole_field(self, vectors: Floats) -> Floats:

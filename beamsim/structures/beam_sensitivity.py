@@ -61,10 +61,10 @@ def beam_sensitivities(
                 rates[(*path, "supports", end, key)] = rate
                 lengths -= 2 * order * rate
     for spring in ends:
-        slope = _derivative(structure, v, spring.place.point, 1)
+        slope = _derivative(structure, v, spring.place.coordinate, 1)
         at = (*spring.path, "position")
-        places[at] = 2 * spring.sign * slope * spring.place.point  # moving the end adds 2 k (ds/dx) v to k
-        position[at] = spring.place.point
+        places[at] = 2 * spring.sign * slope * spring.place.coordinate  # moving the end adds 2 k (ds/dx) v to k
+        position[at] = spring.place.coordinate
     carried = sum(rate for place, rate in places.items() if position[place] >= beam.length)
     return {
         (*path, "length"): lengths - sum(places.values()) + carried,

@@ -94,7 +94,7 @@ class ChainStructure(BodyStructure):
         """(N,) displacement of a mass for a unit of each degree of freedom."""
         if place.direction != DEFLECTION:
             raise ValueError(f"the masses of a chain have no motion {place.direction}")
-        return np.asarray(np.eye(self.size)[round(place.point) - 1])
+        return np.asarray(np.eye(self.size)[round(place.coordinate) - 1])
 
     def unit_stiffness(self, site: Site) -> float:
         """The stiffest spring of the row, N/m."""

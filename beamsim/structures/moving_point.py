@@ -38,7 +38,7 @@ def places_needed(
     structure: Structure, basis: ReducedBasis, first: Place, last: Place, known: Sequence[Place]
 ) -> list[Place]:
     """Where to add a static vector next; empty if the compliance is accurate from the first place to the last."""
-    places = [replace(first, point=float(x)) for x in np.linspace(first.point, last.point, CHECKED)]
+    places = [replace(first, point=float(x)) for x in np.linspace(first.coordinate, last.coordinate, CHECKED)]
     defect = compliance_defect(structure, basis, places)
     worst = int(np.argmax(defect))
     return [] if defect[worst] <= ACCURATE or places[worst] in known else [places[worst]]

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+Point = float | tuple[float, float]
+
 DEFLECTION, SLOPE = "z", "slope"
 """Directions of motion at a place: the deflection, m, and its derivative along the body's axis, rad."""
 
@@ -15,14 +17,19 @@ class Place:
     """A point of a body and a direction of motion there."""
 
     body: str
-    point: float  # m along a beam; number of a mass
+    point: Point  # m along a beam; [x, y] on a plate, m; number of a mass
     direction: str = DEFLECTION
     label: str = field(default="", compare=False)  # for people
 
     @property
     def coordinate(self) -> float:
-        """Where it is drawn along the body's axis."""
-        return self.point
+        """Where it is drawn along the body's axis, or its x on a plate."""
+        return self.point[0] if isinstance(self.point, tuple) else self.point
+
+    @property
+    def across(self) -> float | None:
+        """Its y on a plate."""
+        return self.point[1] if isinstance(self.point, tuple) else None
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,13 @@ class Link:
     @property
     def coordinate(self) -> float:
         """Halfway."""
-        return 0.5 * (self.first.point + self.second.point)
+        return 0.5 * (self.first.coordinate + self.second.coordinate)
+
+    @property
+    def across(self) -> float | None:
+        """The same of y, between points of plates."""
+        y = [place.across for place in (self.first, self.second) if place.across is not None]
+        return sum(y) / 2 if len(y) == 2 else None
 
 
 Site = Place | Link
@@ -75,5 +88,9 @@ def site_of(item: Any, body: str) -> Site:
 
 def _resolved(place: Any, body: str) -> Place:
     named_body = place.body or body
-    label = f"{place.position:g} m" if place.mass is None else f"mass {place.mass}"
-    return Place(named_body, float(place.point), label=f"{named_body} {label}" if place.body else label)
+    point = place.point
+    if isinstance(point, tuple):
+        label = f"({point[0]:g}, {point[1]:g}) m"
+    else:
+        label, point = f"{point:g} m" if place.mass is None else f"mass {place.mass}", float(point)
+    return Place(named_body, point, label=f"{named_body} {label}" if place.body else label)

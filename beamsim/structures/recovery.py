@@ -56,7 +56,7 @@ def beam_recovery(
     """
     beam, scale = model.beam, 1 / np.sqrt(member.whole.mass_scale)
     length = beam.length
-    x = stations(model.mesh, [place.point / length for place in sites])
+    x = stations(model.mesh, [place.coordinate / length for place in sites])
     moment = moment_rows(model, member, basis, x)
     remainder = inertia_remainder(model, member, basis, x, moment) if base_moves else np.zeros(x.size)
     return Recovery(
@@ -149,7 +149,7 @@ def _fields(
         if pattern.site is None:
             acceleration[0::2] += row * inertia
         elif isinstance(pattern.site, Place) and member.whole.member(pattern.site.body).body is model and row.any():
-            point.append((pattern.site.point / model.beam.length, row / member.stiffness_ratio))
+            point.append((pattern.site.coordinate / model.beam.length, row / member.stiffness_ratio))
     return _Fields(displacement, acceleration, point)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,8 +23,9 @@ class StationAxis:
 
 
 ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
+IN_PLANE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
 MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
-AXES = {axis.long_name: axis for axis in (ALONG, MASSES)}
+AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES)}
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,10 @@ class StationPart:
     axis: StationAxis
     stations: slice
 
-    def station_name(self, coordinate: float) -> str:
-        """For people: 135 mm, or mass 2."""
+    def station_name(self, coordinate: float, across: float | None = None) -> str:
+        """For people: 135 mm, (135, 60) mm or mass 2."""
+        if across is not None and np.isfinite(across):
+            return f"({1e3 * coordinate:.3g}, {1e3 * across:.3g}) mm"
         return f"{1e3 * coordinate:.3g} mm" if self.axis.continuous else f"mass {coordinate:g}"
 
 
@@ -51,27 +54,42 @@ class Stations:
     body: Ints | None = dataset("1", "number of the body, from 0, as in names", along=("position",), default=None)
     names: tuple[str, ...] | None = attribute("", "names of the bodies", at="body", default=None)
     axes: tuple[str, ...] | None = attribute("", "what the position is on each", at="body", default=None)
+    across: Floats | None = dataset(  # where a body is a plate
+        "m", "position on the plate from its bottom edge; NaN on other bodies", along=("position",), default=None
+    )
 
     @classmethod
-    def of(cls, bodies: Sequence[tuple[str, StationAxis, Floats]]) -> Stations:
-        """From name, axis and positions of each body; of none there are no stations."""
+    def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
+        """Those of each body."""
+        return cls.of([(each.body, each.axis, each.position) for each in bodies], [each.across for each in bodies])
+
+    @classmethod
+    def of(
+        cls, bodies: Sequence[tuple[str, StationAxis, Floats]], y: Sequence[Floats | None] | None = None
+    ) -> Stations:
+        """From name, axis and positions of each body, and y of each, None where it is no plate; of none none."""
         if not bodies:
             return cls(np.zeros(0), ALONG.unit, ALONG.long_name)
         names, axes = tuple(name for name, _, _ in bodies), tuple(axis for _, axis, _ in bodies)
         position = np.concatenate([positions for _, _, positions in bodies])
+        across = None
+        if y is not None and any(each is not None for each in y):
+            filled = [np.full(x.size, np.nan) if of is None else of for (_, _, x), of in zip(bodies, y, strict=True)]
+            across = np.concatenate(filled)
         if len(bodies) == 1:
-            return cls(position, axes[0].unit, axes[0].long_name)
+            return cls(position, axes[0].unit, axes[0].long_name, across=across)
         same = len(set(axes)) == 1
         unit, meaning = (axes[0].unit, axes[0].long_name) if same else ("1", "position on the axis of each body")
         body = np.repeat(np.arange(len(bodies)), [positions.size for _, _, positions in bodies])
-        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes))
+        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes), across)
 
     @cached_property
     def parts(self) -> tuple[StationPart, ...]:
         """The bodies; one alone is called after its axis."""
         if self.body is None or self.names is None or self.axes is None:
             only = AXES[self.meaning]
-            return (StationPart("beam" if only.continuous else "chain", only, slice(0, self.position.size)),)
+            name = {ALONG: "beam", IN_PLANE: "plate", MASSES: "chain"}[only]
+            return (StationPart(name, only, slice(0, self.position.size)),)
         ends = np.cumsum(np.bincount(self.body, minlength=len(self.names))).tolist()
         return tuple(
             StationPart(name, AXES[meaning], slice(start, end))
@@ -90,7 +108,8 @@ class Stations:
     def name(self, station: int) -> str:
         """For people: 135 mm, mass 2, and of several bodies inner 135 mm."""
         part = self.part_of(station)
-        name = part.station_name(float(self.position[station]))
+        across = None if self.across is None else float(self.across[station])
+        name = part.station_name(float(self.position[station]), across)
         return f"{part.body} {name}" if len(self.parts) > 1 else name
 
     def __iter__(self) -> Iterator[StationPart]:
@@ -99,20 +118,38 @@ class Stations:
 
 @dataclass(frozen=True)
 class Recovery:
-    """Deflection along a body, and its bending moment where it bends, for a unit of each coordinate."""
+    """Deflection along a body, and its bending moment where it bends, for a unit of each coordinate.
+
+    A plate has three moments per width, Mx, My and Mxy: all stations of one, then those of the next.
+    """
 
     body: str
     axis: StationAxis
     position: Floats  # (nx,) on the axis
     deflection: Floats  # (nx, n) 1/sqrt(kg)
-    bending_moment: Floats | None = None  # (nx, n) N m; E I w'', positive where the beam's top is in compression
-    stress_per_moment: Floats | None = None  # (nx,) extreme_fibre / I, Pa per N m; None where no fibre is known
-    base_moment: Floats | None = None  # (nx,) N m per m/s^2 of base acceleration: static share of the modes left out
+    # (moments nx, n) N m, of a plate N; E I w'', positive where the top is in compression
+    bending_moment: Floats | None = None
+    stress_per_moment: Floats | None = None  # (moments nx,) extreme_fibre / I, Pa per N m; None where no fibre is known
+    # (moments nx,) of base_moment: per m/s^2 of base acceleration, the static share of the modes left out
+    base_moment: Floats | None = None
+    across: Floats | None = None  # (nx,) m, y on a plate
+    moments: int = 1  # at a station
+
+    @property
+    def of_moments(self) -> Recovery:
+        """The same with a station for each moment."""
+        if self.moments == 1:
+            return self
+        across = None if self.across is None else np.tile(self.across, self.moments)
+        return replace(self, position=np.tile(self.position, self.moments), across=across, moments=1)
 
 
 @dataclass(frozen=True)
 class StressRows:
-    """Bending stress at the extreme fibre of every body whose section is known, station by station."""
+    """Bending stress at the extreme fibre of every body whose section is known, station by station.
+
+    On a plate sigma_x at all stations, then sigma_y, then tau_xy.
+    """
 
     stations: Stations
     row: Floats  # (nx, n) Pa for a unit of each coordinate
@@ -128,8 +165,8 @@ def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
             assert recovery.base_moment is not None
             rows.append(recovery.stress_per_moment[:, None] * recovery.bending_moment)
             base.append(recovery.stress_per_moment * recovery.base_moment)
-            bodies.append((recovery.body, recovery.axis, recovery.position))
+            bodies.append(recovery.of_moments)
     if not rows:
         return None
-    names = tuple(name for name, _, positions in bodies for _ in positions)
-    return StressRows(Stations.of(bodies), np.vstack(rows), np.concatenate(base), names)
+    names = tuple(each.body for each in bodies for _ in each.position)
+    return StressRows(Stations.of_recoveries(bodies), np.vstack(rows), np.concatenate(base), names)

@@ -204,7 +204,7 @@ def _mode_table(
         open_frequencies_hz=parts.omega / (2 * np.pi),
         closed_frequencies_hz=closed / (2 * np.pi),
         shapes=np.vstack([np.zeros((0, basis.size)), *(body.deflection for body in recoveries)]).T,
-        stations=Stations.of([(body.body, body.axis, body.position) for body in recoveries]),
+        stations=Stations.of_recoveries(recoveries),
         damping_ratios=damping_ratios(damping, parts.omega),
         kept_modes=basis.modes,
         static_vectors=basis.static_vectors,
@@ -257,7 +257,7 @@ def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
 def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
     sites = parts.probe_sites
     return tuple(
-        ProbeRow(probe.name, site.coordinate, shape)
+        ProbeRow(probe.name, site.coordinate, site.across, shape)
         for probe, site, shape in zip(parts.scenario.effective_probes, sites, parts.shapes(sites), strict=True)
     )
 
@@ -281,6 +281,7 @@ def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibriu
             SnubberInfo(
                 name=s.name,
                 position=site.coordinate,
+                across=site.across,
                 side=resists(s),
                 stiffness=stiffness,
                 dashpot=contacts.laws[i].dashpot,

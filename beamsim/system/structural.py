@@ -22,7 +22,8 @@ class ProbeRow:
     """A place whose motion is recorded: deflection = shape @ q, relative to the base."""
 
     name: str
-    position: float  # m along the beam; the mass number for a chain
+    position: float  # m along the beam, x on a plate; the mass number for a chain
+    across: float | None  # m, y on a plate
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
 
 
@@ -48,6 +49,7 @@ class SnubberInfo(SnubberNumbers):
     """One snubber of a model."""
 
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
+    across: float | None = None  # m, y on a plate
 
 
 _MODE = (Counter("mode", "mode number"),)

@@ -222,7 +222,7 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
     if isinstance(path, PositionPath):
-        first, last = (moving_place(scenario, path, end).point for end in (first, last))
+        first, last = (moving_place(scenario, path, end).coordinate for end in (first, last))
     kind = path.kind  # type: ignore[attr-defined]
     if kind == "stiffness" and ratio and system.cubic.count:
         raise scenario.located(

@@ -33,7 +33,7 @@ from beamsim.analyses.run.figures import (
     refine_extremes,
     static_figures,
 )
-from beamsim.analyses.run.histories import ExactHistories, Grace, Histories, SampledHistories
+from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace, Histories, SampledHistories
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.output_times import OutputTimes
@@ -188,6 +188,7 @@ class _RunMotion:
     work: Work
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form
+    von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
@@ -309,6 +310,7 @@ def _exact(
         breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
         station_extremes=lambda: histories.station_extremes(searched["stress"]),
+        von_mises=_von_mises(system, histories, searched),
         extreme_times=extreme_times,
         extreme_states=trajectory.states_at(extreme_times[order])[order],
         contact_share=trajectory.contact_share(),
@@ -427,6 +429,18 @@ def _longest_step(system: StructuralSystem) -> float:
     return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
+def _von_mises(system: StructuralSystem, histories: ExactHistories, searched: Mapping[str, Any]) -> dict[str, Floats]:
+    """(nx,) largest von Mises stress at the surface of every plate at its stations, of the samples, Pa."""
+    plates = {body.body for body in system.bodies if body.moments == COMPONENTS}
+    stress = system.stress
+    if stress is None or not plates:
+        return {}
+    parts = {
+        part.body if len(stress.stations.parts) > 1 else stress.bodies[0]: part.stations for part in stress.stations
+    }
+    return {name: histories.von_mises(searched["stress"], parts[name]) for name in plates & set(parts)}
+
+
 def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
@@ -439,6 +453,7 @@ def _probes(system: StructuralSystem, motion: _RunMotion) -> dict[str, ProbeHist
         probe.name: ProbeHistory(
             name=probe.name,
             position=probe.position,
+            across=probe.across,
             displacement=motion.column("displacement", i),
             absolute_displacement=motion.histories.history(partial(absolute, i)),
             velocity=motion.column("velocity", i),
@@ -456,6 +471,7 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
         s.name: SnubberHistory(
             name=s.name,
             position=s.position,
+            across=s.across,
             side=s.side,
             stiffness=s.stiffness,
             dashpot=s.dashpot,
@@ -500,14 +516,16 @@ def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) ->
     """Results along each body that has a continuous axis, as fields of the result."""
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
 
-    def peaks(of_body: slice) -> Floats:
-        return largest(motion.station_extremes())[of_body]
+    def peaks(of_body: slice, moments: int) -> Floats:
+        return np.asarray(largest(motion.station_extremes())[of_body].reshape(moments, -1).max(axis=0))
 
     equilibrium = system.static_equilibrium
     bodies = {
         body.body: BodyResult(
             position=body.position,
-            peak_bending_stress=later(partial(peaks, stress[body.body])) if body.body in stress else None,
+            across=body.across,
+            peak_bending_stress=later(partial(peaks, stress[body.body], body.moments)) if body.body in stress else None,
+            peak_von_mises_stress=motion.von_mises.get(body.body),
             extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
             extreme_times=motion.extreme_times,
             static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
@@ -571,6 +589,10 @@ def _summary(
     if system.stress is not None:
         where = int(largest(motion.extremes["stress"]).argmax())
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
+        if system.stress.stations.across is not None:
+            summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
+        if motion.von_mises:
+            summary["largest_von_mises_stress_pa"] = max(float(peaks.max()) for peaks in motion.von_mises.values())
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
     compared = margins(scenario.limits, summary)

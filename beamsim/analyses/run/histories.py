@@ -26,6 +26,8 @@ from beamsim.typing import Bools, Floats
 GRACE_S = 0.3  # of processor time, for the evaluation of a motion that is stopped
 ENERGIES = tuple(field.name for field in fields(EnergyHistory))
 VALUES_A_BLOCK = 2**20  # outputs and states of all times of a block
+COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
+_STRESSES_AT_ONCE = 256  # samples
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 
 
@@ -259,6 +261,16 @@ class ExactHistories:
             name: sampled_extremes(self.time, self._trajectory.sample(self.time, output_of))
             for name, output_of in searched.items()
         }
+
+    def von_mises(self, stress_of: OutputOf, of_body: slice) -> Floats:
+        """(nx,) largest von Mises stress of the samples; rows are sigma_x, sigma_y and tau_xy of all stations."""
+        few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
+        largest = np.zeros((of_body.stop - of_body.start) // COMPONENTS)
+        for first in range(0, few.size, _STRESSES_AT_ONCE):
+            sampled = self._trajectory.sample(few[first : first + _STRESSES_AT_ONCE], stress_of)[:, of_body]
+            x, y, shear = np.moveaxis(sampled.reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
+            largest = np.maximum(largest, (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
+        return np.sqrt(largest)
 
     def station_extremes(self, stress_of: OutputOf) -> Extreme:
         """Extremes of the stress at every station; those of samples where the search was interrupted."""

@@ -48,6 +48,7 @@ class ProbeHistory:
     low_passed_acceleration: Floats | None = dataset(
         "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", along=_TIME, default=None
     )
+    across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
     displacement_change: float | None = attribute(
         "1", f"of the peak displacement, {_WITH_FINER_MODEL}", name="relative_change", at="displacement", default=None
     )
@@ -68,6 +69,7 @@ class SnubberHistory(SnubberNumbers):
         "m", "displacement of the structure at the snubber, relative to the base", along=_TIME
     )
     velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base", along=_TIME)
+    across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
     force_change: float | None = attribute(
         "1", f"of the peak force, {_WITH_FINER_MODEL}", name="relative_change", at="force", default=None
     )
@@ -151,7 +153,7 @@ class Spectrum:
 class BodyResult:
     """Results along a body."""
 
-    position: Floats = axis("m", "position along the beam")
+    position: Floats = axis("m", "position along the beam, or on the plate from its left edge")
     # None where no fibre of the section is known
     peak_bending_stress: Floats | None = dataset(
         "Pa", "largest absolute bending stress at any time", along=("position",)
@@ -161,6 +163,13 @@ class BodyResult:
     )
     extreme_times: Floats = axis("s", "times at which the first probe is lowest and highest")
     static_shape: Floats = dataset("m", "deflection at static equilibrium", along=("position",))  # nan: there is none
+    # of a plate only, whose bending stress is the largest of sigma_x, sigma_y and tau_xy
+    across: Floats | None = dataset(
+        "m", "position on the plate from its bottom edge", along=("position",), default=None
+    )
+    peak_von_mises_stress: Floats | None = dataset(
+        "Pa", "largest von Mises stress at the surface, of at least 2000 samples", along=("position",), default=None
+    )
 
 
 @declared
@@ -315,7 +324,10 @@ _SUMMARY = (
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
     Entry("largest_bending_stress_pa", "Pa", "largest bending stress at any time and place",
              "largest bending stress"),
-    Entry("largest_bending_stress_position_m", "m", "where that is"),
+    Entry("largest_bending_stress_position_m", "m", "where that is, on a plate its x"),
+    Entry("largest_bending_stress_across_m", "m", "on a plate its y"),
+    Entry("largest_von_mises_stress_pa", "Pa", "largest von Mises stress at the surface of a plate",
+             "largest von Mises stress"),
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
     MARGINS,
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),

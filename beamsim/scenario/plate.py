@@ -1,0 +1,412 @@
+"""Rectangular thin plates: geometry, stiffness, edges, point supports, point masses, stiffeners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Field
+
+from beamsim.errors import Problem
+from beamsim.scenario.base import Path, Schema, fail, path_text
+from beamsim.scenario.body import Body
+from beamsim.scenario.damping import ChainDamping, ModalDamping
+from beamsim.scenario.place import AtPlace, PlatePoint, Point
+from beamsim.scenario.quantities import (
+    BendingStiffness,
+    Density,
+    Grading,
+    Length,
+    MassPerArea,
+    MassPerLength,
+    Modulus,
+    PlateElements,
+    PlateStiffness,
+    PointMassValue,
+    PoissonsRatio,
+    SectionModulusPerLength,
+    Share,
+    TorsionalStiffness,
+)
+
+Edge = Literal["clamped", "pinned", "free"]
+SMALLEST_ELEMENT = 5e-4
+"""Of a side; frequencies of a clamped plate have been seen to lose digits below 3e-4."""
+
+EDGES = ("left", "right", "bottom", "top")
+
+
+class PointSupport(Schema):
+    """A point that cannot deflect, and is free to turn; mesh lines are placed there."""
+
+    position: PlatePoint
+    """Distances from the left and the bottom edge, or shares of length and width."""
+
+
+class PlateSupports(Schema):
+    """How the edges are held."""
+
+    left: Edge = "free"
+    """The edge at x = 0: clamped, pinned or free."""
+    right: Edge = "free"
+    """The edge at x = length."""
+    bottom: Edge = "free"
+    """The edge at y = 0."""
+    top: Edge = "free"
+    """The edge at y = width."""
+    points: tuple[PointSupport, ...] = ()
+    """Points that cannot deflect."""
+
+
+class PlatePointMass(Schema):
+    """A lumped mass on the plate; mesh lines are placed there."""
+
+    position: PlatePoint
+    """Distances from the left and the bottom edge, or shares of length and width."""
+    mass: PointMassValue
+    """The mass; it has no rotary inertia."""
+
+
+class Stiffener(Schema):
+    """A uniform beam that is joined to the plate along a straight line."""
+
+    from_: Annotated[PlatePoint, Field(alias="from")]
+    """Where it begins."""
+    to: PlatePoint
+    """Where it ends."""
+    bending_stiffness: BendingStiffness
+    """Bending stiffness E I about the middle plane of the plate."""
+    torsional_stiffness: TorsionalStiffness = 0.0
+    """Torsional stiffness G J; none by default."""
+    mass_per_length: MassPerLength
+    """Mass per unit length, without rotary inertia."""
+
+    @property
+    def length(self) -> float:
+        """Distance between its ends, m."""
+        return math.hypot(self.to[0] - self.from_[0], self.to[1] - self.from_[1])
+
+
+class PlateBody(Body):
+    """What plates answer, whatever their bending stiffness was given by; x runs along the length, y along the width."""
+
+    body_kind: ClassVar[str] = "plate"
+
+    kind: Literal["plate"] = "plate"
+    """A rectangular thin plate."""
+    length: Length
+    """Size along x, from the left to the right edge."""
+    width: Length
+    """Size along y, from the bottom to the top edge."""
+    elements: PlateElements = (12, 12)
+    """Numbers of elements (bicubic Hermite) along x and y, before mesh lines are added at points and stiffeners."""
+    grading: Grading = 1.0
+    """Exponent of the mesh's grading towards the edges: 1 is uniform, 2 makes elements at edges much smaller."""
+    supports: PlateSupports = Field(default_factory=PlateSupports)  # made where it is needed: it costs a validator
+    """How the edges are held, and points that cannot deflect; all edges are free by default."""
+    damping: ChainDamping = ModalDamping()
+    """Damping; none by default."""
+    point_masses: tuple[PlatePointMass, ...] = ()
+    """Lumped masses."""
+    stiffeners: tuple[Stiffener, ...] = ()
+    """Beams along straight lines."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def rigidity(self) -> Rigidity:
+            """Bending and twisting stiffnesses per width."""
+
+        @property
+        def surface_mass(self) -> float:
+            """Mass per area, kg/m^2."""
+
+        @property
+        def stress_per_moment(self) -> float | None:
+            """Stress at the surface for a unit moment per width, Pa per N; None where that is unknown."""
+
+        @property
+        def depth(self) -> float | None:
+            """Thickness, m; None where that is unknown."""
+
+    @property
+    def gives_stress(self) -> bool:
+        """Whether stresses at the surface can be recovered."""
+        return self.stress_per_moment is not None
+
+    @property
+    def rough_frequency_hz(self) -> float:
+        """That of the first mode, about, Hz."""
+        stiffness = max(self.rigidity.dx, self.rigidity.dy)
+        return math.pi / 2.0 * math.sqrt(stiffness / self.surface_mass) / max(self.length, self.width) ** 2
+
+    @property
+    def largest_gap(self) -> float:
+        """A fifth of the longer side, or ten times the thickness if that is less."""
+        longer = max(self.length, self.width)
+        return min(longer / 5.0, math.inf if self.depth is None else 10.0 * self.depth)
+
+    def refined(self) -> Self:
+        """The plate with twice the elements in both directions."""
+        return self.model_copy(update={"elements": (2 * self.elements[0], 2 * self.elements[1])})
+
+    def default_probe(self) -> tuple[str, AtPlace]:
+        """A free corner, else the middle of a free edge, else the centre."""
+        free = {edge: getattr(self.supports, edge) == "free" for edge in EDGES}
+        x = self.length if free["right"] else 0.0 if free["left"] else self.length / 2.0
+        y = self.width if free["top"] else 0.0 if free["bottom"] else self.width / 2.0
+        return "plate", AtPlace(position=(x, y))
+
+    def on_the_body(self, position: Point) -> Point:
+        """The point in m, of shares those of length and width, on an edge where round-off puts it beyond."""
+        if not isinstance(position, tuple):
+            return position
+        x, y = (
+            size * p if isinstance(p, Share) else size if size < p <= size * (1.0 + 1e-12) else p
+            for size, p in zip((self.length, self.width), position, strict=True)
+        )
+        return x, y
+
+    def held(self, position: Point) -> str:
+        """The edge or point support at a point; empty where it can deflect."""
+        if not isinstance(position, tuple):
+            return ""
+        at = {
+            "left": position[0] == 0.0,
+            "right": position[0] == self.length,
+            "bottom": position[1] == 0.0,
+            "top": position[1] == self.width,
+        }
+        for edge, on_it in at.items():
+            support = getattr(self.supports, edge)
+            if on_it and support != "free":
+                return f"{support} {edge} edge"
+        return "point support" if any(position == point.position for point in self.supports.points) else ""
+
+    def holds(self, position: Point) -> bool:
+        """Whether a support is at a point."""
+        return bool(self.held(position))
+
+    def problems(self, where: Path) -> Iterator[Problem]:
+        """Elements too small for the digits there are, points outside the plate, stiffeners without a length."""
+        for index, count in enumerate(self.elements):
+            smallest = (2.0 / count) ** self.grading / 2.0
+            if count > 2 and smallest < SMALLEST_ELEMENT:
+                yield Problem(
+                    path_text((*where, "grading")),
+                    f"= {self.grading:g} with {count} elements along {'xy'[index]} makes one of {smallest:.2g} of the "
+                    f"side: below {SMALLEST_ELEMENT:g} round-off shows in the lowest frequencies",
+                    "use a smaller grading, or fewer elements: they are small where it matters",
+                )
+        points: list[tuple[Path, Point]] = [
+            (("supports", "points", index, "position"), point.position)
+            for index, point in enumerate(self.supports.points)
+        ]
+        points += [(("point_masses", index, "position"), mass.position) for index, mass in enumerate(self.point_masses)]
+        for at, position in points:
+            yield from self.position_problems(where, (*where, *at), position, "")
+        for index, stiffener in enumerate(self.stiffeners):
+            for key, end in (("from", stiffener.from_), ("to", stiffener.to)):
+                yield from self.position_problems(where, (*where, "stiffeners", index, key), end, "")
+            if stiffener.length == 0.0:
+                yield Problem(
+                    path_text((*where, "stiffeners", index)), "begins and ends at the same point", "give it a length"
+                )
+
+    def position_problems(self, where: Path, at: Path, position: Point, what: str) -> Iterator[Problem]:
+        """What is wrong with a point; ``what`` does nothing on a support, and is empty for what may stand there."""
+        if not isinstance(position, tuple):
+            yield Problem(
+                path_text(at),
+                f"= {position:g} is one number, but {path_text(where)} is a plate",
+                "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
+            )
+            return
+        for index, (key, size) in enumerate((("length", self.length), ("width", self.width))):
+            if position[index] > size:
+                yield Problem(
+                    path_text((*at, index)),
+                    f"= {position[index]:.9g} m lies beyond {path_text((*where, key))} = {size:.9g} m",
+                    f"{'xy'[index]} runs from 0 to {size:g} m, from the {('left', 'bottom')[index]} edge",
+                )
+        if what and (held := self.held(position)):
+            yield Problem(
+                path_text(at),
+                f"= [{position[0]:g}, {position[1]:g}] m is on the {held}, which cannot deflect: "
+                f"{what} has no effect there",
+                f"move it into the plate, or change {path_text((*where, 'supports'))}",
+            )
+
+    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+        """Masses are numbered in chains."""
+        yield Problem(
+            path_text(at),
+            f"applies to a chain, but {path_text(where)} is a plate",
+            "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
+        )
+
+    def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """Measured mode shapes have one coordinate."""
+        yield Problem(
+            path_text(at), "is one coordinate, and the structure is a plate", "give measured frequencies without shapes"
+        )
+
+    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+        """Snubbers do not move on a plate."""
+        yield Problem(
+            path_text((*at[:-1], "kind")),
+            "= position moves along a beam, but the structure is a plate",
+            "follow gap or stiffness, or vary at.position[0] in a sweep of designs",
+        )
+
+    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+        """Polynomials have one variable."""
+        if numbers:
+            yield Problem(
+                path_text(at),
+                "gives a polynomial along a beam, but the structure is a plate",
+                "start from a mode, a released force or the static equilibrium",
+            )
+
+    def point_force_doubts(self, where: Path, position: Point) -> Iterator[str]:
+        """Stress has no limit under a point force, other than at a free corner."""
+        if not self.gives_stress or not isinstance(position, tuple) or self.holds(position):
+            return
+        if position[0] in (0.0, self.length) and position[1] in (0.0, self.width):
+            return
+        yield (
+            f"{path_text(where)} acts at a point inside a plate, where thin-plate theory has no finite bending stress: "
+            "the stress at that point grows with the number of elements; take it a thickness or more beside it"
+        )
+
+    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+        """Too few elements for the excitation, and a plate that is not thin."""
+        if self.depth is not None and self.depth > min(self.length, self.width) / 10.0:
+            yield (
+                f"the plate is {self.depth:g} m thick and {min(self.length, self.width):g} m wide: thin-plate theory "
+                "(no shear) is doubtful when the thickness is more than a tenth of the shorter side"
+            )
+        if highest_hz <= 0.0:
+            return
+        omega = 2.0 * math.pi * highest_hz
+        for name, size, elements, stiffness in (
+            ("x", self.length, self.elements[0], self.rigidity.dx),
+            ("y", self.width, self.elements[1], self.rigidity.dy),
+        ):
+            wavelength = 2.0 * math.pi * (stiffness / self.surface_mass / omega**2) ** 0.25
+            per_wave = wavelength / (size / elements)
+            if per_wave < 6.0:
+                yield (
+                    f"{path_text((*where, 'elements'))}[{'xy'.index(name)}] = {elements} gives {per_wave:.1f} elements "
+                    f"a bending wavelength along {name} at {highest_hz:g} Hz: use 6 or more"
+                )
+
+
+class Rigidity(Schema):
+    """Bending stiffnesses per width of an orthotropic plate whose principal axes are x and y.
+
+    Moments per width are Mx = dx w_xx + d1 w_yy, My = d1 w_xx + dy w_yy and Mxy = 2 dxy w_xy with d1 = nu dy.
+    """
+
+    dx: PlateStiffness
+    """Bending stiffness per width that resists curvature along x."""
+    dy: PlateStiffness
+    """Bending stiffness per width that resists curvature along y."""
+    nu: PoissonsRatio = 0.0
+    """Poisson's ratio nu_xy: contraction along y over the stretch along x; nu_yx = nu dy / dx."""
+    dxy: PlateStiffness | None = None
+    """Twisting stiffness, D (1 - nu) / 2 where isotropic; by default that of the geometric mean of dx and dy."""
+
+    def settle(self) -> None:
+        """Reject stiffnesses without a positive energy; resolve dxy."""
+        if self.nu**2 * self.dy >= self.dx:
+            raise fail(
+                f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
+                f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to a stretch along x",
+                ("nu",),
+            )
+        if self.dxy is None:
+            mean = math.sqrt(self.dx * self.dy)
+            self.resolve("dxy", mean * (1.0 - self.nu * math.sqrt(self.dy / self.dx)) / 2.0)
+
+    @property
+    def d1(self) -> float:
+        """Coupling stiffness of the two curvatures, N m."""
+        return self.nu * self.dy
+
+    @property
+    def twisting(self) -> float:
+        """Twisting stiffness dxy, N m."""
+        assert self.dxy is not None
+        return self.dxy
+
+
+class Plate(PlateBody):
+    """A rectangular, thin, isotropic plate (Kirchhoff theory)."""
+
+    thickness: Length
+    """Thickness."""
+    youngs_modulus: Modulus
+    """Young's modulus."""
+    poissons_ratio: PoissonsRatio
+    """Poisson's ratio."""
+    density: Density
+    """Density."""
+
+    @property
+    def rigidity(self) -> Rigidity:
+        """D = E h^3 / (12 (1 - nu^2)) in both directions."""
+        d = self.youngs_modulus * self.thickness**3 / (12.0 * (1.0 - self.poissons_ratio**2))
+        return Rigidity(dx=d, dy=d, nu=self.poissons_ratio)
+
+    @property
+    def surface_mass(self) -> float:
+        """Mass per area, kg/m^2."""
+        return self.density * self.thickness
+
+    @property
+    def stress_per_moment(self) -> float:
+        """6 / h^2, Pa per N."""
+        return 6.0 / self.thickness**2
+
+    @property
+    def depth(self) -> float:
+        """Thickness, m."""
+        return self.thickness
+
+
+class StiffnessPlate(PlateBody):
+    """A rectangular, thin, orthotropic plate by its stiffnesses and mass per area, such as a sandwich panel."""
+
+    bending_stiffness: Rigidity
+    """Bending stiffnesses per width: {dx, dy, nu, dxy}."""
+    mass_per_area: MassPerArea
+    """Mass per unit area."""
+    section_modulus: SectionModulusPerLength | None = None
+    """Moment per width over the stress at the surface, for the stresses; h^2 / 6 where solid, none by default."""
+
+    @property
+    def rigidity(self) -> Rigidity:
+        """The stiffnesses as they are given."""
+        return self.bending_stiffness
+
+    @property
+    def surface_mass(self) -> float:
+        """Mass per area, kg/m^2."""
+        return self.mass_per_area
+
+    @property
+    def stress_per_moment(self) -> float | None:
+        """The inverse of the section modulus, Pa per N."""
+        return None if self.section_modulus is None else 1.0 / self.section_modulus
+
+    @property
+    def depth(self) -> float | None:
+        """Unknown."""
+        return None
+
+
+def plate_by_stiffness(value: Any) -> bool:
+    """Whether a raw plate is given by its bending stiffness."""
+    return isinstance(value, StiffnessPlate) or (isinstance(value, dict) and "bending_stiffness" in value)

@@ -1,0 +1,181 @@
+r"""A thin rectangular plate in conforming bicubic Hermite elements, and what it answers as a structure.
+
+The strain energy of an orthotropic Kirchhoff plate is
+
+.. math:: \tfrac12 \int D_x w_{xx}^2 + 2 D_1 w_{xx} w_{yy} + D_y w_{yy}^2 + 4 D_{xy} w_{xy}^2 \, dx\, dy
+
+(S. P. Timoshenko, S. Woinowsky-Krieger, Theory of Plates and Shells, 1959, chapter 11). It is a sum of squares at the
+points of a Gauss quadrature that is exact for the elements, which gives the factor B of K = B^T B. Stiffeners add
+such rows along their lines. Edges hold all degrees of freedom of an end of one of the two families of splines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.structures.beam import supported_dofs
+from beamsim.structures.damping import damping_matrix
+from beamsim.structures.places import Place, SpringEnd
+from beamsim.structures.plate_mesh import PlateMesh, graded_mesh, integration_rows
+from beamsim.structures.plate_model import PlateModel, energy_coefficients
+from beamsim.structures.plate_recovery import plate_recovery
+from beamsim.structures.plate_sensitivity import plate_sensitivities
+from beamsim.structures.rigid_motion import allowed_rigid_modes
+from beamsim.structures.structure import GivenField, MemberBody, Path
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario.plate import PlateBody, Stiffener
+    from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.stations import Recovery
+
+
+class PlateStructure(PlateModel):
+    """A plate as a structure."""
+
+    @property
+    def stated_damping(self) -> Any:
+        """That of the plate."""
+        return self.plate.damping
+
+    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
+        """(n, n) C of the reduced model, 1/s."""
+        return damping_matrix(self, basis, omega)
+
+    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+        """Deflection, moments and stresses at the nodes."""
+        return plate_recovery(self, member, basis, base_moves)
+
+    def given_field(self, numbers: Sequence[float]) -> GivenField:
+        """None: the scenario refuses it."""
+        raise ValueError("a plate has no shape that a list of numbers gives")
+
+    def sensitivities(
+        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
+    ) -> dict[Path, float]:
+        """d ln k / d ln p of every number of the plate."""
+        return plate_sensitivities(self, assemble_plate, path, ends, v, k, squared)
+
+
+def assemble_plate(
+    plate: PlateBody, name: str = "plate", nodes: Sequence[Any] = (), mesh: PlateMesh | None = None
+) -> PlateStructure:
+    """Sparse matrices of a plate on its supports.
+
+    Mesh lines are placed at point masses, point supports, stiffeners parallel to an edge and what joins the plate, at
+    ``nodes`` ([x, y] in m); ``mesh`` keeps one that is there.
+    """
+    from scipy.sparse import kron, vstack
+
+    size = np.array([plate.length, plate.width])
+    mesh = _mesh(plate, nodes) if mesh is None else mesh
+    d = plate.rigidity
+    stiffness_scale = max(d.dx * plate.width / plate.length**3, d.dy * plate.length / plate.width**3)
+    mass_scale = plate.surface_mass * plate.length * plate.width
+
+    def rows(x: tuple[int, int], y: tuple[int, int]) -> Any:
+        return kron(integration_rows(mesh.x, *x), integration_rows(mesh.y, *y), format="csr")
+
+    cx, cy, c1, cxy = energy_coefficients(plate, stiffness_scale)
+    factor = [
+        np.sqrt(cx) * rows((2, 4), (0, 4)) + c1 / np.sqrt(cx) * rows((0, 4), (2, 4)),
+        np.sqrt(cy - c1**2 / cx) * rows((0, 4), (2, 2)),
+        np.sqrt(cxy) * rows((1, 3), (1, 3)),
+    ]
+    inertia = [rows((0, 4), (0, 4))]
+    if plate.point_masses:
+        points = np.array([m.position for m in plate.point_masses]) / size
+        root = np.sqrt(np.array([m.mass for m in plate.point_masses]) / mass_scale)
+        inertia.append(mesh.rows(points) * root[:, None])
+    for stiffener in plate.stiffeners:
+        bending, moving = _stiffener_rows(stiffener, mesh, size)
+        factor += [row / np.sqrt(stiffness_scale) for row in bending]
+        inertia.append(moving / np.sqrt(mass_scale))
+    moving = vstack(inertia, format="csr")
+    mass = (moving.T @ moving).tocsr()
+
+    held = _held(plate, mesh)
+    free = np.setdiff1d(np.arange(mesh.size), held)
+    motions = _rigid_motions(mesh)
+    return PlateStructure(
+        name=name,
+        mass=mass[free][:, free].tocsc(),
+        factor=vstack(factor, format="csr")[:, free].tocsr(),
+        damping=None,
+        inertia=(mass @ motions[:, 0])[free],
+        ground=np.zeros(free.size),
+        rigid=allowed_rigid_modes(motions, mass, held)[free],
+        mass_scale=mass_scale,
+        stiffness_scale=stiffness_scale,
+        deflection_dofs=np.flatnonzero(np.isin(free, mesh.deflections)),
+        plate=plate,
+        mesh=mesh,
+        free=free,
+    )
+
+
+def _mesh(plate: PlateBody, nodes: Sequence[Any]) -> PlateMesh:
+    """Mesh lines through everything that acts at a point, and along stiffeners parallel to an edge."""
+    points = [mass.position for mass in plate.point_masses] + [point.position for point in plate.supports.points]
+    points += [tuple(node) for node in nodes]
+    ends = [(beam.from_, beam.to) for beam in plate.stiffeners]
+    lines = [graded_mesh(count, plate.grading, sorted({at / size for at in hard})) for count, size, hard in (
+        (plate.elements[axis], (plate.length, plate.width)[axis],
+         [p[axis] for p in points] + [a[axis] for a, b in ends if a[axis] == b[axis]])
+        for axis in (0, 1)
+    )]  # fmt: skip
+    return PlateMesh(*lines)
+
+
+def _held(plate: PlateBody, mesh: PlateMesh) -> Ints:
+    """Degrees of freedom that edges and point supports hold; a support is at the node next to it."""
+    supports = plate.supports
+    along_y = 2 * mesh.y.nodes.size
+    held_x = supported_dofs(supports.left, supports.right, mesh.x.nodes.size)
+    held_y = supported_dofs(supports.bottom, supports.top, mesh.y.nodes.size)
+    dofs = np.arange(mesh.size)
+    held = np.isin(dofs // along_y, held_x) | np.isin(dofs % along_y, held_y)
+    for point in supports.points:
+        x, y = point.position
+        i = int(np.abs(mesh.x.nodes - x / plate.length).argmin())
+        j = int(np.abs(mesh.y.nodes - y / plate.width).argmin())
+        held[2 * i * along_y + 2 * j] = True
+    return np.flatnonzero(held)
+
+
+def _rigid_motions(mesh: PlateMesh) -> Floats:
+    """(size, 3) translation, and rotations about the left and the bottom edge."""
+    one, linear = [], []
+    for line in (mesh.x, mesh.y):
+        one.append(np.tile([1.0, 0.0], line.nodes.size))
+        linear.append(np.column_stack([line.nodes, np.ones(line.nodes.size)]).ravel())
+    return np.column_stack([np.kron(one[0], one[1]), np.kron(linear[0], one[1]), np.kron(one[0], linear[1])])
+
+
+def _stiffener_rows(beam: Stiffener, mesh: PlateMesh, size: Floats) -> tuple[list[Any], Any]:
+    """Rows whose squares are twice the strain energy and the mass form of a beam along a line, in N/m and kg.
+
+    The deflection is of degree 6 along a line across an element, so that 7 Gauss points integrate its square exactly.
+    """
+    start, end = np.array(beam.from_), np.array(beam.to)
+    shares = mesh.crossings(start / size, end / size)
+    place, weight = np.polynomial.legendre.leggauss(7)
+    lengths = np.diff(shares)
+    s = (shares[:-1, None] + lengths[:, None] * (place + 1) / 2).ravel()
+    root = np.sqrt(lengths[:, None] * weight / 2 * beam.length).ravel()
+    points = (start + s[:, None] * (end - start)) / size
+    cos, sin = (end - start) / beam.length
+
+    def derivative(x: int, y: int) -> Any:
+        return mesh.rows(points, (x, y)) / (size[0] ** x * size[1] ** y)
+
+    xx, xy, yy = derivative(2, 0), derivative(1, 1), derivative(0, 2)
+    curvature = cos**2 * xx + 2 * cos * sin * xy + sin**2 * yy
+    rows = [curvature * (np.sqrt(beam.bending_stiffness) * root)[:, None]]
+    if beam.torsional_stiffness:
+        twist = (cos**2 - sin**2) * xy + cos * sin * (yy - xx)
+        rows.append(twist * (np.sqrt(beam.torsional_stiffness) * root)[:, None])
+    return rows, derivative(0, 0) * (np.sqrt(beam.mass_per_length) * root)[:, None]

@@ -1,0 +1,104 @@
+"""Bicubic Hermite elements of a rectangle: tensor products of the beam's cubic ones.
+
+The space of the Bogner-Fox-Schmit element is the product of two spaces of cubic Hermite splines, so that matrices and
+rows of the plate are Kronecker products of those along x and y (F. K. Bogner, R. L. Fox, L. A. Schmit, 1965). Lengths
+are divided by the plate's length and width; the degrees of freedom at a node are (w, L w_x, W w_y, L W w_xy), in m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamsim.structures.hermite import shape_functions
+from beamsim.structures.mesh import Mesh, build_mesh
+from beamsim.typing import Floats, Ints
+
+
+def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> Mesh:
+    """A mesh of 0 to 1 with nodes at the hard points, whose elements become smaller towards both ends.
+
+    Nodes are x(t) of a mesh that is uniform in t, with x = (2 t)^grading / 2 up to the middle, and its mirror image.
+    """
+    if grading == 1.0:
+        return build_mesh(elements, hard_points)
+
+    def mapped(t: Floats, power: float) -> Floats:
+        return np.asarray(np.where(t <= 0.5, (2 * t) ** power / 2, 1 - (2 - 2 * np.clip(t, 0.5, 1)) ** power / 2))
+
+    uniform = build_mesh(elements, mapped(np.array(hard_points, dtype=float), 1 / grading).tolist())
+    return Mesh(mapped(uniform.nodes, grading))
+
+
+def line_rows(mesh: Mesh, x: Floats, derivative: int = 0) -> Any:
+    """(k, 2 nodes) sparse rows that give the derivative of a cubic spline at nondimensional x."""
+    from scipy.sparse import csr_array
+
+    element, xi = mesh.locate(x)
+    values = shape_functions(xi, mesh.lengths[element], derivative)
+    rows = np.repeat(np.arange(x.size), 4)
+    return csr_array((values.ravel(), (rows, mesh.dofs[element].ravel())), shape=(x.size, 2 * mesh.nodes.size))
+
+
+def integration_rows(mesh: Mesh, derivative: int, points: int) -> Any:
+    """(points elements, 2 nodes) rows B of a derivative at Gauss points with B^T B its integrated square."""
+    from scipy.sparse import diags_array
+
+    place, weight = np.polynomial.legendre.leggauss(points)
+    x = mesh.nodes[:-1, None] + mesh.lengths[:, None] * (place + 1) / 2
+    root = np.sqrt(mesh.lengths[:, None] * weight / 2)
+    # Positions of Gauss points lie inside their elements, so that `locate` finds these.
+    return (diags_array(root.ravel()) @ line_rows(mesh, x.ravel(), derivative)).tocsr()
+
+
+@dataclass(frozen=True)
+class PlateMesh:
+    """Lines of a mesh along both directions, on x / L and y / W; dofs of a product are numbered along y first."""
+
+    x: Mesh
+    y: Mesh
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom without supports."""
+        return 4 * self.x.nodes.size * self.y.nodes.size
+
+    @property
+    def node_points(self) -> Floats:
+        """(nodes, 2) nondimensional positions of the nodes, along y first."""
+        x, y = np.meshgrid(self.x.nodes, self.y.nodes, indexing="ij")
+        return np.column_stack([x.ravel(), y.ravel()])
+
+    @property
+    def deflections(self) -> Ints:
+        """(nodes,) degrees of freedom that are deflections of the nodes."""
+        along_y = 2 * self.y.nodes.size
+        dofs = 2 * np.arange(self.x.nodes.size)[:, None] * along_y + 2 * np.arange(self.y.nodes.size)
+        return np.asarray(dofs.ravel(), dtype=np.int64)
+
+    def rows(self, points: Floats, derivative: tuple[int, int] = (0, 0)) -> Any:
+        """(k, size) sparse rows that give a derivative (by x / L, by y / W) at nondimensional points (k, 2)."""
+        from scipy.sparse import csr_array
+
+        elements, values = [], []
+        for mesh, at, order in zip((self.x, self.y), points.T, derivative, strict=True):
+            element, xi = mesh.locate(at)
+            elements.append(mesh.dofs[element])
+            values.append(shape_functions(xi, mesh.lengths[element], order))
+        products = values[0][:, :, None] * values[1][:, None, :]
+        columns = elements[0][:, :, None] * (2 * self.y.nodes.size) + elements[1][:, None, :]
+        rows = np.repeat(np.arange(points.shape[0]), 16)
+        return csr_array((products.ravel(), (rows, columns.ravel())), shape=(points.shape[0], self.size))
+
+    def crossings(self, start: Floats, end: Floats) -> Floats:
+        """(c,) shares of a line from start to end, both (2,), at which it enters another element, 0 and 1 included."""
+        shares = [np.array([0.0, 1.0])]
+        for mesh, a, b in zip((self.x, self.y), start, end, strict=True):
+            if a != b:
+                shares.append((mesh.nodes - a) / (b - a))
+        s = np.unique(np.concatenate(shares))
+        s = s[(s >= 0) & (s <= 1)]
+        return np.asarray(s[np.concatenate([[True], np.diff(s) > 1e-12])])

@@ -1,0 +1,106 @@
+"""The finite-element model of a plate: mesh, supports, and the rows and fields on it."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.structures.places import DEFLECTION, Place, Site, ends_of
+from beamsim.structures.plate_mesh import PlateMesh
+from beamsim.structures.structure import BodyStructure
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario.plate import PlateBody
+
+_FREE_BEAM = np.array([0.0, 0.0, 4.730040744862704, 7.853204624095838])  # beta L; higher ones (n + 1/2) pi
+
+
+@dataclass(frozen=True)
+class PlateModel(BodyStructure, ABC):
+    """A plate in bicubic Hermite elements; places are metres from its left and bottom edges."""
+
+    plate: PlateBody
+    mesh: PlateMesh
+    free: Ints  # (N,) which of the unsupported plate's dofs are left
+
+    @property
+    def most_modes(self) -> int:
+        """One an element: modes with higher numbers are not carried by the mesh."""
+        return self.mesh.x.elements * self.mesh.y.elements
+
+    def frequency_count(self, omega: float) -> int:
+        """A bound on the number of modes below the scaled angular frequency omega.
+
+        Without twisting stiffness, and with the coupling of the curvatures taken off both of them, a free plate has
+        modes that are products of those of free beams, all of them lower. What is joined to it is a beam or a mass
+        more, and constraints, which raise frequencies.
+        """
+        cx, cy, c1, _ = energy_coefficients(self.plate, self.stiffness_scale)
+        share = 1 - abs(c1) / np.sqrt(cx * cy)
+        squared = omega**2 / share
+
+        def count(stiffness: float) -> Floats:
+            highest = int((squared / stiffness) ** 0.25 / np.pi) + 3
+            return np.concatenate([_FREE_BEAM, (np.arange(4, highest + 1) - 0.5) * np.pi])[: highest + 1] ** 4
+
+        along_x, along_y = cx * count(cx), cy * count(cy)
+        modes = int(np.searchsorted(along_y, squared - along_x[along_x <= squared], side="right").sum())
+        physical = omega * self.frequency_scale
+        for beam in self.plate.stiffeners:
+            beta = (beam.mass_per_length * physical**2 / beam.bending_stiffness) ** 0.25 * beam.length
+            modes += int(np.ceil(beta / np.pi)) + 2
+        return modes + len(self.plate.point_masses)
+
+    def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
+        """Single places."""
+        return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
+
+    def place_row(self, place: Place) -> Floats:
+        """(N,) deflection at a place for a unit of each degree of freedom."""
+        if place.direction != DEFLECTION or place.across is None:
+            raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
+        point = self.nondimensional(np.array([[place.coordinate, place.across]]))
+        return np.asarray(self.mesh.rows(point).toarray()[0, self.free])
+
+    def nondimensional(self, points: Floats) -> Floats:
+        """(k, 2) points in m over length and width."""
+        return points / (self.plate.length, self.plate.width)
+
+    def whole_field(self, vectors: Floats) -> Floats:
+        """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""
+        field = np.zeros((self.mesh.size, *vectors.shape[1:]))
+        field[self.free] = vectors
+        return field
+
+    def unit_stiffness(self, site: Site) -> float:
+        """sqrt(Dx Dy) / (L W), N/m."""
+        rigidity = self.plate.rigidity
+        return float(np.sqrt(rigidity.dx * rigidity.dy) / (self.plate.length * self.plate.width))
+
+    def largest_deflection(self, field: Floats) -> float:
+        """Largest absolute deflection of a field (N,), at four points a side of every element."""
+        lines = [
+            np.append((mesh.nodes[:-1, None] + mesh.lengths[:, None] * np.arange(4) / 4).ravel(), 1.0)
+            for mesh in (self.mesh.x, self.mesh.y)
+        ]
+        x, y = np.meshgrid(*lines, indexing="ij")
+        rows = self.mesh.rows(np.column_stack([x.ravel(), y.ravel()]))
+        return float(np.abs(rows @ self.whole_field(field)).max())
+
+
+def energy_coefficients(plate: PlateBody, stiffness_scale: float) -> tuple[float, float, float, float]:
+    """Factors of w_xx^2, w_yy^2, 2 w_xx w_yy and w_xy^2 in the scaled energy, derivatives by x / L and y / W."""
+    d, length, width = plate.rigidity, plate.length, plate.width
+    physical = (
+        d.dx * width / length**3,
+        d.dy * length / width**3,
+        d.d1 / (length * width),
+        4 * d.twisting / (length * width),
+    )
+    cx, cy, c1, cxy = (value / stiffness_scale for value in physical)
+    return cx, cy, c1, cxy

@@ -1,0 +1,91 @@
+"""Moments and stresses of a plate at the nodes of its mesh.
+
+Second derivatives of cubic splines are most accurate at the two Gauss points of each element (J. Barlow, 1976), where
+their error is two orders smaller than elsewhere. They are interpolated from there to the nodes, by cubic polynomials
+through the next four.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.structures.plate_mesh import line_rows
+from beamsim.structures.reduction import static_deflections
+from beamsim.structures.stations import IN_PLANE, Recovery
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.mesh import Mesh
+    from beamsim.structures.plate_model import PlateModel
+    from beamsim.structures.structure import MemberBody
+
+
+def plate_recovery(structure: PlateModel, member: MemberBody, basis: ReducedBasis, base_moves: bool) -> Recovery:
+    """Deflection, moments Mx, My, Mxy per width and stresses at the nodes.
+
+    Parameters
+    ----------
+    structure, member : the plate, and how it lies in its structure.
+    basis : reduced coordinates of the whole structure.
+    base_moves : whether the static share of the modes left out is needed.
+    """
+    plate, whole = structure.plate, member.whole
+    scale = 1 / np.sqrt(whole.mass_scale)
+    operator = moment_operator(structure)
+
+    def moments(vectors: Floats) -> Floats:
+        return np.asarray(operator @ structure.whole_field(member.field(vectors)))
+
+    moment = moments(basis.vectors)
+    moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
+    remainder = np.zeros(moment.shape[0])
+    if base_moves:  # modes left out respond statically to the acceleration of the base
+        flexible = slice(basis.rigid, None)
+        coordinates = basis.vectors[:, flexible].T @ whole.inertia / basis.omega[flexible] ** 2
+        remainder = moments(static_deflections(whole, whole.inertia[:, None]))[:, 0] - moment[:, flexible] @ coordinates
+    per_moment = plate.stress_per_moment
+    points = structure.mesh.node_points * (plate.length, plate.width)
+    return Recovery(
+        body=structure.name,
+        axis=IN_PLANE,
+        position=points[:, 0],
+        across=points[:, 1],
+        deflection=structure.whole_field(member.field(basis.vectors))[structure.mesh.deflections] * scale,
+        bending_moment=moment * scale,
+        stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
+        base_moment=-remainder * (whole.mass_scale / whole.stiffness_scale),
+        moments=3,
+    )
+
+
+def moment_operator(structure: PlateModel) -> Any:
+    """(3 nodes, size) rows of Mx, then My, then Mxy per width at the nodes, N for a metre of each dof."""
+    from scipy.sparse import kron, vstack
+
+    plate, (x, y) = structure.plate, (structure.mesh.x, structure.mesh.y)
+    d, length, width = plate.rigidity, plate.length, plate.width
+    xx = kron(curvature_rows(x), line_rows(y, y.nodes), format="csr") / length**2
+    yy = kron(line_rows(x, x.nodes), curvature_rows(y), format="csr") / width**2
+    xy = kron(line_rows(x, x.nodes, 1), line_rows(y, y.nodes, 1), format="csr") / (length * width)
+    return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.twisting * xy], format="csr")
+
+
+def curvature_rows(mesh: Mesh) -> Any:
+    """(nodes, 2 nodes) rows of the second derivative at the nodes, interpolated from the Gauss points."""
+    from scipy.sparse import csr_array
+
+    gauss = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (1 + np.array([-1.0, 1.0]) / np.sqrt(3)) / 2).ravel()
+    count = min(4, gauss.size)
+    first = np.clip(np.searchsorted(gauss, mesh.nodes) - count // 2, 0, gauss.size - count)
+    near = first[:, None] + np.arange(count)
+    weights = np.ones((mesh.nodes.size, count))
+    for j in range(count):
+        for k in range(count):
+            if k != j:
+                weights[:, j] *= (mesh.nodes - gauss[near[:, k]]) / (gauss[near[:, j]] - gauss[near[:, k]])
+    rows = np.repeat(np.arange(mesh.nodes.size), count)
+    interpolation = csr_array((weights.ravel(), (rows, near.ravel())), shape=(mesh.nodes.size, gauss.size))
+    return interpolation @ line_rows(mesh, gauss, 2)
