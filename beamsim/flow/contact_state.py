@@ -71,12 +71,13 @@ class ContactState:
 
     def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output."""
-        table = (self.term_vector @ output.row.T.astype(complex)).astype(complex)
+        table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
+        table.real, table.imag = self.term_vector.real @ output.row.T, self.term_vector.imag @ output.row.T
         driven, lowered = self.terms_of_sources
         table[driven] += (output.direct + sources.exponent * output.direct_slope).T
         rising = sources.power > 0
         table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
-        return np.ascontiguousarray(table)
+        return table
 
     @cached_property
     def terms_of_sources(self) -> tuple[Ints, Ints]:

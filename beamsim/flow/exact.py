@@ -13,7 +13,7 @@ import numpy as np
 from beamsim.contacts.contacts import Watched
 from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads, state_matrices
 from beamsim.flow.sources import Sources, compile_sources
-from beamsim.flow.state_tables import StateTables, pad
+from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -172,6 +172,10 @@ class ExactFlow:
         """The states' tables for the kernels."""
         return self._tables.arrays()
 
+    def tables_of(self, state: int) -> Tables:
+        """Those of one state, as number 0."""
+        return self._tables.arrays_of(state)
+
     def inputs(self) -> Inputs:
         """The sources as the kernels take them."""
         if self._inputs is None:
@@ -185,7 +189,11 @@ class ExactFlow:
 
     def output_table(self, output_of: Callable[[Ints], LinearOutput]) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
-        return pad([s.coefficients(output_of(s.phases), self.sources) for s in self.states])
+        count = output_of(self.states[0].phases).row.shape[0] if self.states else 0
+        table = np.zeros((len(self.states), max((s.term_basis.size for s in self.states), default=0), count), complex)
+        for row, state in zip(table, self.states, strict=True):
+            row[: state.term_basis.size] = state.coefficients(output_of(state.phases), self.sources)
+        return table
 
     def empty_output(self, count: int) -> LinearOutput:
         """An all-zero output to fill in."""

@@ -147,6 +147,13 @@ class StateTables:
 
         return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
 
+    def arrays_of(self, state: int) -> Tables:
+        """The same of one state alone."""
+        from beamsim.flow.kernels import Tables
+
+        rows = {name: array[state : state + 1] for name, array in self._arrays.items()}
+        return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **rows)
+
 
 def pad(arrays: list[NDArray[Number]]) -> NDArray[Number]:
     """Stack arrays of different sizes, filled up with zeros."""

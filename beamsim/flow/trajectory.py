@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.flow.contact_state import ContactState, LinearOutput
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.peak_bounds import candidates
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
@@ -18,8 +20,12 @@ from beamsim.flow.term_integrals import IntegratedForm, given_amplitudes, summed
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+if TYPE_CHECKING:
+    from beamsim.flow.kernels import Tables
+
 EVEN = 16  # samples, from which on equal steps are exploited
 PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
+BELOW_SAMPLED = 1e-8  # relative distance below a sampled largest value from which the search starts
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
 VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
@@ -129,7 +135,7 @@ class Trajectory:
                 part = entries[first : first + rows]
                 visits, at = np.unique(segment[part], return_inverse=True)
                 tau = times[part] - self.time[segment[part]]
-                terms = self._amplitudes(state, visits)[at] * np.exp(tau[:, None] * exponent)
+                terms = self.amplitudes(state, visits)[at] * np.exp(tau[:, None] * exponent)
                 out[part] = (terms @ table[number, : exponent.size]).real
 
     def states_at(self, times: Floats) -> Floats:
@@ -224,28 +230,51 @@ class Trajectory:
     ) -> tuple[Floats, Floats, int]:
         """Largest values (k,) of outputs over the whole continuous motion, with their times.
 
-        ``seed`` and ``when`` are values that are known to be reached; the better they are, the less the work.
-        The result is within 1e-10 of the true maximum, relatively: the march skips only what its
-        curvature bound proves to be lower. Also returned: the number of evaluations.
+        With seeds (2, k), those of the outputs and of their negatives. ``seed`` and ``when`` are values that are known
+        to be reached; the better they are, the less the work. The result is within 1e-10 of the true maximum,
+        relatively: the search skips only what a curvature bound proves to be lower. Also returned: the number of
+        evaluations of that search.
         """
-        from beamsim.flow import kernels
-
-        highest, at = np.array(seed, dtype=float), np.array(when, dtype=float)
+        highest, at = (np.atleast_2d(np.array(values, dtype=float)) for values in (seed, when))
         evaluations = 0
         whole = self
-        if many_pieces(self):
-            whole = self.only(rule_out_maxima(self, self.flow.output_table(output_of), highest, at))
+        many = many_pieces(self)
+        if many:
+            table = _both_signs(self.flow.output_table(output_of), highest.shape[0])
+            whole = self.only(rule_out_maxima(self, table, highest.ravel(), at.ravel()))
         for part in whole.parts():
-            arguments = (
-                part.flow.tables(), part.flow.inputs(), part.flow.output_table(output_of),
-                part.time, part.length, part.state, part.piece, part.y, highest, at, PEAK_TOLERANCE, np.zeros(3),
+            if many or not part.exponentials:
+                table = _both_signs(part.flow.output_table(output_of), highest.shape[0])
+                evaluations += part._search(part.flow.tables(), part.state, table, highest.ravel(), at.ravel())
+                continue
+            for of_state in candidates(part, output_of, highest, at):
+                left = of_state.above(highest.ravel())
+                if not left.segment.size:
+                    continue
+                segments, outputs = np.unique(left.segment), np.unique(left.output)
+                known, times = highest.ravel()[outputs], at.ravel()[outputs]
+                reached = known - BELOW_SAMPLED * np.abs(known)  # else the search is content with a sample near a peak
+                evaluations += part.only(segments)._search(
+                    part.flow.tables_of(left.state), np.zeros(segments.size, dtype=np.int64),
+                    left.coefficients(outputs, highest.shape[1])[None], reached, times,
+                )  # fmt: skip
+                better = outputs[reached > known]
+                highest.ravel()[better], at.ravel()[better] = reached[reached > known], times[reached > known]
+        return highest.reshape(np.shape(seed)), at.reshape(np.shape(seed)), evaluations
+
+    def _search(self, tables: Tables, state: Ints, table: Complexes, highest: Floats, when: Floats) -> int:
+        """Raise ``highest`` (k,) and ``when`` by the certified search; returns the number of evaluations."""
+        from beamsim.flow import kernels
+
+        at, evaluations, done = np.zeros(3), 0, False
+        while not done:
+            check_stop()
+            used, done = kernels.extremes(
+                tables, self.flow.inputs(), table, self.time, self.length, state, self.piece, self.y, highest, when,
+                PEAK_TOLERANCE, at, EVALUATIONS_A_CALL,
             )  # fmt: skip
-            done = False
-            while not done:
-                check_stop()
-                used, done = kernels.extremes(*arguments, EVALUATIONS_A_CALL)
-                evaluations += int(used)
-        return highest, at, evaluations
+            evaluations += int(used)
+        return evaluations
 
     def product_integrals(
         self,
@@ -321,7 +350,7 @@ class Trajectory:
         for number in np.unique(of_entry):
             state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
             visits, at = np.unique(segment[entries], return_inverse=True)
-            begin = self._amplitudes(state, visits)
+            begin = self.amplitudes(state, visits)
             left, right = np.split(table[number, : state.term_basis.size], 2, axis=1)
             of_sums = forms([(left * weight.T[:, None], np.broadcast_to(right, (weight.shape[1], *right.shape)))])
             longest = float(tau[entries].max())
@@ -329,7 +358,7 @@ class Trajectory:
             out[entries] = form(begin, at, tau[entries])
         return np.zeros(0, dtype=np.int64)
 
-    def _amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
+    def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
         given = given_amplitudes(self.flow.sources, self.time[segments], self.piece[segments])
         return term_amplitudes(state.term_source, state.term_vector, state.projector, given, self.y[segments])
@@ -342,7 +371,7 @@ class Trajectory:
             state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
             c = table[number, : state.term_basis.size]
             exponent = state.exponent[state.term_basis]
-            plus, minus = summed_products(exponent, self._amplitudes(state, segments), self.length[segments])
+            plus, minus = summed_products(exponent, self.amplitudes(state, segments), self.length[segments])
             total += 0.5 * ((plus @ c) * c + (minus @ c.conj()) * c).real.sum(axis=0)
         return total
 
@@ -369,6 +398,11 @@ def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
     degree = np.zeros(len(values), dtype=np.int64)
     np.maximum.at(degree, group, power)
     return group, degree
+
+
+def _both_signs(table: Complexes, signs: int) -> Complexes:
+    """A table (S, T, k), followed by its negative where two signs are asked for."""
+    return np.concatenate([table, -table], axis=2) if signs == 2 else table
 
 
 @cache

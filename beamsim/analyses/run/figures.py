@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.outputs import OutputOf, OutputSet, stack
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.analyses.run.outputs import OutputOf, OutputSet
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
@@ -43,10 +42,6 @@ def refine_extremes(
     """
     outputs = OutputSet(dict(searched))
 
-    def both_signs(phases: Ints) -> LinearOutput:
-        output = outputs(phases)
-        return stack(output, -output)
-
     phases = trajectory.flow.system.contacts.start
     sizes = [output_of(phases).row.shape[0] for output_of in searched.values()]
     values = trajectory.sample(times, outputs)
@@ -57,10 +52,10 @@ def refine_extremes(
         if name in one_figure:
             known[:, first : first + size] = sampled[:, first : first + size].max(initial=-np.inf)
         first += size
-    maxima, at, _ = trajectory.maxima(both_signs, known.ravel(), when.ravel())
-    better = maxima.reshape(2, -1) > known
-    highest = np.where(better, maxima.reshape(2, -1), sampled)
-    when = np.where(better, at.reshape(2, -1), when)
+    maxima, at, _ = trajectory.maxima(outputs, known, when)
+    better = maxima > known
+    highest = np.where(better, maxima, sampled)
+    when = np.where(better, at, when)
     parts = np.split(np.stack([-highest[1], when[1], highest[0], when[0]]), np.cumsum(sizes)[:-1], axis=1)
     return {name: (part[0], part[1], part[2], part[3]) for name, part in zip(searched, parts, strict=True)}
 

@@ -1,0 +1,126 @@
+r"""Which segments may hold the largest value of which output, by products of matrices over all of both.
+
+Between two points a term :math:`\zeta e^{\lambda \tau}` leaves the straight line by no more than an eighth of its
+largest curvature times the square of their distance, and by no more than twice its largest size. The sum over the terms
+of an output bounds the output by its values at a few points. What may exceed the largest value known is left to the
+certified search (:func:`beamsim.flow.kernels.extremes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from beamsim.flow.contact_state import ContactState, LinearOutput
+from beamsim.flow.equal_pieces import Segments
+from beamsim.flow.stopping import check_stop
+from beamsim.typing import Complexes, Floats, Ints
+
+INTERVALS = 8  # of a segment; half as many leave three times as many outputs to the search of many snubbers
+LARGEST = 1e100  # amplitude; segments with larger ones are left to the search
+VALUES_AT_ONCE = 2_000_000  # of outputs or terms, at the points of some segments
+
+
+class Exponentials(Segments, Protocol):
+    """Segments whose terms have no power of time."""
+
+    def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
+        """(n, T) of the terms where segments of one contact state begin."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Pairs of a segment and an output that may exceed what was known, all of one contact state."""
+
+    state: int
+    segment: Ints  # (n,)
+    output: Ints  # (n,) among the outputs, then their negatives
+    bound: Floats  # (n,) no value on the segment is larger
+    table: Complexes  # (T, u) coefficients of the outputs in `used`
+    used: Ints  # (u,)
+
+    def above(self, highest: Floats) -> Candidates:
+        """Those that may still exceed ``highest`` (signs * k,)."""
+        kept = self.bound > highest[self.output]
+        return replace(self, segment=self.segment[kept], output=self.output[kept], bound=self.bound[kept])
+
+    def coefficients(self, outputs: Ints, count: int) -> Complexes:
+        """(T, n) of some of ``count`` outputs and their negatives."""
+        column = np.searchsorted(self.used, outputs % count)
+        return np.ascontiguousarray(np.where(outputs < count, 1.0, -1.0) * self.table[:, column])
+
+
+def candidates(
+    motion: Exponentials, output_of: Callable[[Ints], LinearOutput], highest: Floats, when: Floats
+) -> list[Candidates]:
+    """Pairs that may hold a larger value than ``highest``, which first rises to the largest one at a point.
+
+    Parameters
+    ----------
+    output_of : k outputs in a contact state.
+    highest, when : (signs, k) largest values known, of the outputs and, with two signs, of their negatives; and their
+        times, s. Both are changed.
+    """
+    flow, (signs, count) = motion.flow, highest.shape
+    possible = []
+    for number in np.unique(motion.state):
+        state, segments = flow.states[number], np.flatnonzero(motion.state == number)
+        table = state.coefficients(output_of(state.phases), flow.sources)
+        pairs = []
+        for part in _parts(segments, max(table.shape)):
+            begin = motion.amplitudes(state, part)
+            rising = np.maximum(state.exponent.real[state.term_basis], 0.0) * motion.length[part, None]
+            moderate = np.all(np.log(LARGEST) - rising > np.log(np.abs(begin) + 1.0), axis=1)
+            pairs.append(_pairs(motion, state, part[moderate], begin[moderate], table, highest, when))
+            large = part[~moderate]
+            every = np.repeat(large, signs * count), np.tile(np.arange(signs * count), large.size)
+            pairs.append((*every, np.full(every[0].size, np.inf)))
+        segment, output, bound = (np.concatenate(values) for values in zip(*pairs, strict=True))
+        used = np.unique(output % count)
+        possible.append(Candidates(int(number), segment, output, bound, table[:, used], used))
+    return possible
+
+
+def _parts(segments: Ints, size: int) -> Iterator[Ints]:
+    count = max(1, VALUES_AT_ONCE // ((INTERVALS + 1) * size))
+    for first in range(0, segments.size, count):
+        check_stop()
+        yield segments[first : first + count]
+
+
+def _pairs(
+    motion: Exponentials, state: ContactState, segments: Ints, begin: Complexes, table: Complexes, highest: Floats,
+    when: Floats,
+) -> tuple[Ints, Ints, Floats]:  # fmt: skip
+    """Segments, outputs and bounds of the pairs that are not ruled out, of segments of one contact state.
+
+    ``begin`` (n, T) are the terms where the segments begin, ``table`` (T, k) their coefficients in the outputs.
+    """
+    exponent, count = state.exponent[state.term_basis], table.shape[1]
+    step = motion.length[segments] / INTERVALS
+    tau = step[:, None] * np.arange(INTERVALS + 1)
+    terms = begin[:, None] * np.exp(tau[:, :, None] * exponent)  # (n, points, T)
+    parts = np.stack([table.real, -table.imag], axis=1).reshape(-1, count)
+    values = (terms.view(float).reshape(-1, 2 * exponent.size) @ parts).reshape(*tau.shape, count)
+    size = np.abs(terms)
+    bend = np.minimum((np.abs(exponent) * step[:, None]) ** 2 / 8.0, 2.0)
+    bent = np.maximum(size[:, :-1], size[:, 1:]) * bend[:, None]
+    over = (bent.reshape(-1, exponent.size) @ np.abs(table)).reshape(segments.size, INTERVALS, count)
+    time = (motion.time[segments, None] + tau).ravel()
+    pairs = []
+    for k in range(highest.shape[0] if segments.size else 0):
+        signed = -values if k else values
+        flat = signed.reshape(-1, count)
+        best = flat.argmax(axis=0)
+        reached = flat[best, np.arange(count)]
+        better = reached > highest[k]
+        highest[k, better], when[k, better] = reached[better], time[best[better]]
+        bound = (np.maximum(signed[:, :-1], signed[:, 1:]) + over).max(axis=1)
+        row, column = np.nonzero(bound > highest[k])
+        pairs.append((segments[row], column + k * count, bound[row, column]))
+    none = np.zeros(0, dtype=np.int64)
+    segment, output, bounds = (np.concatenate(x) for x in zip((none, none, np.zeros(0)), *pairs, strict=True))
+    return segment, output, bounds
