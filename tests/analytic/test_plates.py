@@ -10,12 +10,16 @@ import pytest
 from scipy.optimize import brentq
 
 from beamsim.scenario.beam import Beam
+from beamsim.scenario.loading import load_scenario
+from beamsim.scenario.parameters import value_at, with_values
 from beamsim.scenario.plate import EDGES, Plate, PlatePointMass, PlateSupports, Stiffener, StiffnessPlate
+from beamsim.structures.assembly import assemble, snubber_site
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
 from beamsim.structures.plate import PlateStructure, assemble_plate
 from beamsim.structures.plate_recovery import moment_operator
+from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import static_deflections
 
 WORD = {"C": "clamped", "S": "pinned", "F": "free"}
@@ -291,3 +295,31 @@ def test_energy_of_a_stiffener_along_a_diagonal() -> None:
     t = (points + 1) / 2
     x = 0.1 + 0.6 * t
     assert forms[1][1][0] - forms[0][1][0] == pytest.approx(0.4 * length * (weights / 2 @ x**4), rel=1e-9)
+
+
+def test_sensitivities_of_a_plate_against_differences() -> None:
+    """d ln k / d ln p of every number, and of the snubber's place, against assembling the changed scenario anew."""
+    scenario = load_scenario(
+        {
+            "bodies": {
+                "panel": {
+                    "kind": "plate", "length": 0.77, "width": 0.44, **SOLID, "elements": [6, 4],
+                    "supports": {"left": "clamped"},
+                }
+            },
+            "snubbers": [{"name": "near", "at": {"position": [0.7, 0.05]}, "side": "below", "stiffness": 5e3}],
+        }
+    )  # fmt: skip
+    omega = 2 * np.pi * 9.0
+    rates = stiffness_sensitivities(scenario, "near", omega)
+    assert len(rates) == 8
+    for path, rate in rates.items():
+        value = value_at(scenario, path)
+        stiffness = []
+        for factor in (1 + 1e-5, 1 - 1e-5):
+            changed = with_values(scenario, {path: value * factor})
+            structure = assemble(changed)
+            row = structure.row(snubber_site(changed.located_snubber("near")))
+            dynamic = structure.factor.T @ structure.factor - (omega / structure.frequency_scale) ** 2 * structure.mass
+            stiffness.append(-structure.stiffness_scale / (row @ np.linalg.solve(dynamic.toarray(), row)))
+        assert rate == pytest.approx(np.log(stiffness[0] / stiffness[1]) / 2e-5, rel=1e-5), path
