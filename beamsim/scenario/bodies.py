@@ -9,6 +9,7 @@ from pydantic import Tag
 from beamsim.scenario.base import Variants, kind_of
 from beamsim.scenario.beam import Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
 from beamsim.scenario.chain import Chain
+from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
 
 
@@ -50,13 +51,20 @@ class NamedChain(Chain):
 _BEAMS = {"<section>": "", "<stiffness>": " by stiffness", "<sandwich>": " of sandwich", "<segments>": " of segments"}
 
 
+class NamedMatrices(MatricesBody):
+    """A structure by matrices of another program, one of several bodies."""
+
+    kind: Literal["matrices"] = "matrices"
+    """Imported matrices."""
+
+
 def _choose(value: Any) -> str | None:
     kind = kind_of(value)
     if kind == "beam":
         return f"<beam{_BEAMS[beam_tag(value)]}>"
     if kind == "plate":
         return "<plate by stiffness>" if plate_by_stiffness(value) else "<plate>"
-    return "<chain>" if kind == "chain" else None
+    return f"<{kind}>" if kind in ("chain", "matrices") else None
 
 
 AnyBody = Annotated[
@@ -65,7 +73,8 @@ AnyBody = Annotated[
     | Annotated[NamedSandwichBeam, Tag("<beam of sandwich>")]
     | Annotated[NamedSegmentedBeam, Tag("<beam of segments>")]
     | NamedChain
+    | NamedMatrices
     | Plate
     | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
-    Variants(_choose, "has no kind of body", "give kind: beam, kind: chain or kind: plate"),
+    Variants(_choose, "has no kind of body", "give kind: beam, chain, plate or matrices"),
 ]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from beamsim.errors import Problem
@@ -38,6 +39,9 @@ class Body(Schema):
 
     has_slope: ClassVar[bool] = False
     """Whether its points turn as well as deflect."""
+
+    has_default_probe: ClassVar[bool] = True
+    """Whether `default_probe` names a place."""
 
     reduced_by_default: ClassVar[bool] = True
     """Whether it has modes that are left out unless they are asked for."""
@@ -112,6 +116,17 @@ class Body(Schema):
             path_text(at), f"applies to a chain, but {_this(where)} is a {self.body_kind}",
             "give a position on the beam, position: 270 mm",
         )  # fmt: skip
+
+    def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
+        """Why a node is no place of the body."""
+        yield Problem(
+            path_text(at), f"applies to imported matrices, but {_this(where)} is a {self.body_kind}",
+            "give position: 270 mm on a beam, or mass: 2 on a chain",
+        )  # fmt: skip
+
+    def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
+        """The body with the files that it names where they are; ``folder_of`` tells the folder of a key's file."""
+        return self
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Why no snubber can move to a position of the body, where `at` names it."""

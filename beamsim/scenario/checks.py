@@ -94,6 +94,9 @@ def _structure(scenario: _Checked) -> Found:
         yield _problem(("snubbers",), "act on a beam", "list the snubbers of a chain in chain.snubbers, by mass")
     for name, body in scenario.all_bodies.items():
         yield from _guarded(body.problems(scenario.body_path(name)))
+        if not (body.has_default_probe or scenario.probes or scenario.snubbers):
+            remedy = f"give probes: [{{name: corner, at: {{body: {name}, node: 24, direction: z}}}}]"
+            yield _problem(("probes",), f"are missing: {name} has no place that stands out", remedy)
 
 
 def _places(scenario: _Checked) -> Found:
@@ -128,7 +131,9 @@ def _place(scenario: _Checked, path: Path, part: Schema) -> Found:
             )
         return
     body, where = scenario.all_bodies[name], scenario.body_path(name)
-    if place.mass is not None:
+    if place.node is not None:
+        yield from body.node_problems(where, (*path, "node"))
+    elif place.mass is not None:
         yield from body.mass_problems(where, (*path, "mass"), place.mass)
     elif place.position is not None:
         if path[0] == "snubbers" and where == ("chain",):  # see `_structure`

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Tag
 
 from beamsim.scenario.base import Path, Schema, Variants, fail, number_or_list
-from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare
+from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare, Whole
 
-_REMEDY = "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, or mass: 2 on a chain"
+_REMEDY = (
+    "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
+    "or node: 24 of imported matrices"
+)
 
 
 Point = float | tuple[float, float]
@@ -20,6 +23,8 @@ PlatePoint = Annotated[tuple[PositionOrShare, PositionOrShare], Tag("<list>")]
 """x and y on a plate."""
 
 PointPosition = Annotated[Annotated[PositionOrShare, Tag("<number>")] | PlatePoint, Variants(number_or_list)]
+NodeNumber = Annotated[int, Whole(1)]
+NodeDirection = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
 class PointOfBody(Schema):
@@ -29,13 +34,24 @@ class PointOfBody(Schema):
     """Distance from the left end of a beam, or the share of its length: 60 %; [x, y] on a plate."""
     mass: MassNumber | None = None
     """Number of the mass of the chain, from 1."""
+    node: NodeNumber | None = None
+    """Number of a node of imported matrices."""
+    direction: NodeDirection | None = None
+    """Direction at the node, z by default; x, y, z are displacements, rx, ry, rz rotations."""
 
     def settle(self) -> None:
         """Demand exactly one point."""
-        if self.position is None and self.mass is None:
+        given = [key for key in ("position", "mass", "node") if getattr(self, key) is not None]
+        if not given:
             raise fail("names no place", _REMEDY)
-        if self.position is not None and self.mass is not None:
-            raise fail("and position exclude each other", "position belongs to a beam, mass to a chain", ("mass",))
+        if len(given) > 1:
+            raise fail(
+                f"and {given[0]} exclude each other",
+                "position belongs to a beam, mass to a chain, node to imported matrices",
+                (given[1],),
+            )
+        if self.direction is not None and self.node is None:
+            raise fail("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
 
 class AtPlace(PointOfBody):
@@ -46,11 +62,12 @@ class AtPlace(PointOfBody):
 
     @property
     def point(self) -> Point:
-        """The position in m, on a plate both of its coordinates, or the number of the mass."""
+        """The position in m, on a plate both of its coordinates, or the number of the mass or node."""
         if self.position is not None:
             return self.position
-        assert self.mass is not None
-        return float(self.mass)
+        number = self.mass if self.node is None else self.node
+        assert number is not None
+        return float(number)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -59,8 +76,8 @@ class AtPlace(PointOfBody):
 
 
 @lru_cache(maxsize=1024)
-def _at(position: Point | None, mass: int | None) -> AtPlace:
-    return AtPlace(position=position, mass=mass)
+def _at(position: Point | None, mass: int | None, node: int | None, direction: NodeDirection | None) -> AtPlace:
+    return AtPlace(position=position, mass=mass, node=node, direction=direction)
 
 
 def names_a_place(value: Any) -> bool:
@@ -79,14 +96,14 @@ class Sited(PointOfBody):
         if self.at is None:
             super().settle()
             return
-        for key in ("position", "mass"):
+        for key in ("position", "mass", "node", "direction"):
             if getattr(self, key) is not None:
                 raise fail("and at exclude each other", "keep at: it names the place", (key,))
 
     @property
     def place(self) -> AtPlace:
         """Where it is."""
-        return self.at if self.at is not None else _at(self.position, self.mass)
+        return self.at if self.at is not None else _at(self.position, self.mass, self.node, self.direction)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:

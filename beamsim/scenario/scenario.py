@@ -239,7 +239,9 @@ class Scenario(Schema):
                 called, place = body_section.default_probe()
                 probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
         return tuple(
-            Probe(name=name, at=place) if several else Probe(name=name, position=place.position, mass=place.mass)
+            Probe(name=name, at=place)
+            if several or place.node is not None
+            else Probe(name=name, position=place.position, mass=place.mass)
             for name, place in probes.items()
         )
 
@@ -314,7 +316,10 @@ def _on(body: str | None, place: AtPlace) -> AtPlace:
 def _probe_name(place: AtPlace) -> str:
     """Name of a default probe: mass_2, or with its body inner_0.77."""
     position = place.point if isinstance(place.point, tuple) else (place.point,)
-    point = f"mass_{place.mass}" if place.mass is not None else "_".join(f"{p:g}" for p in position)
+    if place.node is not None:
+        point = f"node_{place.node}_{place.direction or 'z'}"
+    else:
+        point = f"mass_{place.mass}" if place.mass is not None else "_".join(f"{p:g}" for p in position)
     return point if place.body is None else f"{place.body}_{point}"
 
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.base import path_text, walk
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.chain import assemble_chain
 from beamsim.structures.joined import join
 from beamsim.structures.joints import couplings_of
-from beamsim.structures.places import Site, site_of
+from beamsim.structures.matrices import assemble_matrices
+from beamsim.structures.places import Place, Site, site_of
 from beamsim.structures.plate import assemble_plate
 from beamsim.structures.several import assemble_side_by_side
 
@@ -21,6 +25,7 @@ ASSEMBLE: dict[str, Callable[[Any, str, Sequence[Any]], BodyStructure]] = {
     "beam": assemble_beam,
     "chain": assemble_chain,
     "plate": assemble_plate,
+    "matrices": assemble_matrices,
 }
 """A line a kind of body; the third argument is where something joins it."""
 
@@ -39,10 +44,13 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structur
         within = [coupling for coupling in couplings if coupling.ends[0].body in group]
         bodies = [
             ASSEMBLE[sections[name].body_kind](
-                sections[name], name, [end.point for coupling in within for end in coupling.ends if end.body == name]
+                sections[name].in_folder(partial(scenario.folder_of, *scenario.body_path(name))),
+                name,
+                [end.point for coupling in within for end in coupling.ends if end.body == name],
             )
             for name in group
         ]
+        _check_places(scenario, bodies)
         parts.append(join(bodies, within) if within else bodies[0])
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
 
@@ -51,6 +59,21 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
     """These bodies and those that they are joined to, in the order of the scenario."""
     groups = _groups(list(scenario.all_bodies), couplings_of(scenario))
     return [name for name in scenario.all_bodies if any(name in group and set(names) & set(group) for group in groups)]
+
+
+def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
+    """Refuse places that the bodies do not have; the numbers of nodes are known only now."""
+    known = {body.name: body for body in bodies}
+    problems = []
+    for path, item in walk(scenario):
+        site = None if getattr(item, "node", None) is None else site_of(item, scenario.default_body)
+        if not isinstance(site, Place) or site.body not in known:
+            continue
+        problem = known[site.body].place_problem(site, path[0] != "probes")
+        if problem is not None:
+            problems.append(Problem(path_text((*path, problem[0])), *problem[1:]))
+    if problems:
+        raise ScenarioError(problems)
 
 
 def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[str]]:

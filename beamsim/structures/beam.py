@@ -12,6 +12,7 @@ from beamsim.structures.beam_fields import PolynomialField, largest_deflection
 from beamsim.structures.beam_model import BeamModel, deflection_row
 from beamsim.structures.beam_sensitivity import beam_sensitivities
 from beamsim.structures.damping import damping_matrix
+from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
 from beamsim.structures.places import Place, Site, SpringEnd
@@ -72,6 +73,21 @@ class BeamStructure(BeamModel):
     def stated_damping(self) -> Any:
         """That of the beam."""
         return self.beam.damping
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of the beam and of what is on it, kg."""
+        return self.beam.mass_per_length * self.beam.length + sum(m.mass for m in self.beam.point_masses)
+
+    @property
+    def named_dofs(self) -> NamedDofs:
+        """Nodes from the left end, each with z and ry, the rotation about y that tilts the beam down."""
+        nodes, slopes = self.free // 2, self.free % 2 == 1
+        names = tuple((int(n) + 1, "ry" if slope else "z") for n, slope in zip(nodes, slopes, strict=True))
+        places = np.zeros((self.free.size, 3))
+        places[:, 0] = self.mesh.nodes[nodes] * self.beam.length
+        scale = np.where(slopes, -1.0 / self.beam.length, 1.0)
+        return NamedDofs(DofTable(names, places), scale, np.where(slopes, 0.0, 1.0))
 
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""

@@ -89,6 +89,10 @@ def site_of(item: Any, body: str) -> Site:
 def _resolved(place: Any, body: str) -> Place:
     named_body = place.body or body
     point = place.point
+    if place.node is not None:
+        direction = place.direction or DEFLECTION
+        label = f"{named_body} node {place.node} {direction}"
+        return Place(named_body, float(place.node), direction, label=label)
     if isinstance(point, tuple):
         label = f"({point[0]:g}, {point[1]:g}) m"
     else:

@@ -25,7 +25,8 @@ class StationAxis:
 ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
 IN_PLANE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
 MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
-AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES)}
+NODES = StationAxis("node number", "1", "Node", continuous=False)
+AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES, NODES)}
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class StationPart:
         """For people: 135 mm, (135, 60) mm or mass 2."""
         if across is not None and np.isfinite(across):
             return f"({1e3 * coordinate:.3g}, {1e3 * across:.3g}) mm"
-        return f"{1e3 * coordinate:.3g} mm" if self.axis.continuous else f"mass {coordinate:g}"
+        return f"{1e3 * coordinate:.3g} mm" if self.axis.continuous else f"{self.axis.label.lower()} {coordinate:g}"
 
 
 @declared

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from beamsim.structures.places import Link, Place, Site, SpringEnd, ends_of
+from beamsim.matrix_files.matrix import MODAL
+from beamsim.structures.dof_table import DofTable, NamedDofs
+from beamsim.structures.places import DEFLECTION, Link, Place, Site, SpringEnd, ends_of
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -234,6 +236,26 @@ class BodyStructure(Structure, ABC):
     @abstractmethod
     def stated_damping(self) -> Any:
         """The damping that the scenario gives the body; None without."""
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of the body, kg."""
+        return float(self.inertia[self.deflection_dofs].sum()) * self.mass_scale
+
+    @property
+    def named_dofs(self) -> NamedDofs:
+        """Nodes and directions of the degrees of freedom, for other programs; here each has a node of its own."""
+        deflects = np.isin(np.arange(self.size), self.deflection_dofs)
+        names = tuple((i + 1, DEFLECTION if each else MODAL) for i, each in enumerate(deflects))
+        return NamedDofs(DofTable(names), np.ones(self.size), deflects.astype(float))
+
+    def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
+        """Key, message and remedy where there is no such place on the body, or nothing can act there."""
+        return None
+
+    def base_motion_of(self, place: Place) -> float:
+        """Displacement of a place in its direction when the base moves by one unit and nothing deforms."""
+        return 1.0
 
     @abstractmethod
     def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:

@@ -133,6 +133,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     if problems:
         raise ScenarioError(problems)
     free = check_mechanisms(parts, np.vstack([stops.shape, *(spring.shape for spring in springs)]))
+    _check_base_directions(parts)
     loads = constant_loads(parts)
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     if cubic.count:  # what integrates these in time knows one-sided springs alone
@@ -175,7 +176,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
         springs=springs,
-        warnings=(*free, *warnings, *(correction.warnings() if correction else ())),
+        warnings=(*parts.structure.remarks, *free, *warnings, *(correction.warnings() if correction else ())),
         base_correction=correction,
     )
 
@@ -191,6 +192,31 @@ def _acting(parts: Parts) -> list[tuple[Path, Site, str]]:
         ((*path, "applied_to"), site_in(scenario, force.applied_to), "a force")
         for path, force in exciting_forces(scenario)
     ]
+
+
+def _check_base_directions(parts: Parts) -> None:
+    """Refuse what feels the base's displacement where a body does not move with the base."""
+    scenario = parts.scenario
+    if scenario.excitation.kind == "none" or point_of_excitation(scenario) is not None:
+        return
+    probes: list[tuple[Path, Site]] = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
+    grounded: list[tuple[Path, Site]] = [
+        (located.path, snubber_site(located))
+        for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
+        if getattr(located.item, "mounted_on", "base") == "ground" or located.path[-2] == "springs_to_ground"
+    ]
+    linear = [(("springs_to_ground", k), site_in(scenario, s)) for k, s in enumerate(scenario.springs_to_ground)]
+    across = [
+        Problem(
+            path_text(path),
+            f"is at {site.label}, which does not move with the base",
+            "name a direction in which the base moves, or mount it on the base",
+        )
+        for path, site in (*probes, *grounded, *linear)
+        if isinstance(site, Place) and abs(parts.structure.member(site.body).body.base_motion_of(site) - 1.0) > 1e-6
+    ]
+    if across:
+        raise ScenarioError(across)
 
 
 def _mode_table(

@@ -1,0 +1,120 @@
+"""A body whose mass and stiffness matrices another program wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, Tag
+
+from beamsim.errors import Problem
+from beamsim.scenario.base import Path, Schema, Variants, path_text
+from beamsim.scenario.body import Body
+from beamsim.scenario.damping import ChainDamping
+from beamsim.scenario.place import NodeDirection, NodeNumber
+from beamsim.scenario.quantities import Frequency, Text
+
+
+class MatrixSource(Schema):
+    """A matrix in a file."""
+
+    file: Text
+    """OP4, punched DMIG, MatrixMarket, Abaqus, Harwell-Boeing, MATLAB or NumPy; relative to the scenario's folder."""
+    name: Text | None = None
+    """Name of the matrix in the file, upper or lower case; not needed where the file holds one."""
+
+
+class StructuralDamping(Schema):
+    """Structural damping (K4, or the imaginary part of K), taken as viscous damping: exact at one frequency alone."""
+
+    file: Text | None = None
+    """File of the matrix K4; by default the imaginary part of the stiffness matrix is meant."""
+    name: Text | None = None
+    """Name of the matrix in the file."""
+    frequency: Frequency
+    """Frequency at which the viscous damping has the same effect: C = K4 / (2 pi frequency)."""
+
+
+class HeldNodes(Schema):
+    """Nodes that move with the base."""
+
+    nodes: Annotated[tuple[NodeNumber, ...], Field(min_length=1)]
+    """Numbers of the nodes; all of their degrees of freedom move with the base."""
+    direction: NodeDirection = "z"
+    """Direction in which the base moves, and in which gravity acts."""
+
+
+def _choose_base(value: object) -> str | None:
+    return "<free>" if value == "free" else "<nodes>" if isinstance(value, (dict, HeldNodes)) else None
+
+
+class MatricesBody(Body):
+    """A structure by its matrices, its degrees of freedom named by a table or by the file."""
+
+    body_kind: ClassVar[str] = "matrices"
+    has_default_probe: ClassVar[bool] = False
+
+    mass: MatrixSource
+    """Mass matrix."""
+    stiffness: MatrixSource
+    """Stiffness matrix."""
+    viscous: MatrixSource | None = None
+    """Viscous damping matrix, beside the damping below; none by default."""
+    structural_damping: StructuralDamping | None = None
+    """Structural damping as viscous damping at one frequency; without it such matrices are refused."""
+    dofs: Text | None = None
+    """CSV table node,direction[,x,y,z], a line a row of the matrices; not needed for DMIG and Abaqus files.
+
+    Directions are x, y, z, rx, ry, rz and modal.
+    """
+    base: Annotated[
+        Annotated[Literal["free"], Tag("<free>")] | Annotated[HeldNodes, Tag("<nodes>")],
+        Variants(_choose_base, "is neither free nor a list of nodes", "write free, or {nodes: [3], direction: z}"),
+    ]
+    """Nodes that move with the base, {nodes: [3], direction: z}; or free, where nothing does."""
+    damping: ChainDamping | None = None
+    """Damping of the body as a whole: modal ratios or Rayleigh."""
+
+    @property
+    def sources(self) -> dict[str, MatrixSource | StructuralDamping]:
+        """Keys that name files of matrices."""
+        named = {key: getattr(self, key) for key in ("mass", "stiffness", "viscous", "structural_damping")}
+        return {key: source for key, source in named.items() if source is not None and source.file is not None}
+
+    def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
+        """The same with absolute paths; ``folder_of`` tells the folder of the file that has a key."""
+        update: dict[str, object] = {
+            key: source.model_copy(update={"file": str((folder_of(key, "file") / str(source.file)).absolute())})
+            for key, source in self.sources.items()
+        }
+        if self.dofs is not None:
+            update["dofs"] = str((folder_of("dofs") / self.dofs).absolute())
+        return self.model_copy(update=update)
+
+    def position_problems(self, where: Path, at: Path, position: object, what: str) -> Iterator[Problem]:
+        """Places are nodes."""
+        yield _give_a_node(where, at)
+
+    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+        """Places are nodes."""
+        yield _give_a_node(where, at)
+
+    def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
+        """None: which nodes there are is in the files."""
+        yield from ()
+
+    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+        """Its fields have no short form."""
+        if numbers:
+            yield Problem(
+                path_text(at), "gives a shape, which imported matrices do not take",
+                "start from rest, the static equilibrium, a mode, or a released force",
+            )  # fmt: skip
+
+
+def _give_a_node(where: Path, at: Path) -> Problem:
+    return Problem(
+        path_text(at), f"is no place of {path_text(where)}, which has imported matrices",
+        "name a node: {node: 24, direction: z}",
+    )  # fmt: skip

@@ -1,0 +1,68 @@
+r"""Matrices of a body for other programs, with a node for its base.
+
+The coordinates q of a body are relative to its base. With the absolute displacements :math:`u = q + r d` the base's
+displacement d becomes a degree of freedom of its own,
+
+.. math:: M = \begin{pmatrix} M_{qq} & L - M_{qq} r \\ \cdot & r^T M_{qq} r - 2 r^T L + m \end{pmatrix}, \quad
+    K = \begin{pmatrix} K_{qq} & -K_{qq} r \\ \cdot & r^T K_{qq} r \end{pmatrix},
+
+with L the inertia under a motion of the base and m the mass of the body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.structures.dof_table import DofTable
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.structures.structure import BodyStructure
+
+
+@dataclass(frozen=True)
+class NamedMatrices:
+    """Matrices in SI units and the names of their rows."""
+
+    table: DofTable
+    mass: Any  # (N, N) sparse, kg
+    stiffness: Any  # (N, N) sparse, N/m
+    damping: Any  # (N, N) sparse, N s/m: dashpots and viscous damping; None without
+    base: int  # node that moves with the base
+
+
+def named_matrices(body: BodyStructure) -> NamedMatrices:
+    """Matrices of a body on its supports, which move with the last node."""
+    from scipy.sparse import diags_array
+
+    named = body.named_dofs
+    physical: Any = diags_array(1 / named.scale)
+    mass = body.mass_scale * (physical @ body.mass @ physical)
+    stiffness = body.stiffness_scale * (physical @ body.stiffness @ physical)
+    load = body.mass_scale * body.inertia / named.scale
+    r = named.influence
+    own = float(r @ (mass @ r) - 2 * r @ load + body.total_mass)
+    damping = None
+    if body.damping is not None:
+        damping = physical @ body.damping @ physical
+        damping = _with_base(damping, np.zeros(r.size), 0.0)
+    base = int(named.table.nodes.max()) + 1
+    places = named.table.coordinates
+    return NamedMatrices(
+        DofTable((*named.table.dofs, (base, "z")), None if places is None else np.vstack([places, np.zeros(3)])),
+        _with_base(mass, load - mass @ r, own),
+        _with_base(stiffness, -(stiffness @ r), float(r @ (stiffness @ r))),
+        damping,
+        base,
+    )
+
+
+def _with_base(matrix: Any, column: Floats, corner: float) -> Any:
+    """The matrix with one more row and column."""
+    from scipy.sparse import block_array, csc_array
+
+    beside = csc_array(column[:, None])
+    return block_array([[matrix, beside], [beside.T, csc_array([[corner]])]], format="csc")

@@ -1,0 +1,285 @@
+r"""Matrices of other programs made fit for use: checked, made symmetric, without massless motions, with a base.
+
+With b the degrees of freedom that move with the base and q the others, the base has the static influence
+:math:`R_q = -K_{qq}^{-1} K_{qb} R_b` on them, exact for a rigid motion :math:`R_b` and for fixed-interface
+(Craig-Bampton) modes, whose rows are zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.errors import MethodError
+from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
+from beamsim.matrix_files.read import read_matrix
+from beamsim.structures.dof_table import DofTable, read_dof_table
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario.matrices import MatricesBody
+
+# Differences between a matrix and its transpose, relative to its largest entry: of single precision, and of digits cut.
+ROUND_OFF = 1e-6
+# Masses below this fraction of those around them are none.
+MASSLESS = 1e-11
+# Forces under a rigid motion, relative to those that the entries would give one by one.
+GROUNDED = 1e-6
+CONDENSED_UP_TO = 4000
+"""Size up to which massless motions are condensed; the modes of a larger model follow them anyhow."""
+
+
+@dataclass(frozen=True)
+class ImportedMatrices:
+    """Symmetric matrices with the names of their rows, SI units."""
+
+    table: DofTable
+    mass: Any  # (N, N) sparse, kg
+    stiffness: Any  # (N, N) sparse, N/m
+    damping: Any  # (N, N) sparse, N s/m; None without
+    remarks: tuple[str, ...]  # what was changed
+
+
+def read_matrices_of(section: MatricesBody) -> ImportedMatrices:
+    """The matrices of a body, checked and made symmetric.
+
+    Raises
+    ------
+    MethodError
+        About a key of the body.
+    """
+    read = {key: _read(key, source) for key, source in section.sources.items()}
+    table = _table(section, read)
+    remarks: list[str] = []
+    named = {key: _in_order(key, matrix, table) for key, matrix in read.items()}
+    mass, stiffness, damping = named["mass"], named["stiffness"], named.get("viscous")
+    if np.iscomplexobj(mass):
+        raise MethodError("mass", "is complex", "give a real mass matrix")
+    structural = named.get("structural_damping")
+    if np.iscomplexobj(stiffness):
+        structural = stiffness.imag if structural is None else structural
+        stiffness = stiffness.real
+        if section.structural_damping is None and np.any(structural.data):
+            raise MethodError(
+                "stiffness", "is complex: structural damping has no motion in time of its own",
+                "convert it at a frequency, structural_damping: {frequency: 50 Hz}, or give a real matrix",
+            )  # fmt: skip
+    elif section.structural_damping is not None and structural is None:
+        raise MethodError(
+            "structural_damping", "names no file, and the stiffness matrix is real", "give file: and name:"
+        )
+    symmetric: dict[str, Any] = {}
+    for key, matrix in (
+        ("mass", mass),
+        ("stiffness", stiffness),
+        ("viscous", damping),
+        ("structural_damping", structural),
+    ):
+        symmetric[key] = None if matrix is None else _symmetric(key, matrix, table, remarks)
+    damping = symmetric["viscous"]
+    if section.structural_damping is not None and structural is not None:
+        frequency = section.structural_damping.frequency
+        equivalent = symmetric["structural_damping"] / (2 * np.pi * frequency)
+        damping = equivalent if damping is None else damping + equivalent
+        remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
+    _check_diagonals(symmetric["mass"], symmetric["stiffness"], table)
+    return ImportedMatrices(table, symmetric["mass"], symmetric["stiffness"], damping, tuple(remarks))
+
+
+def _read(key: str, source: Any) -> FileMatrix:
+    try:
+        matrix = read_matrix(Path(source.file), source.name)
+    except MethodError as error:
+        raise MethodError(f"{key}.{error.about}", error.message, error.remedy) from None
+    if matrix.values.shape[0] != matrix.values.shape[1]:
+        rows, columns = matrix.values.shape
+        raise MethodError(key, f"has {rows} rows and {columns} columns", "give a square matrix")
+    if not np.all(np.isfinite(matrix.values.data)):
+        raise MethodError(key, "has entries that are no finite numbers", "check the analysis that wrote the file")
+    return matrix
+
+
+def _table(section: MatricesBody, read: dict[str, FileMatrix]) -> DofTable:
+    """Names by the table, or by the files."""
+    if section.dofs is not None:
+        table = read_dof_table(Path(section.dofs))
+        for key, matrix in read.items():
+            if matrix.rows is None and matrix.values.shape[0] != len(table.dofs):
+                raise MethodError(
+                    "dofs", f"has {len(table.dofs)} rows, but the matrix {key} has {matrix.values.shape[0]}",
+                    "give a line for each row, in the order of the rows, and none for those that were constrained",
+                )  # fmt: skip
+        return table
+    sizes = {key: matrix.values.shape[0] for key, matrix in read.items() if matrix.rows is None}
+    if sizes:
+        if len(set(sizes.values())) > 1:
+            raise MethodError(
+                next(iter(sizes)), "has another size than " + ", ".join(f"{k} ({n})" for k, n in sizes.items())
+            )
+        raise MethodError("dofs", "is missing: the files do not name their rows", "give a table node,direction[,x,y,z]")
+    together: dict[Dof, None] = {}
+    for matrix in read.values():
+        together |= dict.fromkeys(matrix.rows or ())
+    return DofTable(tuple(sorted(together, key=lambda dof: (dof[0], dof[1] == MODAL, dof[1]))))
+
+
+def _in_order(key: str, matrix: FileMatrix, table: DofTable) -> Any:
+    """The matrix in the order of the table; what the file does not have is zero."""
+    from scipy.sparse import csc_array
+
+    if matrix.rows is None:
+        return csc_array(matrix.values)
+    place = {dof: i for i, dof in enumerate(table.dofs)}
+    unknown = next((dof for dof in matrix.rows if dof not in place), None)
+    if unknown is not None:
+        raise MethodError(
+            "dofs", f"does not name node {unknown[0]} {unknown[1]}, which {key} has", table.remedy(unknown[0])
+        )
+    at = np.array([place[dof] for dof in matrix.rows], dtype=np.int64)
+    entries = matrix.values.tocoo()
+    size = len(table.dofs)
+    return csc_array((entries.data, (at[entries.row], at[entries.col])), shape=(size, size))
+
+
+def _symmetric(key: str, matrix: Any, table: DofTable, remarks: list[str]) -> Any:
+    difference = (matrix - matrix.T).tocoo()
+    largest = float(np.abs(matrix.data).max(initial=0.0))
+    asymmetry = float(np.abs(difference.data).max(initial=0.0))
+    if asymmetry == 0.0:
+        return matrix
+    if asymmetry > ROUND_OFF * largest:
+        worst = int(np.argmax(np.abs(difference.data)))
+        row, column = (" ".join(map(str, table.dofs[i])) for i in (difference.row[worst], difference.col[worst]))
+        raise MethodError(
+            key, f"is not symmetric: the entries of node {row} and node {column} differ by {asymmetry:.3g}, "
+            f"{asymmetry / largest:.1g} of the largest entry",
+            "export the symmetric matrix; gyroscopic, circulatory and follower terms are not modelled",
+        )  # fmt: skip
+    remarks.append(
+        f"the matrix {key} was made symmetric: its transpose differed by {asymmetry / largest:.1g} of the largest entry"
+    )
+    return ((matrix + matrix.T) / 2).tocsc()
+
+
+def _check_diagonals(mass: Any, stiffness: Any, table: DofTable) -> None:
+    for key, matrix, what in (("mass", mass, "mass"), ("stiffness", stiffness, "stiffness")):
+        diagonal = matrix.diagonal()
+        worst = int(np.argmin(diagonal)) if diagonal.size else 0
+        if diagonal.size and diagonal[worst] < -MASSLESS * diagonal.max(initial=0.0):
+            node, direction = table.dofs[worst]
+            raise MethodError(
+                key, f"has a negative {what} of {diagonal[worst]:.4g} at node {node} {direction}",
+                "check the signs, units and concentrated masses of the model that wrote it",
+            )  # fmt: skip
+    if not np.any(mass.data):
+        raise MethodError("mass", "is zero", "give the mass matrix of the model")
+
+
+def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
+    """Sparse orthonormal bases (N, m) of what has mass and (N, p) of what has none.
+
+    Blocks of the mass matrix are taken one by one, each scaled to a unit diagonal.
+
+    Raises
+    ------
+    MethodError
+        If a motion has a negative mass beyond round-off.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    size = mass.shape[0]
+    diagonal = mass.diagonal()
+    _, label = connected_components(mass, directed=False)
+    order = np.argsort(label, kind="stable")
+    blocks = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    entries: tuple[list[Any], list[Any]] = ([], [])
+    counts = [0, 0]
+    for block in blocks:
+        if block.size == 1 or block.size > CONDENSED_UP_TO:
+            empty = block.size == 1 and diagonal[block[0]] <= MASSLESS * diagonal.max()
+            pieces = [(np.eye(block.size), 1 if empty else 0)] if block.size == 1 else []
+        else:
+            root = np.sqrt(np.maximum(diagonal[block], 0.0))
+            inverse = np.divide(1.0, root, out=np.ones_like(root), where=root > 0)
+            values, vectors = np.linalg.eigh(mass[block][:, block].toarray() * np.outer(inverse, inverse))
+            if values[0] < -ROUND_OFF * values[-1]:
+                node, direction = table.dofs[block[int(np.argmax(np.abs(vectors[:, 0])))]]
+                raise MethodError(
+                    "mass", f"has a motion with negative mass, largest at node {node} {direction}",
+                    "check the offsets and units of concentrated masses in the model that wrote it",
+                )  # fmt: skip
+            none = values <= max(MASSLESS, 4 * block.size * np.finfo(float).eps) * values[-1]
+            if not none.any():
+                pieces = [(np.eye(block.size), 0)]
+            else:
+                null = np.linalg.qr(vectors[:, none] * inverse[:, None])[0]
+                pieces = [(_complement(null), 0), (null, 1)]
+        for columns, kind in pieces:
+            i = np.repeat(block, columns.shape[1])
+            j = np.tile(counts[kind] + np.arange(columns.shape[1]), block.size)
+            entries[kind].append((columns.ravel(), i, j))
+            counts[kind] += columns.shape[1]
+
+    def gathered(kind: int) -> Any:
+        values, i, j = (np.concatenate([each[k] for each in entries[kind]] or [np.zeros(0)]) for k in range(3))
+        basis = coo_array((values, (i.astype(np.int64), j.astype(np.int64))), shape=(size, counts[kind])).tocsc()
+        basis.eliminate_zeros()
+        return basis
+
+    return gathered(0), gathered(1)
+
+
+def _complement(null: Floats) -> Floats:
+    """Orthonormal basis of what is orthogonal to the columns."""
+    return np.linalg.svd(null)[0][:, null.shape[1] :]
+
+
+def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
+    """(N, m) what moves with a unit of each motion that has mass: massless ones follow without force."""
+    from scipy.sparse import csc_array
+
+    inner = (massless.T @ stiffness @ massless).toarray()
+    try:
+        follow = np.linalg.solve(inner, (massless.T @ stiffness @ massive).toarray())
+        trusted = np.linalg.cond(inner / np.sqrt(np.outer(np.diag(inner), np.diag(inner)))) < 1e13
+    except np.linalg.LinAlgError:
+        trusted = False
+    if not trusted:
+        raise MethodError(
+            "mass", "leaves degrees of freedom without mass that the stiffness does not hold either",
+            "constrain them in the model that writes the matrices (AUTOSPC), or leave their rows out",
+        )  # fmt: skip
+    whole = massive - massless @ csc_array(follow)
+    whole.data[np.abs(whole.data) < 1e-16] = 0.0
+    whole.eliminate_zeros()
+    return whole.tocsc()
+
+
+def base_influence(matrices: ImportedMatrices, held: Ints, free: Ints, direction: str, lu: Any) -> Floats:
+    """(N,) displacement of every row for a unit displacement of the base.
+
+    Raises
+    ------
+    MethodError
+        If the base cannot move without force: the stiffness goes to something else than the base.
+    """
+    influence = matrices.table.of_direction(direction)
+    if not held.size:
+        return influence
+    if not influence[held].any():
+        raise MethodError("base", f"moves in {direction}, but none of its nodes has that direction")
+    if lu is not None:
+        influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))
+    force, size = matrices.stiffness @ influence, abs(matrices.stiffness) @ np.abs(influence)
+    if np.abs(force).max() > GROUNDED * size.max():
+        worst = matrices.table.dofs[int(np.argmax(np.abs(force)))]
+        raise MethodError(
+            "base", f"needs {np.abs(force).max():.4g} N for a displacement of 1 m, at node {worst[0]} {worst[1]}: "
+            "the stiffness holds the structure to something that does not move with the base",
+            "remove springs to ground from the model, name all supported nodes, or use base: free",
+        )  # fmt: skip
+    return influence

@@ -1,0 +1,346 @@
+"""A body with imported matrices, and what it answers as a structure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.structures.damping import damping_matrix
+from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
+from beamsim.structures.imported import (
+    CONDENSED_UP_TO,
+    GROUNDED,
+    base_influence,
+    condensation,
+    massless_basis,
+    read_matrices_of,
+)
+from beamsim.structures.places import Place, Site, SpringEnd
+from beamsim.structures.reduction import static_deflections
+from beamsim.structures.stations import NODES, Recovery
+from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario.matrices import MatricesBody
+    from beamsim.structures.basis import ReducedBasis
+
+_DENSE = 600  # size up to which all eigenvalues are computed at once
+_MOST_MODES = 100  # flexible modes that a default reduction keeps
+_MOST_STATIONS = 200
+# A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
+# is far below the next.
+_RIGID, _GAP = 1e-9, 1e-5
+_SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
+
+
+@dataclass(frozen=True)
+class MatricesStructure(BodyStructure):
+    """Matrices of another program; places are nodes with a direction."""
+
+    section: MatricesBody
+    table: DofTable  # of the rows of `expansion`
+    expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
+    massless: Floats  # (rows,) share of a row that has no mass
+    influence: Floats  # (rows,) displacement for a unit displacement of the base
+    given_stiffness: Any  # (N, N) scaled K
+    notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def stiffness(self) -> Any:
+        """(N, N) scaled K, as it was given."""
+        return self.given_stiffness
+
+    def factorise(self, matrix: Any) -> Any:
+        """LU factors with an ordering for symmetric matrices, which have far less fill."""
+        return symmetric_lu(matrix, pivoted=True)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was done to the matrices of the files."""
+        return tuple(f"{self.name}: {note}" for note in self.notes)
+
+    @property
+    def most_modes(self) -> int:
+        """Static vectors carry what the modes above these do."""
+        return max(1, min(self.size - int(self.rigid.shape[1]), _MOST_MODES))
+
+    def frequency_count(self, omega: float) -> int:
+        """Number of modes below the scaled angular frequency: negative pivots of K - omega^2 M (Sylvester)."""
+        shifted = self.stiffness - omega**2 * self.mass
+        if self.size <= _DENSE:
+            below = np.linalg.eigvalsh(shifted.toarray()) < 0
+        else:
+            below = symmetric_lu(shifted, pivoted=False).U.diagonal() < 0
+        return int(np.count_nonzero(below)) + int(self.rigid.shape[1])
+
+    def row_number(self, place: Place) -> int | None:
+        """Row of the files of a place; None where there is none."""
+        return self.table.number.get((round(place.point), place.direction))
+
+    def place_row(self, place: Place) -> Floats:
+        """(N,) motion of a node in a direction for a unit of each degree of freedom."""
+        number = self.row_number(place)
+        if number is None:
+            raise ValueError(f"{place.label} does not exist; {self.table.remedy(round(place.point))}")
+        return np.asarray(self.expansion[[number]].toarray()[0])
+
+    def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
+        """Key, message and remedy where there is no such place, or nothing can act there."""
+        node = round(place.point)
+        number = self.row_number(place)
+        if number is None:
+            held = getattr(self.section.base, "nodes", ())
+            if node in held:
+                return "node", f"= {node} moves with the base", "name a node that the base does not hold"
+            known = any(each == node for each, _ in self.table.dofs)
+            return (
+                "direction" if known else "node",
+                f"= {place.direction} is no direction of node {node}"
+                if known
+                else f"= {node} is no node of {self.name}",
+                self.table.remedy(node),
+            )
+        if acts and self.massless[number] > 1e-6:
+            return (
+                "node", f"= {node} has no mass in {place.direction}: a force there would move it without inertia",
+                "give the node a mass in the model that writes the matrices, or act on a node with mass",
+            )  # fmt: skip
+        return None
+
+    @property
+    def named_dofs(self) -> NamedDofs:
+        """Those of the files."""
+        if self.size != len(self.table.dofs):
+            raise MethodError("mass", "has motions without mass, which were condensed", "use the files themselves")
+        return NamedDofs(self.table, np.ones(self.size), self.influence)
+
+    def base_motion_of(self, place: Place) -> float:
+        """How far the place moves with the base, as a rigid body, in its direction."""
+        number = self.row_number(place)
+        return 0.0 if number is None else float(self.influence[number])
+
+    def unit_stiffness(self, site: Site) -> float:
+        """Static stiffness of the structure there, N/m; with inertia relief where it is free."""
+        row = self.row(site)
+        return self.stiffness_scale / float(row @ static_deflections(self, row[:, None])[:, 0])
+
+    @property
+    def stated_damping(self) -> Any:
+        """That of the body."""
+        return self.section.damping
+
+    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
+        """(n, n) C of the reduced model, 1/s."""
+        return damping_matrix(self, basis, omega)
+
+    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+        """Displacements in the direction of the base, at no more nodes than can be drawn, and where forces act."""
+        direction = getattr(self.section.base, "direction", "z")
+        numbers = [i for i, (_, each) in enumerate(self.table.dofs) if each == direction]
+        chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), _MOST_STATIONS)).astype(int)}
+        at = {self.row_number(place) for place in sites if place.direction == direction} - {None}
+        rows = np.array(sorted(chosen | at, key=lambda i: int(self.table.nodes[i])), dtype=np.int64)
+        shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
+        return Recovery(self.name, NODES, self.table.nodes[rows].astype(float), np.asarray(shapes))
+
+    def deflections(self, vectors: Floats) -> Floats:
+        """Displacements of nodes, else all that there is."""
+        rows = np.flatnonzero([direction in TRANSLATIONS for _, direction in self.table.dofs])
+        return np.asarray(self.expansion[rows] @ vectors) if rows.size else np.asarray(vectors)
+
+    def largest_deflection(self, field: Floats) -> float:
+        """Largest absolute displacement of a node."""
+        return float(np.abs(self.deflections(field)).max())
+
+    def given_field(self, numbers: Sequence[float]) -> GivenField:
+        """None: the scenario refuses it."""
+        raise ValueError("imported matrices take no shape to start from")
+
+    def sensitivities(
+        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
+    ) -> dict[Path, float]:
+        """None: the scenario has no number of theirs."""
+        return {}
+
+
+def symmetric_lu(matrix: Any, *, pivoted: bool) -> Any:
+    """LU factors (SuperLU) of a symmetric matrix, ordered by minimum degree.
+
+    Parameters
+    ----------
+    pivoted : whether small pivots are exchanged; without, the signs of the pivots are those of the eigenvalues.
+    """
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    return splu(
+        csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01 if pivoted else 0.0,
+        options={"SymmetricMode": True},
+    )  # fmt: skip
+
+
+def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any] = ()) -> MatricesStructure:
+    """Read, check, condense and scale the matrices of a body; ``nodes``, where something joins it, are there anyhow.
+
+    Raises
+    ------
+    ScenarioError
+        At the key of the body that is wrong.
+    """
+    try:
+        return _assemble(section, name)
+    except MethodError as error:
+        raise ScenarioError(Problem(f"bodies.{name}.{error.about}", error.message, error.remedy)) from None
+
+
+def _assemble(section: MatricesBody, name: str) -> MatricesStructure:
+    from scipy.sparse import csc_array, identity
+
+    given = read_matrices_of(section)
+    remarks = list(given.remarks)
+    held = _held_rows(section, given.table)
+    size = len(given.table.dofs)
+    free = np.setdiff1d(np.arange(size), held)
+    if not free.size:
+        raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
+    mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (given.mass, given.stiffness))
+    massive, massless = massless_basis(mass, given.table.part(free))
+    if massless.shape[1] and free.size <= CONDENSED_UP_TO:
+        expansion = condensation(stiffness, massive, massless)
+        remarks.append(f"{massless.shape[1]} motions without mass follow the others statically")
+        share = np.asarray(abs(massless).max(axis=1).toarray()).ravel()
+    else:
+        expansion, share = csc_array(identity(free.size)), np.zeros(free.size)
+    reduced_mass, reduced_stiffness = (
+        ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
+    )
+    rigid, flexible = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
+    direction = getattr(section.base, "direction", "z")
+    lu = symmetric_lu(stiffness, pivoted=True) if held.size and not rigid.shape[1] else None
+    influence = base_influence(given, held, free, direction, lu)
+    inertia = given.mass[free] @ influence
+    ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
+    if np.abs(ground).max() <= GROUNDED * (abs(stiffness) @ np.abs(influence[free])).max(initial=0.0):
+        ground = np.zeros(free.size)
+    damping = None if given.damping is None else given.damping[free][:, free].tocsc()
+    if damping is not None:
+        dragged = given.damping[free] @ influence
+        if np.abs(dragged).max() > GROUNDED * (abs(given.damping[free]) @ np.abs(influence)).max():
+            raise MethodError(
+                "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
+                "remove dashpots to ground from the model",
+            )  # fmt: skip
+        damping = (expansion.T @ damping @ expansion).tocsc()
+    mass_scale = float(np.mean(reduced_mass.diagonal()))
+    stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
+    rigid = rigid * np.sqrt(mass_scale)
+    scaled = reduced_stiffness / stiffness_scale
+    return MatricesStructure(
+        name=name,
+        mass=reduced_mass / mass_scale,
+        factor=stiffness_factor(scaled, rigid, given.table),
+        damping=damping,
+        inertia=np.asarray(expansion.T @ inertia) / mass_scale,
+        ground=np.asarray(expansion.T @ ground),
+        rigid=rigid,
+        mass_scale=mass_scale,
+        stiffness_scale=stiffness_scale,
+        deflection_dofs=np.zeros(0, dtype=np.int64),
+        section=section,
+        table=given.table.part(free),
+        expansion=expansion.tocsr(),
+        massless=share,
+        influence=influence[free],
+        given_stiffness=scaled.tocsc(),
+        notes=tuple(remarks),
+    )
+
+
+def _held_rows(section: MatricesBody, table: DofTable) -> Ints:
+    if section.base == "free":
+        return np.zeros(0, dtype=np.int64)
+    for k, node in enumerate(section.base.nodes):
+        if not table.rows_of([node]).size:
+            raise MethodError(f"base.nodes[{k}]", f"= {node} is no node of the matrices", table.remedy(node))
+    return table.rows_of(section.base.nodes)
+
+
+def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> tuple[Floats, float]:
+    """(N, r) motions without strain energy, orthonormal in the mass matrix, and the first flexible frequency, rad/s.
+
+    Raises
+    ------
+    MethodError
+        If the stiffness or the mass matrix is not positive semidefinite.
+    """
+    from scipy.linalg import LinAlgError, eigh
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    size = mass.shape[0]
+    count = min(size, 8)
+    if size <= _DENSE:
+        try:
+            squared, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
+        except LinAlgError:
+            raise MethodError("mass", "is not positive definite", "check the model that wrote it") from None
+    else:
+        shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
+        inverse = LinearOperator(mass.shape, matvec=symmetric_lu(stiffness - shift * mass, pivoted=True).solve)
+        squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=shift, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
+        order = np.argsort(squared)
+        squared, vectors = squared[order], vectors[:, order]
+    force = np.abs(stiffness @ vectors).max(axis=0) / (abs(stiffness) @ np.abs(vectors)).max(axis=0)
+    rigid = 0
+    for k in range(1, min(count, 7)):
+        if force[:k].max() <= _RIGID and (k == size or abs(squared[k - 1]) <= _GAP * squared[min(k, count - 1)]):
+            rigid = k
+    lowest = squared[rigid:]
+    if lowest.size and lowest[0] <= 0:
+        node, direction = table.dofs[int(np.argmax(np.abs(expansion @ vectors[:, rigid])))]
+        raise MethodError(
+            "stiffness", f"is not positive semidefinite: a motion largest at node {node} {direction} frees energy",
+            _SOFT,
+        )  # fmt: skip
+    null = vectors[:, :rigid]
+    if rigid:
+        lower = np.linalg.cholesky(null.T @ (mass @ null))
+        null = np.linalg.solve(lower, null.T).T
+    return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0
+
+
+def stiffness_factor(stiffness: Any, rigid: Floats, table: DofTable) -> Any:
+    """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor of what is left when rigid motions are held.
+
+    Held at as many degrees of freedom as there are rigid motions, where these differ most, the structure has a positive
+    definite stiffness; B of the others is applied to the motion less the rigid one that those have.
+    """
+    from scipy.linalg import qr
+    from scipy.sparse import csr_array, diags_array
+
+    size, count = rigid.shape
+    pinned = np.sort(qr(rigid.T, pivoting=True)[2][:count]) if count else np.zeros(0, dtype=np.int64)
+    others = np.setdiff1d(np.arange(size), pinned)
+    if not others.size:
+        return csr_array((0, size))
+    lu = symmetric_lu(stiffness[others][:, others], pivoted=False)
+    upper = lu.U.tocsr()
+    pivots = upper.diagonal()
+    if np.any(pivots <= 0) or not np.array_equal(lu.perm_r, lu.perm_c):
+        raise MethodError(
+            "stiffness", f"is not positive semidefinite: {int(np.sum(pivots <= 0))} of its pivots are negative",
+            _SOFT,
+        )  # fmt: skip
+    factor = (diags_array(1 / np.sqrt(pivots)) @ upper)[:, lu.perm_c]
+    if not count:
+        return csr_array(factor)
+    # B acts on u_o - R_o R_p^-1 u_p.
+    selection = csr_array((np.ones(others.size), (np.arange(others.size), others)), shape=(others.size, size))
+    followed = csr_array(rigid[others] @ np.linalg.inv(rigid[pinned]))
+    pins = csr_array((np.ones(count), (np.arange(count), pinned)), shape=(count, size))
+    return csr_array(factor @ (selection - followed @ pins))

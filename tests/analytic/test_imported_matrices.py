@@ -1,0 +1,275 @@
+"""Bodies with matrices of other programs against the bodies that the matrices came from."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse import csc_array
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.matrix_files.op4 import write_op4
+from beamsim.scenario import load_scenario
+from beamsim.structures.assembly import assemble
+from beamsim.structures.dof_table import DofTable, write_dof_table
+from beamsim.structures.export import named_matrices
+from beamsim.system.build import build_system
+
+BEAM = """
+bodies:
+  panel:
+    kind: beam
+    length: 0.5
+    width: 50 mm
+    thickness: 5 mm
+    youngs_modulus: 70 GPa
+    density: 2700
+    elements: 8
+    supports: {left: clamped, right: free}
+    damping: {kind: modal, ratio: 1 %}
+    point_masses: [{position: 0.25, mass: 20 g}]
+"""
+PLACE = {"built": "position: 0.5", "imported": "node: 9, direction: z"}
+CASE = """
+snubbers:
+  - {{name: corner, at: {{body: panel, {place}}}, side: below, stiffness: 100 kN/m, gap: 0.1 mm}}
+probes:
+  - {{name: corner, at: {{body: panel, {place}}}}}
+excitation: {{kind: harmonic, applied_to: base, level: 2 g, frequency: 20 Hz}}
+reduction: {{modes: 5}}
+run: {{duration: 0.2 s, sample_rate: 10 kHz, convergence: 'off', start: rest}}
+"""
+BODY = """
+bodies:
+  panel:
+    kind: matrices
+    mass: {{file: {folder}/panel.op4, name: mxx}}
+    stiffness: {{file: {folder}/panel.op4, name: kxx}}
+    dofs: {folder}/dofs.csv
+    base: {base}
+    damping: {{kind: modal, ratio: 1 %}}
+"""
+
+
+def parse_scenario(text):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.yaml"
+        path.write_text(text)
+        return load_scenario(path)
+
+
+def built(text=BEAM):
+    return parse_scenario(text + CASE.format(place=PLACE["built"]))
+
+
+def exported(text=BEAM):
+    return named_matrices(assemble(built(text)))
+
+
+def imported(folder: Path, mass, stiffness, table, base="{nodes: [10], direction: z}", body=BODY, case=CASE):
+    write_op4(folder / "panel.op4", {"mxx": csc_array(mass), "kxx": csc_array(stiffness)})
+    write_dof_table(folder / "dofs.csv", table)
+    return parse_scenario(body.format(folder=folder, base=base) + case.format(place=PLACE["imported"]))
+
+
+def frequencies(scenario):
+    return build_system(scenario).modes.open_frequencies_hz
+
+
+def problems(folder, mass, stiffness, table, **given):
+    with pytest.raises(ScenarioError) as caught:
+        build_system(imported(folder, mass, stiffness, table, **given))
+    return str(caught.value)
+
+
+def test_a_beam_exported_and_read_back_gives_the_same_contact_run(tmp_path):
+    model = exported()
+    known = beamsim.run(built())
+    again = beamsim.run(imported(tmp_path, model.mass, model.stiffness, model.table))
+    assert known.summary["contacts"] == again.summary["contacts"]
+    assert known.summary["contacts"]["corner"] > 3
+    for one, other in (
+        (known.probes["corner"].displacement, again.probes["corner"].displacement),
+        (known.snubbers["corner"].force, again.snubbers["corner"].force),
+    ):
+        one, other = np.asarray(one), np.asarray(other)
+        assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
+
+
+def test_the_order_of_the_degrees_of_freedom_changes_nothing(tmp_path):
+    model = exported()
+    order = np.random.default_rng(1).permutation(len(model.table.dofs))
+    case = imported(tmp_path, model.mass[order][:, order], model.stiffness[order][:, order], model.table.part(order))
+    np.testing.assert_allclose(frequencies(case), frequencies(built()), rtol=1e-9)
+
+
+def test_a_free_beam_keeps_its_rigid_motions(tmp_path):
+    model = exported(BEAM.replace("left: clamped", "left: free"))
+    keep = np.arange(len(model.table.dofs) - 1)  # without the base
+    case = imported(
+        tmp_path, model.mass[keep][:, keep], model.stiffness[keep][:, keep], model.table.part(keep), base="free"
+    )
+    known = frequencies(built(BEAM.replace("left: clamped", "left: free")))
+    read = frequencies(case)
+    assert np.array_equal(read[:2], [0.0, 0.0])
+    np.testing.assert_allclose(read[2:], known[2:], rtol=1e-8)
+
+
+def test_motions_without_mass_follow_statically(tmp_path):
+    """Rotations without inertia: the condensed eigenproblem in closed form."""
+    model = exported()
+    mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+    rotations = np.array([direction == "ry" for _, direction in model.table.dofs])
+    mass[rotations], mass[:, rotations] = 0.0, 0.0
+    case = imported(tmp_path, mass, stiffness, model.table)
+    free = np.arange(len(model.table.dofs) - 1)
+    z, ry = free[~rotations[free]], free[rotations[free]]
+    condensed = stiffness[np.ix_(z, z)] - stiffness[np.ix_(z, ry)] @ np.linalg.solve(
+        stiffness[np.ix_(ry, ry)], stiffness[np.ix_(ry, z)]
+    )
+    squared = np.sort(np.linalg.eigvals(np.linalg.solve(mass[np.ix_(z, z)], condensed)).real)
+    np.testing.assert_allclose(frequencies(case)[:5], np.sqrt(squared[:5]) / (2 * np.pi), rtol=1e-8)
+    assert any("8 motions without mass" in warning for warning in build_system(case).warnings)
+    acting = CASE.replace("{place}", "node: 9, direction: ry", 1)
+    text = problems(tmp_path, mass, stiffness, model.table, case=acting)
+    assert "snubbers[0].at.node = 9 has no mass in ry" in text
+
+
+def test_mass_of_rank_one_in_offset_masses(tmp_path):
+    """A mass on an offset couples translation and rotation: its block has a motion without mass."""
+    model = exported()
+    mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+    mass[:] = 0.0
+    mass[14, 14], mass[15, 15] = 0.1, 1e-5  # where the snubber is
+    for node in range(7):
+        offset = np.array([1.0, 0.013])
+        block = slice(2 * node, 2 * node + 2)
+        mass[block, block] = 0.1 * np.outer(offset, offset)
+    mass[-1, -1] = 1.0
+    free = np.arange(16)
+    case = imported(tmp_path, mass, stiffness, model.table)
+    flexibility = np.linalg.inv(stiffness[np.ix_(free, free)])
+    rows = np.zeros((9, 16))
+    rows[7, 14], rows[8, 15] = np.sqrt(0.1), np.sqrt(1e-5)
+    for node in range(7):
+        rows[node, 2 * node : 2 * node + 2] = np.sqrt(0.1) * np.array([1.0, 0.013])
+    squared = np.sort(1 / np.linalg.eigvalsh(rows @ flexibility @ rows.T))
+    np.testing.assert_allclose(frequencies(case)[:5], np.sqrt(squared[:5]) / (2 * np.pi), rtol=1e-8)
+
+
+def test_asymmetry_of_round_off_is_removed_and_said_and_more_is_refused(tmp_path):
+    model = exported()
+    stiffness = model.stiffness.toarray()
+    stiffness[0, 2] *= 1 + 1e-9
+    system = build_system(imported(tmp_path, model.mass, stiffness, model.table))
+    assert any("stiffness was made symmetric" in warning for warning in system.warnings)
+    stiffness[0, 2] *= 1.01
+    text = problems(tmp_path, model.mass, stiffness, model.table)
+    assert "bodies.panel.stiffness is not symmetric: the entries of node 3 z and node 2 z differ" in text
+
+
+def test_craig_bampton_coordinates(tmp_path):
+    """Fixed-interface modes with the tip and the base as boundary: the same modes and response to the base."""
+    model = exported()
+    mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+    boundary, inner = np.array([14, 16]), np.setdiff1d(np.arange(17), [14, 16])
+    _, modes = eigh(stiffness[np.ix_(inner, inner)], mass[np.ix_(inner, inner)])
+    basis = np.zeros((17, 17))
+    basis[np.ix_(inner, np.arange(15))] = modes
+    basis[boundary, [15, 16]] = 1.0
+    basis[np.ix_(inner, [15, 16])] = np.linalg.solve(
+        stiffness[np.ix_(inner, inner)], -stiffness[np.ix_(inner, boundary)]
+    )
+    table = DofTable((*((0, "modal"),) * 15, (9, "z"), (10, "z")))
+    case = imported(tmp_path, basis.T @ mass @ basis, basis.T @ stiffness @ basis, table)
+    read, known = build_system(case), build_system(built())
+    np.testing.assert_allclose(read.modes.open_frequencies_hz, known.modes.open_frequencies_hz, rtol=1e-8)
+    np.testing.assert_allclose(np.abs(read.forcing.load[0]), np.abs(known.forcing.load[0]), rtol=1e-6, atol=1e-8)
+    text = problems(tmp_path, model.mass[:-1][:, :-1], model.stiffness[:-1][:, :-1], table)
+    assert "bodies.panel.dofs has 17 rows, but the matrix mass has 16" in text
+
+
+def test_a_spring_to_ground_in_the_matrices_is_refused_where_the_base_moves(tmp_path):
+    model = exported()
+    stiffness = model.stiffness.toarray()
+    stiffness[14, 14] += 1e3
+    assert "bodies.panel.base needs" in problems(tmp_path, model.mass, stiffness, model.table)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"base": "{nodes: [31], direction: z}"}, "base.nodes[0] = 31 is no node of the matrices; the nearest nodes"),
+        ({"base": "{nodes: [10], direction: x}"}, "bodies.panel.base moves in x, but none of its nodes"),
+        ({"case": CASE.replace("{place}", "node: 24")}, "at.node = 24 is no node of panel; the nearest nodes are"),
+        ({"case": CASE.replace("{place}", "node: 9, direction: x")}, "= x is no direction of node 9; node 9 has z, ry"),
+        ({"case": CASE.replace("{place}", "node: 10")}, "snubbers[0].at.node = 10 moves with the base"),
+        ({"body": BODY.replace("name: kxx", "name: kgg")}, "stiffness.name = kgg is no matrix of panel.op4"),
+        ({"body": BODY.replace("dofs: {folder}/dofs.csv", "dofs: {folder}/none.csv")}, "bodies.panel.dofs = "),
+        ({"body": BODY.replace("    dofs: {folder}/dofs.csv\n", "")}, "bodies.panel.dofs is missing"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_located(tmp_path, change, message):
+    model = exported()
+    assert message in problems(tmp_path, model.mass, model.stiffness, model.table, **change)
+
+
+def test_negative_mass_and_stiffness_are_refused(tmp_path):
+    model = exported()
+    mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+    mass[4, 4] *= -1
+    assert "mass has a negative mass of" in problems(tmp_path, mass, stiffness, model.table)
+    shifted = stiffness.copy()
+    shifted[:-1, :-1] -= 3e3 * model.mass.toarray()[:-1, :-1] * 1e3
+    text = problems(tmp_path, model.mass, shifted, model.table)
+    assert "not positive semidefinite" in text or "negative stiffness" in text
+
+
+def test_structural_damping_is_refused_or_converted_at_a_frequency(tmp_path):
+    import scipy.io
+
+    model = exported()
+    stiffness = model.stiffness.toarray()
+    case = imported(tmp_path, model.mass, stiffness, model.table)
+    scipy.io.savemat(tmp_path / "panel.mat", {"mxx": model.mass, "kxx": stiffness * (1 + 0.04j)})
+    text = (
+        case.to_yaml().replace("panel.op4", "panel.mat").replace("kind: modal, ratio: 0.01", "kind: modal, ratio: 0.0")
+    )
+    with pytest.raises(ScenarioError, match=r"bodies.panel.stiffness is complex"):
+        build_system(parse_scenario(text))
+    first = frequencies(built())[0]
+    text = text.replace("    dofs:", f"    structural_damping: {{frequency: {first} Hz}}\n    dofs:")
+    system = build_system(parse_scenario(text))
+    assert system.modes.damping_ratios[0] == pytest.approx(0.02, rel=1e-6)
+    assert any("viscous damping that has the same effect" in warning for warning in system.warnings)
+
+
+def test_viscous_matrices_are_taken(tmp_path):
+    model = exported()
+    write_op4(tmp_path / "b.op4", {"bxx": model.stiffness * 1e-5})
+    body = BODY.replace("    damping:", "    viscous: {{file: {folder}/b.op4}}\n    damping:").replace(
+        "ratio: 1 %", "ratio: 0"
+    )
+    system = build_system(imported(tmp_path, model.mass, model.stiffness, model.table, body=body))
+    omega = 2 * np.pi * system.modes.open_frequencies_hz
+    np.testing.assert_allclose(system.modes.damping_ratios, 0.5e-5 * omega, rtol=1e-6)
+
+
+def test_joined_to_a_chain(tmp_path):
+    """A mass on a spring at the tip: the built beam and the imported one give the same frequencies."""
+    chain = """
+  mass:
+    kind: chain
+    masses: [50 g]
+    springs: [0]
+joints:
+  - {{kind: spring, stiffness: 2 kN/m, between: [{{body: panel, {place}}}, {{body: mass, mass: 1}}]}}
+"""
+    model = exported()
+    beam = parse_scenario(BEAM + chain.format(place=PLACE["built"]) + CASE.format(place=PLACE["built"]))
+    case = imported(
+        tmp_path, model.mass, model.stiffness, model.table, body=BODY + chain.replace("{place}", PLACE["imported"])
+    )
+    np.testing.assert_allclose(frequencies(case)[:4], frequencies(beam)[:4], rtol=1e-8)
