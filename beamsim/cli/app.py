@@ -204,5 +204,7 @@ def export(
     print_files(export_stored(result, output, form.value), as_json=json)
 
 
-for module in dict.fromkeys(kind.commands for kind in KINDS.values() if kind.commands != __name__):
+for module in dict.fromkeys(
+    [*(kind.commands for kind in KINDS.values() if kind.commands != __name__), "beamsim.cli.structures"]
+):
     named(f"{module}:register")(app)

@@ -42,14 +42,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structur
         if names is not None and not set(names) & set(group):
             continue
         within = [coupling for coupling in couplings if coupling.ends[0].body in group]
-        bodies = [
-            ASSEMBLE[sections[name].body_kind](
-                sections[name].in_folder(partial(scenario.folder_of, *scenario.body_path(name))),
-                name,
-                [end.point for coupling in within for end in coupling.ends if end.body == name],
-            )
-            for name in group
-        ]
+        bodies = [_body(scenario, name, within) for name in group]
         _check_places(scenario, bodies)
         parts.append(join(bodies, within) if within else bodies[0])
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
@@ -59,6 +52,21 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
     """These bodies and those that they are joined to, in the order of the scenario."""
     groups = _groups(list(scenario.all_bodies), couplings_of(scenario))
     return [name for name in scenario.all_bodies if any(name in group and set(names) & set(group) for group in groups)]
+
+
+def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling]) -> BodyStructure:
+    section = scenario.all_bodies[name]
+    return ASSEMBLE[section.body_kind](
+        section.in_folder(partial(scenario.folder_of, *scenario.body_path(name))),
+        name,
+        [end.point for coupling in couplings for end in coupling.ends if end.body == name],
+    )
+
+
+def bodies_of(scenario: Scenario) -> list[BodyStructure]:
+    """The bodies, each by itself, in the order of the scenario."""
+    couplings = couplings_of(scenario)
+    return [_body(scenario, name, couplings) for name in scenario.all_bodies]
 
 
 def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:

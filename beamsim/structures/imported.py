@@ -7,7 +7,6 @@ With b the degrees of freedom that move with the base and q the others, the base
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
 from beamsim.matrix_files.read import read_matrix
 from beamsim.structures.dof_table import DofTable, read_dof_table
+from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -32,18 +32,7 @@ CONDENSED_UP_TO = 4000
 """Size up to which massless motions are condensed; the modes of a larger model follow them anyhow."""
 
 
-@dataclass(frozen=True)
-class ImportedMatrices:
-    """Symmetric matrices with the names of their rows, SI units."""
-
-    table: DofTable
-    mass: Any  # (N, N) sparse, kg
-    stiffness: Any  # (N, N) sparse, N/m
-    damping: Any  # (N, N) sparse, N s/m; None without
-    remarks: tuple[str, ...]  # what was changed
-
-
-def read_matrices_of(section: MatricesBody) -> ImportedMatrices:
+def read_matrices_of(section: MatricesBody) -> NamedMatrices:
     """The matrices of a body, checked and made symmetric.
 
     Raises
@@ -86,7 +75,7 @@ def read_matrices_of(section: MatricesBody) -> ImportedMatrices:
         damping = equivalent if damping is None else damping + equivalent
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
     _check_diagonals(symmetric["mass"], symmetric["stiffness"], table)
-    return ImportedMatrices(table, symmetric["mass"], symmetric["stiffness"], damping, tuple(remarks))
+    return NamedMatrices(table, symmetric["mass"], symmetric["stiffness"], damping, (), remarks=tuple(remarks))
 
 
 def _read(key: str, source: Any) -> FileMatrix:
@@ -259,7 +248,7 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     return whole.tocsc()
 
 
-def base_influence(matrices: ImportedMatrices, held: Ints, free: Ints, direction: str, lu: Any) -> Floats:
+def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, direction: str, lu: Any) -> Floats:
     """(N,) displacement of every row for a unit displacement of the base.
 
     Raises

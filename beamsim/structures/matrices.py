@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.structures.damping import damping_matrix
-from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
+from beamsim.structures.dof_table import TRANSLATIONS, DofTable
 from beamsim.structures.imported import (
     CONDENSED_UP_TO,
     GROUNDED,
@@ -20,6 +20,7 @@ from beamsim.structures.imported import (
     massless_basis,
     read_matrices_of,
 )
+from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.places import Place, Site, SpringEnd
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import NODES, Recovery
@@ -43,7 +44,8 @@ _SOFT = "check the model that wrote it: loads that soften it, negative springs, 
 class MatricesStructure(BodyStructure):
     """Matrices of another program; places are nodes with a direction."""
 
-    section: MatricesBody
+    whole_damping: Any  # modal or Rayleigh, that of the body; None without
+    given: NamedMatrices  # matrices of all rows
     table: DofTable  # of the rows of `expansion`
     expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
     massless: Floats  # (rows,) share of a row that has no mass
@@ -95,8 +97,7 @@ class MatricesStructure(BodyStructure):
         node = round(place.point)
         number = self.row_number(place)
         if number is None:
-            held = getattr(self.section.base, "nodes", ())
-            if node in held:
+            if node in self.given.base:
                 return "node", f"= {node} moves with the base", "name a node that the base does not hold"
             known = any(each == node for each, _ in self.table.dofs)
             return (
@@ -114,11 +115,9 @@ class MatricesStructure(BodyStructure):
         return None
 
     @property
-    def named_dofs(self) -> NamedDofs:
-        """Those of the files."""
-        if self.size != len(self.table.dofs):
-            raise MethodError("mass", "has motions without mass, which were condensed", "use the files themselves")
-        return NamedDofs(self.table, np.ones(self.size), self.influence)
+    def named_matrices(self) -> NamedMatrices:
+        """Those of the files, made symmetric."""
+        return self.given
 
     def base_motion_of(self, place: Place) -> float:
         """How far the place moves with the base, as a rigid body, in its direction."""
@@ -133,7 +132,7 @@ class MatricesStructure(BodyStructure):
     @property
     def stated_damping(self) -> Any:
         """That of the body."""
-        return self.section.damping
+        return self.whole_damping
 
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""
@@ -141,7 +140,7 @@ class MatricesStructure(BodyStructure):
 
     def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
         """Displacements in the direction of the base, at no more nodes than can be drawn, and where forces act."""
-        direction = getattr(self.section.base, "direction", "z")
+        direction = self.given.direction
         numbers = [i for i, (_, each) in enumerate(self.table.dofs) if each == direction]
         chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), _MOST_STATIONS)).astype(int)}
         at = {self.row_number(place) for place in sites if place.direction == direction} - {None}
@@ -194,17 +193,20 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
         At the key of the body that is wrong.
     """
     try:
-        return _assemble(section, name)
+        given = read_matrices_of(section)
+        if section.base != "free":
+            given = replace(given, base=section.base.nodes, direction=section.base.direction)
+        return structure_of(given, section.damping, name)
     except MethodError as error:
         raise ScenarioError(Problem(f"bodies.{name}.{error.about}", error.message, error.remedy)) from None
 
 
-def _assemble(section: MatricesBody, name: str) -> MatricesStructure:
+def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:
+    """The structure of matrices whose base holds what `NamedMatrices.base` says; raises `MethodError`."""
     from scipy.sparse import csc_array, identity
 
-    given = read_matrices_of(section)
     remarks = list(given.remarks)
-    held = _held_rows(section, given.table)
+    held = _held_rows(given)
     size = len(given.table.dofs)
     free = np.setdiff1d(np.arange(size), held)
     if not free.size:
@@ -221,22 +223,21 @@ def _assemble(section: MatricesBody, name: str) -> MatricesStructure:
         ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     )
     rigid, flexible = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
-    direction = getattr(section.base, "direction", "z")
     lu = symmetric_lu(stiffness, pivoted=True) if held.size and not rigid.shape[1] else None
-    influence = base_influence(given, held, free, direction, lu)
+    influence = base_influence(given, held, free, given.direction, lu)
     inertia = given.mass[free] @ influence
     ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
     if np.abs(ground).max() <= GROUNDED * (abs(stiffness) @ np.abs(influence[free])).max(initial=0.0):
         ground = np.zeros(free.size)
-    damping = None if given.damping is None else given.damping[free][:, free].tocsc()
-    if damping is not None:
+    viscous = None if given.damping is None else given.damping[free][:, free].tocsc()
+    if viscous is not None:
         dragged = given.damping[free] @ influence
         if np.abs(dragged).max() > GROUNDED * (abs(given.damping[free]) @ np.abs(influence)).max():
             raise MethodError(
                 "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
                 "remove dashpots to ground from the model",
             )  # fmt: skip
-        damping = (expansion.T @ damping @ expansion).tocsc()
+        viscous = (expansion.T @ viscous @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
@@ -245,14 +246,15 @@ def _assemble(section: MatricesBody, name: str) -> MatricesStructure:
         name=name,
         mass=reduced_mass / mass_scale,
         factor=stiffness_factor(scaled, rigid, given.table),
-        damping=damping,
+        damping=viscous,
         inertia=np.asarray(expansion.T @ inertia) / mass_scale,
         ground=np.asarray(expansion.T @ ground),
         rigid=rigid,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.zeros(0, dtype=np.int64),
-        section=section,
+        whole_damping=damping,
+        given=given,
         table=given.table.part(free),
         expansion=expansion.tocsr(),
         massless=share,
@@ -262,13 +264,11 @@ def _assemble(section: MatricesBody, name: str) -> MatricesStructure:
     )
 
 
-def _held_rows(section: MatricesBody, table: DofTable) -> Ints:
-    if section.base == "free":
-        return np.zeros(0, dtype=np.int64)
-    for k, node in enumerate(section.base.nodes):
-        if not table.rows_of([node]).size:
-            raise MethodError(f"base.nodes[{k}]", f"= {node} is no node of the matrices", table.remedy(node))
-    return table.rows_of(section.base.nodes)
+def _held_rows(given: NamedMatrices) -> Ints:
+    for k, node in enumerate(given.base):
+        if not given.table.rows_of([node]).size:
+            raise MethodError(f"base.nodes[{k}]", f"= {node} is no node of the matrices", given.table.remedy(node))
+    return given.table.rows_of(given.base)
 
 
 def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> tuple[Floats, float]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.dof_table import DofTable, NamedDofs
+from beamsim.structures.named_matrices import NamedMatrices, with_base_node
 from beamsim.structures.places import DEFLECTION, Link, Place, Site, SpringEnd, ends_of
 from beamsim.typing import Floats, Ints
 
@@ -248,6 +249,11 @@ class BodyStructure(Structure, ABC):
         deflects = np.isin(np.arange(self.size), self.deflection_dofs)
         names = tuple((i + 1, DEFLECTION if each else MODAL) for i, each in enumerate(deflects))
         return NamedDofs(DofTable(names), np.ones(self.size), deflects.astype(float))
+
+    @property
+    def named_matrices(self) -> NamedMatrices:
+        """Matrices of the body and its base, for other programs."""
+        return with_base_node(self)
 
     def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place on the body, or nothing can act there."""

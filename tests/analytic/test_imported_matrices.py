@@ -14,7 +14,6 @@ from beamsim.matrix_files.op4 import write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import DofTable, write_dof_table
-from beamsim.structures.export import named_matrices
 from beamsim.system.build import build_system
 
 BEAM = """
@@ -65,7 +64,7 @@ def built(text=BEAM):
 
 
 def exported(text=BEAM):
-    return named_matrices(assemble(built(text)))
+    return assemble(built(text)).named_matrices
 
 
 def imported(folder: Path, mass, stiffness, table, base="{nodes: [10], direction: z}", body=BODY, case=CASE):

@@ -178,7 +178,10 @@ class Entry:
         elif "bodies" in scenario:
             name, body = next(iter(scenario["bodies"].items()))
             where, first = ("segments[0].", body["segments"][0]) if "segments" in body else ("", body)
-            changes.append(f"bodies.{name}.{where}youngs_modulus={nudged(first['youngs_modulus'])}")
+            if "youngs_modulus" in first:
+                changes.append(f"bodies.{name}.{where}youngs_modulus={nudged(first['youngs_modulus'])}")
+            else:
+                changes.append(f"snubbers[0].stiffness={nudged(scenario['snubbers'][0]['stiffness'])}")
         else:
             springs = scenario["chain"]["springs"]
             index = next((k for k in range(1, len(springs)) if float(str(springs[k]).split()[0])), 0)

@@ -31,11 +31,13 @@ class NamedMatrices:
     mass: Any  # (N, N) sparse, kg
     stiffness: Any  # (N, N) sparse, N/m
     damping: Any  # (N, N) sparse, N s/m: dashpots and viscous damping; None without
-    base: int  # node that moves with the base
+    base: tuple[int, ...]  # nodes that move with the base; none where nothing does
+    direction: str = "z"  # in which the base moves
+    remarks: tuple[str, ...] = ()  # what was done to the matrices of files
 
 
-def named_matrices(body: BodyStructure) -> NamedMatrices:
-    """Matrices of a body on its supports, which move with the last node."""
+def with_base_node(body: BodyStructure) -> NamedMatrices:
+    """Matrices of a body on its supports, which move with a node of their own, the last one."""
     from scipy.sparse import diags_array
 
     named = body.named_dofs
@@ -56,7 +58,7 @@ def named_matrices(body: BodyStructure) -> NamedMatrices:
         _with_base(mass, load - mass @ r, own),
         _with_base(stiffness, -(stiffness @ r), float(r @ (stiffness @ r))),
         damping,
-        base,
+        (base,),
     )
 
 

@@ -1,0 +1,196 @@
+"""What is looked at first in a model of another program, each with a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from beamsim.errors import MethodError
+from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
+from beamsim.scenario import Scenario
+from beamsim.structures.assembly import bodies_of
+from beamsim.structures.matrices import MatricesStructure, structure_of, symmetric_lu
+from beamsim.structures.modes import Modes, natural_modes
+from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.typing import Floats
+
+OK, NOTE, FAILS = "ok", "note", "fails"
+
+GROUNDED = 1e-6
+"""Force under a rigid motion, relative to those that the entries would give one by one, above which a model is held."""
+_MODES = 10
+_LOST_PIVOT = 1e-12
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """One line of the table."""
+
+    name: str
+    value: Any  # for JSON, SI units
+    text: str
+    verdict: str = ""
+
+
+def check(scenario: Scenario) -> dict[str, tuple[CheckRow, ...]]:
+    """The checks of every body by itself, joints and snubbers left out."""
+    return {body.name: tuple(check_body(body.named_matrices)) for body in bodies_of(scenario)}
+
+
+def check_body(given: NamedMatrices) -> Iterator[CheckRow]:
+    """All rows for one body."""
+    table = given.table
+    modal = sum(direction == MODAL for _, direction in table.dofs)
+    nodes = len({node for node, direction in table.dofs if direction != MODAL})
+    yield CheckRow(
+        "degrees_of_freedom", len(table.dofs), f"{len(table.dofs)}: {nodes} nodes, {modal} modal coordinates"
+    )
+    yield CheckRow(
+        "symmetry", list(given.remarks), "; ".join(given.remarks) or "symmetric", NOTE if given.remarks else OK
+    )
+    motions = _rigid_motions(given)
+    yield from _mass_properties(given, motions)
+    yield from _grounding(given, motions)
+    yield from _frequencies(given, motions)
+
+
+def _rigid_motions(given: NamedMatrices) -> dict[str, Floats]:
+    """(N,) every row under translations, and where all coordinates are known rotations about the origin."""
+    table = given.table
+    motions = {direction: table.of_direction(direction) for direction in DIRECTIONS[:3]}
+    placed = np.array([direction != MODAL for _, direction in table.dofs])
+    places = table.coordinates
+    if places is not None and not np.any(np.isnan(places[placed])):
+        for k, axis in enumerate(np.eye(3)):
+            moved = np.cross(axis, np.nan_to_num(places))
+            motions[DIRECTIONS[3 + k]] = np.sum(
+                [moved[:, i] * table.of_direction(d) for i, d in enumerate(DIRECTIONS[:3])], axis=0
+            ) + table.of_direction(DIRECTIONS[3 + k])
+    return {name: motion for name, motion in motions.items() if np.any(motion)}
+
+
+def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+    momentum = {a: {b: float(x @ (given.mass @ y)) for b, y in motions.items()} for a, x in motions.items()}
+    mass = {d: momentum[d][d] for d in DIRECTIONS[:3] if d in motions}
+    if not mass:
+        yield CheckRow("mass", None, "unknown: modal coordinates alone", NOTE)
+        return
+    spread = max(mass.values()) - min(mass.values())
+    text = ", ".join(f"{d} {m:.6g}" for d, m in mass.items())
+    same = spread <= 1e-6 * max(mass.values())
+    verdict = FAILS if min(mass.values()) <= 0 else OK if same else NOTE
+    yield CheckRow("mass", mass, f"{text} kg" + ("" if same else ", not the same in all directions"), verdict)
+    if not any(each.startswith("r") for each in motions):
+        yield CheckRow("centre_of_mass", None, "unknown: the table has no coordinates", NOTE)
+        return
+    pairs = {"x": (("z", "ry", -1), ("y", "rz", 1)), "y": (("z", "rx", 1), ("x", "rz", -1)),
+             "z": (("x", "ry", 1), ("y", "rx", -1))}  # fmt: skip
+    centre = {}
+    for direction, choices in pairs.items():
+        for along, about, sign in choices:
+            if along in motions and about in motions:
+                centre[direction] = sign * momentum[along][about] / mass[along]
+                break
+    yield CheckRow("centre_of_mass", centre, ", ".join(f"{d} {1e3 * x:.5g}" for d, x in centre.items()) + " mm", OK)
+    inertia = {}
+    for k, about in enumerate(DIRECTIONS[3:]):
+        if about in motions:
+            others = [d for d in DIRECTIONS[:3] if d != DIRECTIONS[k]]
+            # The parallel axis: a distance counts with the mass of the direction in which it makes points move.
+            shift = sum(mass[other] * centre.get(d, 0.0) ** 2 for d, other in (others, others[::-1]) if other in mass)
+            inertia[about] = momentum[about][about] - shift
+    largest = max(inertia.values())
+    text = ", ".join(f"{d} {x:.5g}" for d, x in inertia.items())
+    verdict = FAILS if min(inertia.values()) < -1e-9 * abs(largest) else OK
+    yield CheckRow("inertia", inertia, f"{text} kg m^2 about the centre", verdict)
+
+
+def _grounding(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+    # A base that does not turn holds the model against rotation, which is no fault; in its own direction it is one.
+    values = {name: _relative_force(given, motion) for name, motion in motions.items()}
+    if not values:
+        yield CheckRow("grounding", None, "not checked: no node has a direction", NOTE)
+        return
+    held = [name for name, value in values.items() if value > GROUNDED]
+    text = f"largest force under a rigid motion {max(values.values()):.1g} of that of single entries"
+    if held:
+        worst = max(held, key=values.__getitem__)
+        at = given.table.dofs[int(np.argmax(np.abs(given.stiffness @ motions[worst])))]
+        text += f"; held in {', '.join(held)}, most at node {at[0]} {at[1]}"
+    wrong = bool(held) if not given.base else given.direction in held
+    yield CheckRow("grounding", values, text, FAILS if wrong else NOTE if held else OK)
+
+
+def _relative_force(given: NamedMatrices, motion: Floats) -> float:
+    size = float((abs(given.stiffness) @ np.abs(motion)).max())
+    return float(np.abs(given.stiffness @ motion).max()) / size if size > 0 else 0.0
+
+
+def _frequencies(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+    loose = [motion for motion in motions.values() if _relative_force(given, motion) <= GROUNDED]
+    expected = int(np.linalg.matrix_rank(np.array(loose))) if loose else 0
+    try:
+        free, modes = _modes(replace(given, base=(), damping=None))
+        count = free.rigid.shape[1]
+        text = f"{_listed(modes.omega[count:] * free.frequency_scale)}; {count} rigid-body modes"
+        beyond = count != expected
+        text += f" where the nodes have {expected}" if beyond else ""
+        yield CheckRow("free_frequencies_hz", _hertz(modes.omega * free.frequency_scale), text, NOTE if beyond else OK)
+        yield from _remarks(free)
+        if not given.base:
+            yield _worst_rows(free)
+            return
+        fixed, modes = _modes(replace(given, damping=None))
+        omega = modes.omega * fixed.frequency_scale
+        yield CheckRow("fixed_frequencies_hz", _hertz(omega), f"{_listed(omega)}; with the base held", OK)
+        yield _effective_masses(given, fixed, modes)
+        yield _worst_rows(fixed)
+    except MethodError as error:
+        yield CheckRow("frequencies", None, f"{error.about} {error.message}; {error.remedy}", FAILS)
+
+
+def _modes(given: NamedMatrices) -> tuple[MatricesStructure, Modes]:
+    structure = structure_of(given)
+    return structure, natural_modes(structure, min(structure.size, _MODES + structure.rigid.shape[1]))
+
+
+def _remarks(structure: MatricesStructure) -> Iterator[CheckRow]:
+    massless = [note for note in structure.notes if "without mass" in note]
+    yield CheckRow("massless_motions", massless, "; ".join(massless) or "none", NOTE if massless else OK)
+
+
+def _effective_masses(given: NamedMatrices, fixed: MatricesStructure, modes: Modes) -> CheckRow:
+    """Share of the mass that each mode moves with the base; what the held rows have themselves counts as none."""
+    participation = modes.vectors.T @ fixed.inertia
+    effective = participation**2 * fixed.mass_scale
+    whole = given.table.of_direction(given.direction)
+    total = float(whole @ (given.mass @ whole))
+    shares = effective[:_MODES] / total if total > 0 else np.zeros(0)
+    text = ", ".join(f"{100 * share:.1f}" for share in shares[:6])
+    reached = f"{100 * float(shares.sum()):.1f} % in {shares.size} modes"
+    return CheckRow("effective_masses", shares.tolist(), f"{text}, … % in {given.direction}; {reached}", OK)
+
+
+def _worst_rows(structure: MatricesStructure) -> CheckRow:
+    """Rows whose pivot is smallest beside their diagonal entry: what holds them cancels most digits."""
+    rigid = structure.rigid.shape[1]
+    lu = symmetric_lu(structure.stiffness + (1e-3 if rigid else 0.0) * structure.mass, pivoted=False)
+    pivots = np.abs(lu.U.diagonal())[lu.perm_c]
+    ratio = pivots / structure.stiffness.diagonal()
+    worst = np.argsort(ratio)[:3]
+    rows = np.argmax(np.abs(structure.expansion[:, worst].toarray()), axis=0)
+    named = [f"node {structure.table.dofs[i][0]} {structure.table.dofs[i][1]}" for i in rows]
+    text = ", ".join(f"{name} ({value:.1g})" for name, value in zip(named, ratio[worst], strict=True))
+    values = {name: float(value) for name, value in zip(named, ratio[worst], strict=True)}
+    return CheckRow("worst_conditioned_rows", values, text, NOTE if ratio[worst[0]] < _LOST_PIVOT else OK)
+
+
+def _hertz(omega: Floats) -> list[float]:
+    return [float(f) for f in omega / (2 * np.pi)]
+
+
+def _listed(omega: Floats) -> str:
+    return ", ".join(f"{f:.4g}" for f in _hertz(omega)[:8]) + " Hz"

@@ -1,0 +1,76 @@
+"""The commands ``check`` and ``export-structure``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from beamsim.cli.failures import guarded
+from beamsim.cli.options import Case, Debug, Json, Output, Overrides
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("check")(check)
+    app.command("export-structure")(export_structure)
+
+
+@guarded
+def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
+    """Check the matrices of each body: mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
+    from beamsim.analyses.check.analysis import FAILS
+    from beamsim.analyses.check.analysis import check as check_bodies
+    from beamsim.cli.conclusion import located
+    from beamsim.cli.printing import print_json, print_table
+    from beamsim.errors import ExitCode
+    from beamsim.scenario import load_scenario
+
+    scenario = load_scenario(case, set_ or ())
+    with located(scenario):
+        bodies = check_bodies(scenario)
+    failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
+    if json:
+        print_json(
+            {
+                "bodies": {
+                    name: {row.name: {"value": row.value, "verdict": row.verdict} for row in rows}
+                    for name, rows in bodies.items()
+                },
+                "failed": failed,
+            }
+        )
+    else:
+        for name, rows in bodies.items():
+            print_table(name, [(row.name.replace("_", " "), f"{row.verdict:<6}{row.text}") for row in rows])
+    if failed:
+        raise typer.Exit(ExitCode.NOT_CONVERGED)
+
+
+@guarded
+def export_structure(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    body: Annotated[str | None, typer.Option("--body", help="Name of the body, where there are several.")] = None,
+    binary: Annotated[bool, typer.Option("--binary", help="Binary instead of ASCII, for OP4.")] = False,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write a body's matrices as OP4 (default), MATLAB, MatrixMarket or NumPy files, with a table of its nodes."""
+    from beamsim.cli.conclusion import located
+    from beamsim.cli.output import output_file
+    from beamsim.cli.printing import print_json
+    from beamsim.cli.structure_export import exported
+    from beamsim.matrix_files.write import ENDINGS
+    from beamsim.scenario import load_scenario
+
+    scenario = load_scenario(case, set_ or ())
+    target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
+    with located(scenario):
+        files, text = exported(scenario, body, target, binary=binary)
+    if json:
+        print_json({"files": [str(file) for file in files], "body": text})
+    else:
+        print(*files, sep="\n")
+        print(text)

@@ -1,0 +1,44 @@
+"""Named matrices to files of other programs, by the file's ending."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from beamsim.matrix_files.op4 import write_op4
+
+ENDINGS = (".op4", ".mat", ".mtx", ".npz")
+"""OP4, MATLAB, MatrixMarket, NumPy; the first two hold several matrices, of the others each has a file."""
+
+
+def write_matrices(
+    path: Path, matrices: dict[str, Any], *, binary: bool, replacing: Callable[[Path], Any]
+) -> dict[str, tuple[Path, str]]:
+    """Write sparse matrices by name; where each is, and its name in the file.
+
+    Parameters
+    ----------
+    path : its ending is one of `ENDINGS`; where a file holds one matrix its name is appended to the stem.
+    binary : of OP4 files.
+    replacing : context manager that yields a temporary path, which takes the place of the given one.
+    """
+    from scipy.io import mmwrite, savemat
+    from scipy.sparse import save_npz
+
+    ending = path.suffix.lower()
+    if ending in (".op4", ".mat"):
+        with replacing(path) as temporary:
+            if ending == ".op4":
+                write_op4(temporary, matrices, binary=binary)
+            else:
+                savemat(temporary, matrices, appendmat=False)
+        return {name: (path, name) for name in matrices}
+    files = {name: path.with_name(f"{path.stem}_{name}{ending}") for name in matrices}
+    for name, file in files.items():
+        with replacing(file) as temporary, open(temporary, "wb") as stream:
+            if ending == ".mtx":
+                mmwrite(stream, matrices[name].tocoo(), precision=17)
+            else:
+                save_npz(stream, matrices[name].tocsc())
+    return {name: (file, "") for name, file in files.items()}
