@@ -28,6 +28,7 @@ ROUND_OFF = 1e-6
 MASSLESS = 1e-11
 # Forces under a rigid motion, relative to those that the entries would give one by one.
 GROUNDED = 1e-6
+_LARGEST_BLOCK = 800  # of the mass matrix; larger ones are taken to have mass in every motion
 CONDENSED_UP_TO = 4000
 """Size up to which massless motions are condensed; the modes of a larger model follow them anyhow."""
 
@@ -188,9 +189,9 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
     entries: tuple[list[Any], list[Any]] = ([], [])
     counts = [0, 0]
     for block in blocks:
-        if block.size == 1 or block.size > CONDENSED_UP_TO:
+        if block.size == 1 or block.size > _LARGEST_BLOCK:
             empty = block.size == 1 and diagonal[block[0]] <= MASSLESS * diagonal.max()
-            pieces = [(np.eye(block.size), 1 if empty else 0)] if block.size == 1 else []
+            pieces: list[tuple[Floats | None, int]] = [(None, 1 if empty else 0)]
         else:
             root = np.sqrt(np.maximum(diagonal[block], 0.0))
             inverse = np.divide(1.0, root, out=np.ones_like(root), where=root > 0)
@@ -203,11 +204,15 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
                 )  # fmt: skip
             none = values <= max(MASSLESS, 4 * block.size * np.finfo(float).eps) * values[-1]
             if not none.any():
-                pieces = [(np.eye(block.size), 0)]
+                pieces = [(None, 0)]
             else:
                 null = np.linalg.qr(vectors[:, none] * inverse[:, None])[0]
                 pieces = [(_complement(null), 0), (null, 1)]
         for columns, kind in pieces:
+            if columns is None:  # the block as it is
+                entries[kind].append((np.ones(block.size), block, counts[kind] + np.arange(block.size)))
+                counts[kind] += block.size
+                continue
             i = np.repeat(block, columns.shape[1])
             j = np.tile(counts[kind] + np.arange(columns.shape[1]), block.size)
             entries[kind].append((columns.ravel(), i, j))

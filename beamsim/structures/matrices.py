@@ -25,6 +25,7 @@ from beamsim.structures.places import Place, Site, SpringEnd
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
+from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -58,9 +59,14 @@ class MatricesStructure(BodyStructure):
         """(N, N) scaled K, as it was given."""
         return self.given_stiffness
 
+    @cached_property
+    def factorised_stiffness(self) -> Any:
+        """Factors of K; with rigid-body modes bordered by them."""
+        return super().factorised_stiffness if self.rigid.shape[1] else symmetric_lu(self.stiffness, definite=True)
+
     def factorise(self, matrix: Any) -> Any:
         """LU factors with an ordering for symmetric matrices, which have far less fill."""
-        return symmetric_lu(matrix, pivoted=True)
+        return symmetric_lu(matrix, definite=False)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -78,7 +84,7 @@ class MatricesStructure(BodyStructure):
         if self.size <= _DENSE:
             below = np.linalg.eigvalsh(shifted.toarray()) < 0
         else:
-            below = symmetric_lu(shifted, pivoted=False).U.diagonal() < 0
+            below = symmetric_lu(shifted, definite=True).pivots < 0
         return int(np.count_nonzero(below)) + int(self.rigid.shape[1])
 
     def row_number(self, place: Place) -> int | None:
@@ -168,22 +174,6 @@ class MatricesStructure(BodyStructure):
         return {}
 
 
-def symmetric_lu(matrix: Any, *, pivoted: bool) -> Any:
-    """LU factors (SuperLU) of a symmetric matrix, ordered by minimum degree.
-
-    Parameters
-    ----------
-    pivoted : whether small pivots are exchanged; without, the signs of the pivots are those of the eigenvalues.
-    """
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
-    return splu(
-        csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01 if pivoted else 0.0,
-        options={"SymmetricMode": True},
-    )  # fmt: skip
-
-
 def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any] = ()) -> MatricesStructure:
     """Read, check, condense and scale the matrices of a body; ``nodes``, where something joins it, are there anyhow.
 
@@ -223,7 +213,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     )
     rigid, flexible = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
-    lu = symmetric_lu(stiffness, pivoted=True) if held.size and not rigid.shape[1] else None
+    lu = symmetric_lu(stiffness, definite=True) if held.size and not rigid.shape[1] else None
     influence = base_influence(given, held, free, given.direction, lu)
     inertia = given.mass[free] @ influence
     ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
@@ -291,7 +281,7 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
             raise MethodError("mass", "is not positive definite", "check the model that wrote it") from None
     else:
         shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
-        inverse = LinearOperator(mass.shape, matvec=symmetric_lu(stiffness - shift * mass, pivoted=True).solve)
+        inverse = LinearOperator(mass.shape, matvec=symmetric_lu(stiffness - shift * mass, definite=True).solve)
         squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=shift, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
         order = np.argsort(squared)
         squared, vectors = squared[order], vectors[:, order]
@@ -321,22 +311,21 @@ def stiffness_factor(stiffness: Any, rigid: Floats, table: DofTable) -> Any:
     definite stiffness; B of the others is applied to the motion less the rigid one that those have.
     """
     from scipy.linalg import qr
-    from scipy.sparse import csr_array, diags_array
+    from scipy.sparse import csr_array
 
     size, count = rigid.shape
     pinned = np.sort(qr(rigid.T, pivoting=True)[2][:count]) if count else np.zeros(0, dtype=np.int64)
     others = np.setdiff1d(np.arange(size), pinned)
     if not others.size:
         return csr_array((0, size))
-    lu = symmetric_lu(stiffness[others][:, others], pivoted=False)
-    upper = lu.U.tocsr()
-    pivots = upper.diagonal()
-    if np.any(pivots <= 0) or not np.array_equal(lu.perm_r, lu.perm_c):
+    lu = symmetric_lu(stiffness[others][:, others], definite=True)
+    if np.any(lu.pivots <= 0):
         raise MethodError(
-            "stiffness", f"is not positive semidefinite: {int(np.sum(pivots <= 0))} of its pivots are negative",
+            "stiffness",
+            f"is not positive semidefinite: {int(np.sum(lu.pivots <= 0))} of its pivots are negative",
             _SOFT,
-        )  # fmt: skip
-    factor = (diags_array(1 / np.sqrt(pivots)) @ upper)[:, lu.perm_c]
+        )
+    factor = lu.root
     if not count:
         return csr_array(factor)
     # B acts on u_o - R_o R_p^-1 u_p.

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from beamsim.structures.structure import BodyStructure
 
 
+_ROUND_OFF = 1e-9
+
+
 @dataclass(frozen=True)
 class NamedMatrices:
     """Matrices in SI units and the names of their rows."""
@@ -37,7 +40,7 @@ class NamedMatrices:
 
 
 def with_base_node(body: BodyStructure) -> NamedMatrices:
-    """Matrices of a body on its supports, which move with a node of their own, the last one."""
+    """Matrices of a body on its supports, which move with a node of their own, the last one; none without supports."""
     from scipy.sparse import diags_array
 
     named = body.named_dofs
@@ -46,6 +49,10 @@ def with_base_node(body: BodyStructure) -> NamedMatrices:
     stiffness = body.stiffness_scale * (physical @ body.stiffness @ physical)
     load = body.mass_scale * body.inertia / named.scale
     r = named.influence
+    free = np.abs(stiffness @ r).max() <= _ROUND_OFF * (abs(stiffness) @ np.abs(r)).max()
+    if free and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
+        viscous = None if body.damping is None else physical @ body.damping @ physical
+        return NamedMatrices(named.table, mass, stiffness, viscous, ())
     own = float(r @ (mass @ r) - 2 * r @ load + body.total_mass)
     damping = None
     if body.damping is not None:

@@ -129,12 +129,13 @@ def _full_closed(model: Structure, rows: Floats, stiffness: Floats, count: int) 
         values = svdvals(solve_triangular(lower, factor.T, lower=True).T)
         # Fewer rows than columns: the missing singular values are rigid-body modes.
         return np.concatenate([np.zeros(model.size - values.size), values[::-1]])[:count]
-    from scipy.sparse.linalg import eigsh
+    from scipy.sparse.linalg import LinearOperator, eigsh
 
     factor_sparse: Any = vstack([model.factor, csc_array(springs)], format="csc")
-    _, vectors = eigsh(
-        csc_array(factor_sparse.T @ factor_sparse), k=count, M=model.mass, sigma=-1e-3, v0=np.linspace(1, 2, model.size)
-    )
+    beside = csc_array(springs)
+    closed: Any = model.stiffness + beside.T @ beside
+    inverse = LinearOperator(model.mass.shape, matvec=model.factorise(closed + 1e-3 * model.mass).solve)
+    _, vectors = eigsh(closed, k=count, M=model.mass, sigma=-1e-3, OPinv=inverse, v0=np.linspace(1, 2, model.size))
     lower = np.linalg.cholesky(vectors.T @ (model.mass @ vectors))
     ritz = svdvals(solve_triangular(lower, np.asarray(factor_sparse @ vectors).T, lower=True).T)
     return np.asarray(ritz[::-1])

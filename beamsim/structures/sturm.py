@@ -63,7 +63,7 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     ----------
     guess : an upper bound of the first of the others, such as a Ritz value beyond the kept modes.
     """
-    stiffness = (model.factor.T @ model.factor).tocsc()
+    stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0
     between = last + (guess - last) * np.array(_SHARES)
     counts = []

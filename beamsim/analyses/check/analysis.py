@@ -12,9 +12,10 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
-from beamsim.structures.matrices import MatricesStructure, structure_of, symmetric_lu
+from beamsim.structures.matrices import MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
 from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats
 
 OK, NOTE, FAILS = "ok", "note", "fails"
@@ -177,9 +178,8 @@ def _effective_masses(given: NamedMatrices, fixed: MatricesStructure, modes: Mod
 def _worst_rows(structure: MatricesStructure) -> CheckRow:
     """Rows whose pivot is smallest beside their diagonal entry: what holds them cancels most digits."""
     rigid = structure.rigid.shape[1]
-    lu = symmetric_lu(structure.stiffness + (1e-3 if rigid else 0.0) * structure.mass, pivoted=False)
-    pivots = np.abs(lu.U.diagonal())[lu.perm_c]
-    ratio = pivots / structure.stiffness.diagonal()
+    held = structure.stiffness + (1e-3 if rigid else 0.0) * structure.mass
+    ratio = np.abs(symmetric_lu(held, definite=True).pivots)
     worst = np.argsort(ratio)[:3]
     rows = np.argmax(np.abs(structure.expansion[:, worst].toarray()), axis=0)
     named = [f"node {structure.table.dofs[i][0]} {structure.table.dofs[i][1]}" for i in rows]
