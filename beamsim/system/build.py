@@ -197,7 +197,7 @@ def _acting(parts: Parts) -> list[tuple[Path, Site, str]]:
 def _check_base_directions(parts: Parts) -> None:
     """Refuse what feels the base's displacement where a body does not move with the base."""
     scenario = parts.scenario
-    if scenario.excitation.kind == "none" or point_of_excitation(scenario) is not None:
+    if scenario.excitation.kind == "none" or exciting_forces(scenario):
         return
     probes: list[tuple[Path, Site]] = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
     grounded: list[tuple[Path, Site]] = [
