@@ -89,18 +89,18 @@ class MatricesStructure(BodyStructure):
 
     def row_number(self, place: Place) -> int | None:
         """Row of the files of a place; None where there is none."""
-        return self.table.number.get((round(place.point), place.direction))
+        return self.table.number.get((round(place.coordinate), place.direction))
 
     def place_row(self, place: Place) -> Floats:
         """(N,) motion of a node in a direction for a unit of each degree of freedom."""
         number = self.row_number(place)
         if number is None:
-            raise ValueError(f"{place.label} does not exist; {self.table.remedy(round(place.point))}")
+            raise ValueError(f"{place.label} does not exist; {self.table.remedy(round(place.coordinate))}")
         return np.asarray(self.expansion[[number]].toarray()[0])
 
     def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place, or nothing can act there."""
-        node = round(place.point)
+        node = round(place.coordinate)
         number = self.row_number(place)
         if number is None:
             if node in self.given.base:
