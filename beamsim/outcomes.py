@@ -263,7 +263,7 @@ class OutcomeCode(Enum):
         OutcomeKind.UNTRUSTED,
         "not reliable: the error of the reduced model's receptance at contacts and loads up to {highest:.6g} Hz is "
         "bounded only by {bound:.2g} of its size, more than {allowed:g}",
-        "keep more modes (reduction: {{modes: all}}), or leave reduction out",
+        "keep more modes (reduction.modes: all), or leave reduction out",
     )
     HARMONICS_NEGLECTED = (
         OutcomeKind.UNTRUSTED,

@@ -51,7 +51,7 @@ class NamedChain(Chain):
 _BEAMS = {"<section>": "", "<stiffness>": " by stiffness", "<sandwich>": " of sandwich", "<segments>": " of segments"}
 
 
-class NamedMatrices(MatricesBody):
+class NamedMatricesBody(MatricesBody):
     """A structure by matrices of another program, one of several bodies."""
 
     kind: Literal["matrices"] = "matrices"
@@ -73,7 +73,7 @@ AnyBody = Annotated[
     | Annotated[NamedSandwichBeam, Tag("<beam of sandwich>")]
     | Annotated[NamedSegmentedBeam, Tag("<beam of segments>")]
     | NamedChain
-    | NamedMatrices
+    | NamedMatricesBody
     | Plate
     | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
     Variants(_choose, "has no kind of body", "give kind: beam, chain, plate or matrices"),

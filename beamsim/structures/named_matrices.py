@@ -12,16 +12,12 @@ with L the inertia under a motion of the base and m the mass of the body.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from beamsim.structures.dof_table import DofTable
+from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.structure import BodyStructure
-
 
 _ROUND_OFF = 1e-9
 
@@ -39,7 +35,43 @@ class NamedMatrices:
     remarks: tuple[str, ...] = ()  # what was done to the matrices of files
 
 
-def with_base_node(body: BodyStructure) -> NamedMatrices:
+class ScaledBody(Protocol):
+    """What is taken of a body: its matrices in scaled units, and the names of its degrees of freedom."""
+
+    @property
+    def mass(self) -> Any:
+        """(n, n) sparse, scaled."""
+
+    @property
+    def stiffness(self) -> Any:
+        """(n, n) sparse, scaled."""
+
+    @property
+    def damping(self) -> Any:
+        """(n, n) sparse, N s/m, or None."""
+
+    @property
+    def named_dofs(self) -> NamedDofs:
+        """Nodes and directions of the degrees of freedom."""
+
+    @property
+    def mass_scale(self) -> float:
+        """kg a unit of the scaled mass."""
+
+    @property
+    def stiffness_scale(self) -> float:
+        """N/m a unit of the scaled stiffness."""
+
+    @property
+    def inertia(self) -> Floats:
+        """(n,) scaled load of a unit acceleration of the base."""
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of the body, kg."""
+
+
+def with_base_node(body: ScaledBody) -> NamedMatrices:
     """Matrices of a body on its supports, which move with a node of their own, the last one; none without supports."""
     from scipy.sparse import diags_array
 

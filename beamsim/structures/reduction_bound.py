@@ -56,9 +56,11 @@ def receptance_bound(model: Structure, basis: ReducedBasis, damping: Floats, loa
         LeftOut(structure, reduced, damping[np.ix_(columns, columns)], loads[:, dofs])
         for (structure, dofs), (reduced, columns) in zip(parts, blocks, strict=True)
     ]
+    if all(part.complete for part in truncations):
+        return 0.0
     static: Floats = np.asarray(sum(part.compliances / part.model.stiffness_scale for part in truncations))
     moved = static > 0
-    if not moved.any() or all(part.complete for part in truncations):
+    if not moved.any():
         return 0.0
     largest = 0.0
     for omega in _frequencies(basis) * model.frequency_scale:

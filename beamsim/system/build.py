@@ -154,7 +154,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
             f"the reduced model is not accurate: its estimated relative error is {modes.reduction_error:.2g}; "
             "keep more modes (reduction: {modes: all}), or leave reduction out"
         )
-    elif modes.reduction_bound > DOUBTFUL_REDUCTION:
+    elif modes.reduction_bound is not None and modes.reduction_bound > DOUBTFUL_REDUCTION:
         warnings.append(
             f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz the error of its "
             f"receptance at contacts and loads is bounded by {modes.reduction_bound:.2g} of its size; keep more modes "

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
@@ -73,11 +72,11 @@ class ModeTable:
     static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
     highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
     reduction_error: float = attribute("1", "estimated relative error of the reduction")  # see docs/theory.md
-    reduction_bound: float = attribute(
+    reduction_bound: float | None = attribute(
         "1",
         "bound of the error of the receptance at contacts and loads up to highest_frequency_hz, over the static "
         "compliance there, or over the receptance where that is larger",
-        default=np.nan,
+        default=None,
     )
     # by body, of several bodies only
     kinetic_energy_share: dict[str, Floats] = per_name(

@@ -50,6 +50,9 @@ REWORDED = {
     "stretch of the spring; to the ground the absolute displacement of the mass": [
         "stretch of the spring; to the ground the absolute displacement there"
     ],
+    "amplitude of the excitation, zero to peak": ["amplitude of the base's acceleration or of the force, zero to peak"],
+    "level of the excitation, SI": ["level of the excitation"],
+    "position along the beam": ["position along the beam, or on the plate from its left edge"],
     "time of the contact event": ["time of the contact event; 0 where contact begins at the start of the run"],
     "share of the time in contact": ["share of the cycle's time in contact"],
     "coordinates at the slowest instant": [
@@ -118,7 +121,8 @@ def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
     earlier = unpacked(packed, tmp_path)
     again = WRITERS[kind_of(earlier)](beamsim.open_result(earlier), tmp_path / "again.h5")
     old, new = described(earlier), described(again)
-    assert set(old) == set(new)
+    # a unit that earlier files do not state stays empty
+    assert set(old) == {name for name, value in new.items() if not (name.endswith("@level_unit") and value == "")}
     for name, value in old.items():
         if name.endswith("@long_name") and value != new[name]:
             assert new[name] in REWORDED.get(value, ()), name

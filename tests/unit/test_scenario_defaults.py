@@ -255,7 +255,7 @@ TYPES = {
 CHECKED = {
     "type", "const", "enum", "anyOf", "oneOf", "$ref", "properties", "required", "additionalProperties", "items",
     "propertyNames", "minItems", "maxItems", "minLength", "minimum", "maximum", "exclusiveMinimum", "pattern",
-    "if", "then", "else",
+    "if", "then", "else", "prefixItems", "exclusiveMaximum",
 }  # fmt: skip
 ANNOTATIONS = {"$schema", "$defs", "title", "description", "default", "examples", "x-unit"}
 
@@ -293,8 +293,10 @@ def valid(schema, value, root):
             return False
     if isinstance(value, list):  # noqa: SIM102
         if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)) or not all(
-            valid(schema.get("items", {}), item, root) for item in value
+            valid(schema.get("items", {}), item, root) for item in value[len(schema.get("prefixItems", ())) :]
         ):
+            return False
+        if not all(valid(first, item, root) for first, item in zip(schema.get("prefixItems", ()), value, strict=False)):
             return False
     if isinstance(value, str):  # noqa: SIM102
         if len(value) < schema.get("minLength", 0) or not re.search(schema.get("pattern", ""), value):
@@ -303,6 +305,7 @@ def valid(schema, value, root):
         value < schema.get("minimum", value)
         or value > schema.get("maximum", value)
         or ("exclusiveMinimum" in schema and value <= schema["exclusiveMinimum"])
+        or ("exclusiveMaximum" in schema and value >= schema["exclusiveMaximum"])
     ):
         return False
     if "if" in schema:
