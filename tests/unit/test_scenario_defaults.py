@@ -291,7 +291,7 @@ def valid(schema, value, root):
             return False
         if not all(valid(schema.get("propertyNames", {}), key, root) for key in value):
             return False
-    if isinstance(value, list):  # noqa: SIM102
+    if isinstance(value, list):
         if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)) or not all(
             valid(schema.get("items", {}), item, root) for item in value[len(schema.get("prefixItems", ())) :]
         ):
