@@ -253,6 +253,11 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     return whole.tocsc()
 
 
+def _force_size(matrices: NamedMatrices, motion: Floats) -> float:
+    """Largest force that the entries of K would give one by one."""
+    return float((abs(matrices.stiffness) @ np.abs(motion)).max())
+
+
 def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, direction: str, lu: Any) -> Floats:
     """(N,) displacement of every row for a unit displacement of the base.
 
@@ -266,10 +271,11 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, direction: s
         return influence
     if not influence[held].any():
         raise MethodError("base", f"moves in {direction}, but none of its nodes has that direction")
-    if lu is not None:
+    # Where the named directions already move without force, solving would only add round-off.
+    if lu is not None and np.abs(matrices.stiffness @ influence).max() > GROUNDED * _force_size(matrices, influence):
         influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))
-    force, size = matrices.stiffness @ influence, abs(matrices.stiffness) @ np.abs(influence)
-    if np.abs(force).max() > GROUNDED * size.max():
+    force = matrices.stiffness @ influence
+    if np.abs(force).max() > GROUNDED * _force_size(matrices, influence):
         worst = matrices.table.dofs[int(np.argmax(np.abs(force)))]
         raise MethodError(
             "base", f"needs {np.abs(force).max():.4g} N for a displacement of 1 m, at node {worst[0]} {worst[1]}: "
