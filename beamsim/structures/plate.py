@@ -41,6 +41,13 @@ class PlateStructure(PlateModel):
         """That of the plate."""
         return self.plate.damping
 
+    @property
+    def total_mass(self) -> float:
+        """Mass of the plate and of what is on it, kg."""
+        added = [m.mass for m in self.plate.point_masses]
+        added += [stiffener.mass_per_length * stiffener.length for stiffener in self.plate.stiffeners]
+        return self.mass_scale + sum(added)
+
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""
         return damping_matrix(self, basis, omega)
