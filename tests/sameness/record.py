@@ -49,16 +49,7 @@ MARGIN = 100.0  # from the measured change to the tolerance
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-MENDED: dict[str, str] = {
-    "* sweep*energy_error": "sweeps and the curves of their directions are held to their energy balance",
-    "* nnm*phase_resonance*energy_error": "motions at phase resonance are, too",
-    "*memory_bytes": "the summary of a run says what it may keep in memory",
-    "*reduction_bound": "the error of the reduced receptance is bounded beside its estimate",
-    "*modes/bodies/*": "modes of several bodies: which of them moves, and which bends",
-    "*highest_frequency_hz": "the summary says up to which frequency",
-    "* run*work@evaluations": "a function that stays near zero takes steps by higher derivatives: a quarter fewer",
-    "backlash_65hz_3g run*extreme_shapes": "peaks within 1e-10 of the same one are found at times that differ by 1e-9",
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
