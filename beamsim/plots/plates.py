@@ -18,22 +18,29 @@ if TYPE_CHECKING:
 
 MOST_MODES = 6
 _LEVELS = 13
-_ZERO = 1e-3  # of the largest deflection: less is that of a supported edge
+_REFINED = 4  # points an element, in between by a cubic spline
+_ROUND_OFF = 1e-9  # of the largest deflection
+_ZERO = 1e-3  # of the same: less is that of a supported edge
 
 
 def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, unit: str = "") -> None:
     """A deflection (nx,) at points (nx,) of a plate; zero is in the middle of the colours, and a thick line."""
-    from matplotlib.tri import Triangulation, UniformTriRefiner
+    from scipy.interpolate import RectBivariateSpline
 
     metres = scale_for("m", x, y)
     largest = float(np.abs(shape).max()) or 1.0
     levels = np.linspace(-largest, largest, _LEVELS)
-    rough = Triangulation(x * metres.factor, y * metres.factor)
-    fine, smooth = UniformTriRefiner(rough).refine_field(shape, subdiv=2)  # cubic between the nodes
-    drawn = ax.tricontourf(fine, smooth, levels=levels, cmap="RdBu_r", extend="both")
-    ax.tricontour(fine, smooth, levels=levels, colors="0.45", linewidths=0.4, linestyles="solid")
+    lines = np.unique(x), np.unique(y)  # of nodes
+    nodes = shape[np.lexsort((y, x))].reshape(lines[0].size, lines[1].size)
+    across, up = (np.interp(np.arange(0, n.size - 0.9, 1 / _REFINED), np.arange(n.size), n) for n in lines)
+    degree_x, degree_y = (min(3, n.size - 1) for n in lines)
+    smooth = RectBivariateSpline(lines[0], lines[1], nodes, kx=degree_x, ky=degree_y)(across, up).T
+    smooth[np.abs(smooth) < _ROUND_OFF * largest] = 0.0
+    seen = across * metres.factor, up * metres.factor, smooth
+    drawn = ax.contourf(*seen, levels=levels, cmap="RdBu_r", extend="both")
+    ax.contour(*seen, levels=levels[levels != 0], colors="0.45", linewidths=0.4, linestyles="solid")
     if shape.min() < -_ZERO * largest and shape.max() > _ZERO * largest:
-        ax.tricontour(fine, smooth, levels=[0.0], colors="black", linewidths=1.4)
+        ax.contour(*seen, levels=[0.0], colors="black", linewidths=1.4)
     if unit and ax.figure is not None:
         ax.figure.colorbar(drawn, ax=ax, label=f"Relative deflection ({unit})")
     ax.set_aspect("equal")
