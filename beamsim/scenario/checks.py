@@ -29,7 +29,7 @@ from beamsim.scenario.whole import ScenarioParts
 MOST_SAMPLES = 100_000_000
 """Largest number of output samples; longer histories would not fit into memory."""
 
-Found = Iterator[Problem]
+Problems = Iterator[Problem]
 
 
 class _Checked(ScenarioParts, Protocol):
@@ -70,7 +70,7 @@ def problems(scenario: _Checked) -> list[Problem]:
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
 
-def _guarded(check: Found) -> Found:
+def _guarded(check: Problems) -> Problems:
     """Yield what a check finds until it meets an unknown value."""
     try:
         yield from check
@@ -82,7 +82,7 @@ def _problem(path: Path, message: str, remedy: str = "") -> Problem:
     return Problem(path_text(path), message, remedy)
 
 
-def _structure(scenario: _Checked) -> Found:
+def _structure(scenario: _Checked) -> Problems:
     given = [name for name in ("beam", "chain") if getattr(scenario, name) is not None]
     if not given and not scenario.bodies:
         yield _problem((), "the scenario has no structure", "give beam: or chain: (beamsim new writes a template)")
@@ -99,13 +99,13 @@ def _structure(scenario: _Checked) -> Found:
             yield _problem(("probes",), f"are missing: {name} has no place that stands out", remedy)
 
 
-def _places(scenario: _Checked) -> Found:
+def _places(scenario: _Checked) -> Problems:
     """Everything that sits somewhere must sit on a body, where it can act."""
     for path, part in walk(scenario):
         yield from _guarded(_place(scenario, path, part))
 
 
-def _place(scenario: _Checked, path: Path, part: Schema) -> Found:
+def _place(scenario: _Checked, path: Path, part: Schema) -> Problems:
     if path[:1] in (("beam",), ("chain",), ("bodies",)):  # see `_structure`
         return
     if isinstance(part, AtPlace):
@@ -154,13 +154,13 @@ _SITED = {
 """What sits at places of a section; nothing for what may sit on a support."""
 
 
-def _joints(scenario: _Checked) -> Found:
+def _joints(scenario: _Checked) -> Problems:
     """A rotation acts only between points that turn."""
     for index, joint in enumerate(scenario.joints):
         yield from _guarded(_joint(scenario, ("joints", index), joint))
 
 
-def _joint(scenario: _Checked, where: Path, joint: Any) -> Found:
+def _joint(scenario: _Checked, where: Path, joint: Any) -> Problems:
     for place in joint.places:
         name = place.body or scenario.default_body
         body = scenario.all_bodies.get(name)
@@ -178,7 +178,7 @@ def _joint(scenario: _Checked, where: Path, joint: Any) -> Found:
             )
 
 
-def _names(scenario: _Checked) -> Found:
+def _names(scenario: _Checked) -> Problems:
     shared: list[tuple[Path, Sequence[Any]]] = [
         ((key,), getattr(scenario, key)) for key in ("snubbers", "springs_to_ground", "springs_between")
     ]
@@ -189,7 +189,7 @@ def _names(scenario: _Checked) -> Found:
     yield from _guarded(_unique([(("joints",), scenario.joints)]))
 
 
-def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Found:
+def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
     """Names within lists must be unique."""
     first: dict[str, Path] = {}
     for path, items in lists:
@@ -202,7 +202,7 @@ def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Found:
             first.setdefault(item.name, (*path, index))
 
 
-def _run(scenario: _Checked) -> Found:
+def _run(scenario: _Checked) -> Problems:
     run = scenario.run
     if run is None:
         return
@@ -210,7 +210,7 @@ def _run(scenario: _Checked) -> Found:
     yield from _guarded(_spectrum(scenario, run))
 
 
-def _sampling(scenario: _Checked, run: Run) -> Found:
+def _sampling(scenario: _Checked, run: Run) -> Problems:
     rate = run.sample_rate
     if rate is None:
         return
@@ -237,7 +237,7 @@ def _sampling(scenario: _Checked, run: Run) -> Found:
         )
 
 
-def _spectrum(scenario: _Checked, run: Run) -> Found:
+def _spectrum(scenario: _Checked, run: Run) -> Problems:
     spectrum = run.spectrum
     if spectrum.last is not None and spectrum.last > run.duration * (1.0 + 1e-12):
         yield _problem(
@@ -261,7 +261,7 @@ def _spectrum(scenario: _Checked, run: Run) -> Found:
         )
 
 
-def _chosen_frequencies(scenario: _Checked, run: Run) -> Found:
+def _chosen_frequencies(scenario: _Checked, run: Run) -> Problems:
     """Frequencies of the spectra must be told apart, and be below half the rate of a time-stepping run's samples."""
     chosen, tones = run.spectrum.frequencies, scenario.excitation.frequencies_hz
     duration = min(run.spectrum.last or run.duration, run.duration)
@@ -285,7 +285,7 @@ def _chosen_frequencies(scenario: _Checked, run: Run) -> Found:
             )
 
 
-def _start(scenario: _Checked) -> Found:
+def _start(scenario: _Checked) -> Problems:
     start = None if scenario.run is None else scenario.run.start
     if isinstance(start, ModeStart):
         yield from _mode_number(scenario, ("run", "start", "mode"), start.mode)
@@ -314,7 +314,7 @@ def _start(scenario: _Checked) -> Found:
             yield from _guarded(body.start_problems(where, (*path, quantity), getattr(shape, quantity)))
 
 
-def _mode_number(scenario: _Checked, at: Path, mode: int) -> Found:
+def _mode_number(scenario: _Checked, at: Path, mode: int) -> Problems:
     """Modes of which there are only so many."""
     counts = [body.mode_count for body in scenario.all_bodies.values()]
     known = [count for count in counts if count is not None]
@@ -324,7 +324,7 @@ def _mode_number(scenario: _Checked, at: Path, mode: int) -> Found:
         yield _problem(at, f"= {mode}, but {what} {total} modes", f"choose a mode from 1 to {total}")
 
 
-def _sweep(scenario: _Checked) -> Found:
+def _sweep(scenario: _Checked) -> Problems:
     sweep, excitation = scenario.sweep, scenario.excitation
     if sweep is None:
         return
@@ -350,7 +350,7 @@ def _sweep(scenario: _Checked) -> Found:
                     )
 
 
-def _identification(scenario: _Checked) -> Found:
+def _identification(scenario: _Checked) -> Problems:
     section = scenario.identify_stiffness
     if section is None:
         return
@@ -361,7 +361,7 @@ def _identification(scenario: _Checked) -> Found:
     yield from identification_problems(scenario, scenario.whole, section)
 
 
-def _modes(scenario: _Checked) -> Found:
+def _modes(scenario: _Checked) -> Problems:
     nnm = scenario.nnm
     if nnm is None:
         return
@@ -372,17 +372,17 @@ def _modes(scenario: _Checked) -> Found:
             yield from _guarded(body.factor_problems(scenario.body_path(name), key, largest))
 
 
-def _phase_resonance(scenario: _Checked) -> Found:
+def _phase_resonance(scenario: _Checked) -> Problems:
     nnm = scenario.nnm
     if nnm is not None and nnm.phase_resonance is not None:
         yield from phase_resonance_problems(scenario, nnm.phase_resonance, nnm.solver.kind)
 
 
-def _designs(scenario: _Checked) -> Found:
+def _designs(scenario: _Checked) -> Problems:
     if scenario.vary is not None:
         yield from design_problems(scenario.whole, scenario.vary)
 
 
-def _limits(scenario: _Checked) -> Found:
+def _limits(scenario: _Checked) -> Problems:
     if scenario.limits is not None:
         yield from limit_problems(scenario, scenario.limits)

@@ -114,8 +114,8 @@ def null_space_basis(rows: Floats) -> Any:
     count = free.size
     for group in np.unique(label[constrained]):
         dofs = np.flatnonzero(constrained & (label == group))
-        own = rows[np.any(rows[:, dofs] != 0, axis=1)][:, dofs]
-        _, s, vt = np.linalg.svd(own / np.linalg.norm(own, axis=1, keepdims=True))
+        constraints = rows[np.any(rows[:, dofs] != 0, axis=1)][:, dofs]
+        _, s, vt = np.linalg.svd(constraints / np.linalg.norm(constraints, axis=1, keepdims=True))
         null = vt[int(np.sum(s > _DEPENDENT * s[0])) :].T
         i.append(np.repeat(dofs, null.shape[1]))
         j.append(np.tile(count + np.arange(null.shape[1]), dofs.size))

@@ -85,7 +85,7 @@ def with_base_node(body: ScaledBody) -> NamedMatrices:
     if free and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
         viscous = None if body.damping is None else physical @ body.damping @ physical
         return NamedMatrices(named.table, mass, stiffness, viscous, ())
-    own = float(r @ (mass @ r) - 2 * r @ load + body.total_mass)
+    base_mass = float(r @ (mass @ r) - 2 * r @ load + body.total_mass)
     damping = None
     if body.damping is not None:
         damping = physical @ body.damping @ physical
@@ -94,7 +94,7 @@ def with_base_node(body: ScaledBody) -> NamedMatrices:
     places = named.table.coordinates
     return NamedMatrices(
         DofTable((*named.table.dofs, (base, "z")), None if places is None else np.vstack([places, np.zeros(3)])),
-        _with_base(mass, load - mass @ r, own),
+        _with_base(mass, load - mass @ r, base_mass),
         _with_base(stiffness, -(stiffness @ r), float(r @ (stiffness @ r))),
         damping,
         (base,),

@@ -54,14 +54,14 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
         total += compliance
         for member in part.members:
             body = member.body
-            own = body.sensitivities(
+            rates_of_body = body.sensitivities(
                 scenario.body_path(body.name),
                 _on(ends, [body.name]),
                 member.field(v),
                 k / member.stiffness_ratio,
                 (omega / body.frequency_scale) ** 2,
             )
-            rates |= {path: compliance * rate for path, rate in own.items()}
+            rates |= {path: compliance * rate for path, rate in rates_of_body.items()}
     rates = {path: rate / total for path, rate in rates.items()}
     if structure.couplings:
         # Lengths and positions move joints and their slopes: their rates are differences, as are those of joints.
