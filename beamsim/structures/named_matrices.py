@@ -12,7 +12,7 @@ with L the inertia under a motion of the base and m the mass of the body.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -35,68 +35,36 @@ class NamedMatrices:
     remarks: tuple[str, ...] = ()  # what was done to the matrices of files
 
 
-class ScaledBody(Protocol):
-    """What is taken of a body: its matrices in scaled units, and the names of its degrees of freedom."""
+def with_base_node(
+    named: NamedDofs, mass: Any, stiffness: Any, damping: Any, inertia: Floats, total_mass: float
+) -> NamedMatrices:
+    """Matrices of a body on its supports, which move with a node of their own, the last one; none without supports.
 
-    @property
-    def mass(self) -> Any:
-        """(n, n) sparse, scaled."""
-
-    @property
-    def stiffness(self) -> Any:
-        """(n, n) sparse, scaled."""
-
-    @property
-    def damping(self) -> Any:
-        """(n, n) sparse, N s/m, or None."""
-
-    @property
-    def named_dofs(self) -> NamedDofs:
-        """Nodes and directions of the degrees of freedom."""
-
-    @property
-    def mass_scale(self) -> float:
-        """kg a unit of the scaled mass."""
-
-    @property
-    def stiffness_scale(self) -> float:
-        """N/m a unit of the scaled stiffness."""
-
-    @property
-    def inertia(self) -> Floats:
-        """(n,) scaled load of a unit acceleration of the base."""
-
-    @property
-    def total_mass(self) -> float:
-        """Mass of the body, kg."""
-
-
-def with_base_node(body: ScaledBody) -> NamedMatrices:
-    """Matrices of a body on its supports, which move with a node of their own, the last one; none without supports."""
+    Parameters
+    ----------
+    named : names and units of the degrees of freedom.
+    mass, stiffness, damping : (N, N) sparse, physical, for the degrees of freedom as the body has them; damping may be
+        None, and acts on motion relative to the base.
+    inertia : (N,) kg under a unit acceleration of the base.
+    total_mass : kg, with what the supports hold.
+    """
     from scipy.sparse import diags_array
 
-    named = body.named_dofs
     physical: Any = diags_array(1 / named.scale)
-    mass = body.mass_scale * (physical @ body.mass @ physical)
-    stiffness = body.stiffness_scale * (physical @ body.stiffness @ physical)
-    load = body.mass_scale * body.inertia / named.scale
+    mass, stiffness = (physical @ matrix @ physical for matrix in (mass, stiffness))
+    damping = None if damping is None else physical @ damping @ physical
+    load = inertia / named.scale
     r = named.influence
-    free = np.abs(stiffness @ r).max() <= _ROUND_OFF * (abs(stiffness) @ np.abs(r)).max()
-    if free and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
-        viscous = None if body.damping is None else physical @ body.damping @ physical
-        return NamedMatrices(named.table, mass, stiffness, viscous, ())
-    base_mass = float(r @ (mass @ r) - 2 * r @ load + body.total_mass)
-    damping = None
-    if body.damping is not None:
-        damping = physical @ body.damping @ physical
-        damping = _with_base(damping, np.zeros(r.size), 0.0)
+    floats = np.abs(stiffness @ r).max() <= _ROUND_OFF * (abs(stiffness) @ np.abs(r)).max()
+    if floats and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
+        return NamedMatrices(named.table, mass, stiffness, damping, ())
     base = int(named.table.nodes.max()) + 1
     places = named.table.coordinates
     return NamedMatrices(
         DofTable((*named.table.dofs, (base, "z")), None if places is None else np.vstack([places, np.zeros(3)])),
-        _with_base(mass, load - mass @ r, base_mass),
+        _with_base(mass, load - mass @ r, float(r @ (mass @ r) - 2 * r @ load + total_mass)),
         _with_base(stiffness, -(stiffness @ r), float(r @ (stiffness @ r))),
-        damping,
+        None if damping is None else _with_base(damping, -(damping @ r), float(r @ (damping @ r))),
         (base,),
     )
 

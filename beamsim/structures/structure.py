@@ -253,7 +253,10 @@ class BodyStructure(Structure, ABC):
     @property
     def named_matrices(self) -> NamedMatrices:
         """Matrices of the body and its base, for other programs."""
-        return with_base_node(self)
+        return with_base_node(
+            self.named_dofs, self.mass_scale * self.mass, self.stiffness_scale * self.stiffness, self.damping,
+            self.mass_scale * self.inertia, self.total_mass,
+        )  # fmt: skip
 
     def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place on the body, or nothing can act there."""

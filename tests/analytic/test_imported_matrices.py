@@ -270,3 +270,17 @@ joints:
         tmp_path, model.mass, model.stiffness, model.table, body=BODY + chain.replace("{place}", PLACE["imported"])
     )
     np.testing.assert_allclose(frequencies(case)[:4], frequencies(beam)[:4], rtol=1e-8)
+
+
+def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):
+    """The matrix of viscous damping acts on motion relative to the base and is read back so."""
+    text = BEAM.replace("kind: modal, ratio: 1 %", "kind: viscous, coefficient: 3 N s/m^2")
+    model = exported(text)
+    write_op4(tmp_path / "b.op4", {"bxx": model.damping})
+    body = BODY.replace("    damping:", "    viscous: {{file: {folder}/b.op4}}\n    damping:").replace(
+        "ratio: 1 %", "ratio: 0"
+    )
+    system = build_system(imported(tmp_path, model.mass, model.stiffness, model.table, body=body))
+    np.testing.assert_allclose(
+        system.modes.damping_ratios[:4], build_system(built(text)).modes.damping_ratios[:4], rtol=1e-8
+    )
