@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal
-
-from pydantic import Tag
+from typing import Annotated, ClassVar, Literal
 
 from beamsim.scenario.base import Schema, Variants, fail
-from beamsim.scenario.place import AtPlace, names_a_place
+from beamsim.scenario.place import BaseOrPlace, choose_base_or_place
 from beamsim.scenario.quantities import LevelValue
 
 Quantity = Literal["acceleration", "velocity", "displacement", "force"]
 
 
-def _choose_target(value: Any) -> str | None:
-    return "<base>" if value == "base" else "<place>" if names_a_place(value) else None
-
-
 AppliedTo = Annotated[
-    Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")],
+    BaseOrPlace,
     Variants(
-        _choose_target,
+        choose_base_or_place,
         "names neither the base nor a point",
         "write base, {position: 270 mm} for a force on the beam, or {mass: 2} for a force on a chain",
     ),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.scenario.base import BY_KIND, Variants, counted, fail
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, names_a_place
+from beamsim.scenario.place import AtPlace, BaseOrPlace, choose_base_or_place
 from beamsim.scenario.quantities import (
     Dashpot,
     Name,
@@ -19,15 +19,10 @@ from beamsim.scenario.quantities import (
     RotationalStiffness,
 )
 
-
-def _choose_end(value: Any) -> str | None:
-    return "<base>" if value == "base" else "<place>" if names_a_place(value) else None
-
-
 JointEnd = Annotated[
-    Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")],
+    BaseOrPlace,
     Variants(
-        _choose_end,
+        choose_base_or_place,
         "names neither a point of a body nor the base",
         "write {body: panel, position: 0 mm}, {body: chain, mass: 2} or base",
     ),

@@ -85,6 +85,15 @@ def names_a_place(value: Any) -> bool:
     return isinstance(value, AtPlace) or (isinstance(value, dict) and any(key in value for key in AtPlace.keys()))  # noqa: SIM118
 
 
+BaseOrPlace = Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")]
+"""The base or a point of a body; `Variants` with `choose_base_or_place` says which."""
+
+
+def choose_base_or_place(value: Any) -> str | None:
+    """Tag of what a value in a scenario names."""
+    return "<base>" if value == "base" else "<place>" if names_a_place(value) else None
+
+
 class Sited(PointOfBody):
     """Something at a place: ``at``, or its short form ``position`` or ``mass`` where there is one body."""
 

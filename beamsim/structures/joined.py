@@ -17,6 +17,7 @@ import numpy as np
 
 from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.damping import joined_damping
+from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
 from beamsim.structures.structure import BodyStructure, Coupling
 from beamsim.typing import Floats
@@ -145,7 +146,4 @@ def _rigid_modes(mass: Any, rigid: Floats, apart: Floats, rows: Floats) -> Float
         _, s, vt = np.linalg.svd(stretch)
         free = vt[int(np.sum(s > _DEPENDENT)) :].T / unit[:, None]
         rigid = rigid @ free
-    if not rigid.shape[1]:
-        return rigid
-    lower = np.linalg.cholesky(rigid.T @ (mass @ rigid))
-    return np.asarray(np.linalg.solve(lower, rigid.T).T)
+    return orthonormal_in_mass(rigid, mass) if rigid.shape[1] else rigid

@@ -23,6 +23,7 @@ from beamsim.structures.imported import (
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.places import Place, Site, SpringEnd
 from beamsim.structures.reduction import static_deflections
+from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
 from beamsim.structures.symmetric_lu import symmetric_lu
@@ -307,8 +308,7 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
         )  # fmt: skip
     null = vectors[:, :rigid]
     if rigid:
-        lower = np.linalg.cholesky(null.T @ (mass @ null))
-        null = np.linalg.solve(lower, null.T).T
+        null = orthonormal_in_mass(null, mass)
     return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0
 
 

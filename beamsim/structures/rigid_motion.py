@@ -24,9 +24,10 @@ def allowed_rigid_modes(motions: Floats, mass: Any, held: Ints) -> Floats:
     if held.size:
         _, s, vt = np.linalg.svd(motions[held])
         allowed = motions @ vt[int(np.sum(s > 1e-9)) :].T
-    modes: list[Floats] = []
-    for column in allowed.T:
-        for done in modes:
-            column = column - done * (done @ (mass @ column))
-        modes.append(column / np.sqrt(column @ (mass @ column)))
-    return np.array(modes).reshape(len(modes), motions.shape[0]).T
+    return orthonormal_in_mass(allowed, mass) if allowed.shape[1] else allowed
+
+
+def orthonormal_in_mass(vectors: Floats, mass: Any) -> Floats:
+    """(N, r) the same space, orthonormal in the mass matrix, each vector less what those before it hold of it."""
+    lower = np.linalg.cholesky(vectors.T @ (mass @ vectors))
+    return np.asarray(np.linalg.solve(lower, vectors.T).T)
