@@ -1,7 +1,6 @@
 """The field's two masses with one stop: the frequency response curve by shooting and continuation."""
 
 import itertools
-import time
 
 import numpy as np
 import pytest
@@ -292,16 +291,14 @@ def test_a_branch_that_ends_says_why(flow_of):
     assert impossible.outcome.code is OutcomeCode.STEP_TOO_SMALL
 
 
-def test_it_is_fast(flow_of):
-    """The whole curve with stability and special points: under 1 s of processor time (measured 0.14 s)."""
-    walk(ForcedOrbits(flow_of()))  # compiles
+def test_the_curve_takes_few_passages(flow_of):
+    """About five passages a point (143 points, 731), those for special points and stability included."""
     problem = ForcedOrbits(flow_of())
-    begin = time.process_time()
     _, points, _ = walk(problem)
     stable = [problem.orbit(p).stable for p in points]
     assert any(stable)
     assert not all(stable)
-    assert time.process_time() - begin < 1.0
+    assert problem.flow.passages < 6 * len(points)
 
 
 def test_located_grazings_survive_a_failing_search(flow_of, monkeypatch):

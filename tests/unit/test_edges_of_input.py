@@ -2,7 +2,6 @@
 
 import copy
 import gzip
-import time
 from pathlib import Path
 
 import h5py
@@ -151,10 +150,9 @@ def test_a_folder_without_permission_is_named_with_the_remedy(tmp_path, monkeypa
     assert ".tmp" not in str(caught.value)
 
 
-def test_a_long_document_is_refused_at_once(tmp_path):
-    """A title of 10 MB took 18 s to refuse."""
+def test_a_long_document_is_refused_unread(tmp_path, monkeypatch):
+    """A title of 10 MB took 18 s to refuse: its length is checked before YAML is parsed."""
+    monkeypatch.setattr("yaml.compose", lambda *_, **__: pytest.fail("the document is parsed"))
     (tmp_path / "case.yaml").write_text("title: " + "x" * 10_000_000 + "\n")
-    begin = time.perf_counter()
     with pytest.raises(ScenarioError, match=r"has 1e\+07 characters, more than the 1e\+06 of the longest scenario"):
         load_scenario(tmp_path / "case.yaml")
-    assert time.perf_counter() - begin < 2.0
