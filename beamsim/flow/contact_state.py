@@ -12,6 +12,7 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -150,7 +151,7 @@ def build_state(
     X, Xi, lam = simple
     radius = max((b.radius for b in blocks), default=0.0)
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
-    window = min(horizon, sources.longest_piece)
+    window = min(horizon, float(sources.longest_piece.max()))
 
     load, load_slope = state_loads(system, forcing, sources, base_channel, phases)
     responding = simple.whole() if n < SMALLEST else simple  # few modes: faster with their conjugates
@@ -168,9 +169,10 @@ def build_state(
         if p > 0:
             polynomial[p - 1] += p * load_slope[f]
         if np.any(polynomial):
-            _forced_simple(terms, responding, polynomial, nu, f, window)
+            longest = min(horizon, float(sources.longest_piece[f]))
+            _forced_simple(terms, responding, polynomial, nu, f, longest)
             for block in blocks:
-                _forced_block(terms, block, polynomial, nu, f, window)
+                _forced_block(terms, block, polynomial, nu, f, longest)
 
     forced = terms.take()
     free_basis = [terms.basis_index(value, 0) for value in lam]
@@ -414,21 +416,27 @@ def _respond(
     if lam.size == 0:
         return
     degree = beta.shape[1] - 1
-    limit = RESONANCE if degree == 0 else 1.0
-    near = np.abs(nu - lam) * window < limit
+    exponent = nu.conjugate() if conjugate else nu
+    near = np.abs(nu - lam) * window < _series_limit(degree)
     if not near.all():
         away, w = np.where(near, 1.0, nu - lam), np.zeros(lam.size, dtype=complex)
         for p in range(degree, -1, -1):
             w = np.where(near, 0.0, beta[:, p] - (p + 1) * w) / away
             response = X @ w
-            terms.add(nu.conjugate() if conjugate else nu, p, source, response.conj() if conjugate else response)
-    for i in np.flatnonzero(near & beta.any(axis=1)):
-        block = Block(X[:, i : i + 1], np.zeros((1, 0), dtype=complex), lam[i].reshape(1, 1), complex(lam[i]), 1.0)
-        if conjugate:
-            block = block.conjugate()
-            _resonant_series(terms, block, beta[i : i + 1].conj(), nu.conjugate(), source, window)
-        else:
-            _resonant_series(terms, block, beta[i : i + 1], nu, source, window)
+            terms.add(exponent, p, source, response.conj() if conjugate else response)
+    near &= beta.any(axis=1)
+    if near.any():
+        shift = np.diag(lam[near] - nu)
+        for power, v in _power_series(shift, beta[near], window):
+            response = X[:, near] @ v
+            terms.add(exponent, power, source, response.conj() if conjugate else response)
+
+
+def _series_limit(degree: int) -> float:
+    """|nu - lambda| * window below which the response to ``tau^degree e^{nu tau}`` is a power series that starts from
+    zero: its terms do not cancel up to there, and those of the polynomial do by degree! / (|nu - lambda| tau)^degree.
+    """
+    return RESONANCE if degree == 0 else degree + 1.0
 
 
 def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
@@ -438,36 +446,33 @@ def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: comple
         blocks.append(block.conjugate())
     for b in blocks:
         beta = b.left[:, -polynomial.shape[1] :] @ polynomial.T
-        if abs(nu - b.centre) * window < 1.0 + b.radius * window:
-            _resonant_series(terms, b, beta, nu, source, window)
-            continue
         m = b.matrix.shape[0]
+        if abs(nu - b.centre) * window < beta.shape[1] + b.radius * window:
+            for power, v in _power_series(b.matrix - nu * np.eye(m), beta, window):
+                terms.add(nu, power, source, b.right @ v)
+            continue
         w = np.zeros(m, dtype=complex)
         for p in range(beta.shape[1] - 1, -1, -1):
             w = np.linalg.solve(nu * np.eye(m) - b.matrix, beta[:, p] - (p + 1) * w)
             terms.add(nu, p, source, b.right @ w)
 
 
-def _resonant_series(terms: _Terms, block: Block, beta: Complexes, nu: complex, source: int, window: float) -> None:
-    """z' = T z + sum_p beta_p tau^p e^{nu tau}, z(0) = 0, as ``e^{mu tau}`` times a power series in tau."""
-    m, degree = beta.shape[0], beta.shape[1] - 1
-    N = block.matrix - block.centre * np.eye(m)
-    shift = nu - block.centre
-    inflow = [complex(1.0)]
-    v = np.zeros(m, dtype=complex)
-    largest = 0.0
+def _power_series(matrix: Complexes, beta: Complexes, window: float) -> Iterator[tuple[int, Complexes]]:
+    """Powers and coefficients (m,) of the z that starts from zero, ``z' = matrix z + sum_p beta[:, p] tau^p``."""
+    degree = beta.shape[1] - 1
+    v = np.zeros(beta.shape[0], dtype=complex)
+    largest = np.zeros(beta.shape[0])
     for q in range(200):
-        while len(inflow) <= q:
-            inflow.append(inflow[-1] * shift / len(inflow))
-        drive = sum((beta[:, p] * inflow[q - p] for p in range(min(q, degree) + 1)), np.zeros(m, dtype=complex))
-        v = (N @ v + drive) / (q + 1)
+        v = matrix @ v / (q + 1)
+        if q <= degree:
+            v += beta[:, q] / (q + 1)
         if np.any(v):
-            terms.add(block.centre, q + 1, source, block.right @ v)
-        size = float(np.max(np.abs(v))) * (window ** (q + 1) if np.isfinite(window) else 1.0)
-        largest = max(largest, size)
-        if q > degree and size <= SMALLEST_TERM * largest:
+            yield q + 1, v
+        size = np.abs(v) * (window ** (q + 1) if np.isfinite(window) else 1.0)
+        largest = np.maximum(largest, size)
+        if q > degree and np.all(size <= SMALLEST_TERM * largest.max()):
             return
-    raise ArithmeticError("the power series of a resonant response did not converge")
+    raise ArithmeticError("the power series of a response did not converge")
 
 
 def _series(block: Block, window: float) -> list[Complexes]:

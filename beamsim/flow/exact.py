@@ -145,9 +145,9 @@ class ExactFlow:
             return build(None if nearest is None else self.states[nearest])
         parts = (
             self.system.stiffness, self.system.damping, self.system.constant_load, self.forcing.load,
-            self.sources.exponent, self.sources.power, self.sources.channel, phases,
+            self.sources.exponent, self.sources.power, self.sources.channel, self.sources.longest_piece, phases,
         )  # fmt: skip
-        numbers = (contacts.count, self.sources.longest_piece, self.longest_window, self.base_channel)
+        numbers = (contacts.count, self.longest_window, self.base_channel)
         return self.shared.once("contact state", (*(part.tobytes() for part in parts), *numbers), build)
 
     def following(self, state: int, guard: int) -> Ints:

@@ -24,7 +24,7 @@ class Sources:
     exponent: Complexes  # (F,) 1/s
     power: Ints  # (F,)
     channel: Ints  # (F,) -1 for the constant source
-    longest_piece: float  # s, the last one included, which ends with the motion
+    longest_piece: Floats  # (F,) s, on which each source acts; the last one ends with the motion
 
     @property
     def count(self) -> int:
@@ -57,10 +57,16 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
             power += list(range(degree + 1))
             channel += [index] * (degree + 1)
             columns.append(c[:, i, : degree + 1])
-    longest = float(np.max(np.minimum(np.append(start[1:], np.inf), duration) - start))
+    amplitude = np.ascontiguousarray(np.concatenate(columns, axis=1))
+    length = np.minimum(np.append(start[1:], np.inf), duration) - start
+    acts = amplitude != 0
+    for f in range(len(power) - 2, -1, -1):  # within a piece a power adds to the lower ones of its polynomial
+        if power[f + 1] == power[f] + 1 and channel[f + 1] == channel[f]:
+            acts[:, f] |= acts[:, f + 1]
+    longest = np.max(np.where(acts, length[:, None], 0.0), axis=0)
     return Sources(
         start,
-        np.ascontiguousarray(np.concatenate(columns, axis=1)),
+        amplitude,
         np.array(exponent),
         np.array(power, dtype=np.int64),
         np.array(channel, dtype=np.int64),

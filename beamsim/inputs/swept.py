@@ -35,6 +35,7 @@ WINDOWS_AT_A_TIME = 1 << 16
 MOST_HALVINGS = 40
 PIECES_PER_CYCLE = 8  # of a sine represented by polynomials
 PIECE_DEGREE = 12
+LONGEST_PIECE = 8.0  # times the shortest: responses to the powers of time are in the scale of the longest
 
 
 @dataclass(frozen=True)
@@ -387,16 +388,19 @@ def _cycle_table(legs: Sequence[Leg], cycles: int) -> tuple[Floats, Floats, Ints
 def swept_signals(windows: SweepWindows) -> tuple[Signal, ...]:
     """The sine, and of a base its velocity and displacement, for flows that accept any signal.
 
-    Polynomials on an eighth of a cycle each, of degree twelve; their error is below 1e-11 of the amplitude.
+    Polynomials of degree twelve on an eighth of a cycle each, or less in slow cycles; their error is round-off.
     """
     turns = windows.omega * windows.length / (2 * np.pi)
-    pieces = np.maximum(np.ceil(turns * PIECES_PER_CYCLE - 1e-9).astype(int), 1)
+    shortest = (windows.length / np.maximum(turns * PIECES_PER_CYCLE, 1.0)).min()
+    pieces = np.maximum(turns * PIECES_PER_CYCLE, windows.length / (LONGEST_PIECE * shortest))
+    pieces = np.maximum(np.ceil(pieces - 1e-9).astype(int), 1)
     window = np.repeat(np.arange(windows.count), pieces)
     within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     offset = within * (windows.length[window] / pieces[window])
     start = windows.start[window] + offset
     start[0] = 0.0
-    sigma = offset - 0.5 * windows.length[window]
+    half = 0.5 * windows.length[window] / pieces[window]
+    sigma = offset + half - 0.5 * windows.length[window]  # of the middle of the piece
     omega = windows.omega[window]
     turning = np.ones((window.size, PIECE_DEGREE + 1), dtype=complex)
     for p in range(1, PIECE_DEGREE + 1):
@@ -409,13 +413,12 @@ def swept_signals(windows: SweepWindows) -> tuple[Signal, ...]:
     for coefficient in coefficients:
         moved = coefficient[window]
         D = moved.shape[1] - 1
-        for i in range(D):  # the polynomial about the start of the piece
-            for p in range(D - 1, i - 1, -1):
-                moved[:, p] += sigma * moved[:, p + 1]
+        _move(moved, sigma)
         piece = np.zeros((window.size, PIECE_DEGREE + 1))
         for p in range(PIECE_DEGREE + 1):
             low = min(p, D) + 1
             piece[:, p] = np.sum(moved[:, :low] * turning[:, p::-1][:, :low], axis=1).real
+        _move(piece, -half)  # in powers of the time since its start
         signals.append(Signal.polynomial_pieces(start, piece))
     return tuple(signals)
 
@@ -444,3 +447,11 @@ def constant_windows(frequency_hz: float, amplitude: float, cycles: int, phase: 
         cycle_complete=np.ones(cycles, dtype=bool),
         truncation=0.0,
     )
+
+
+def _move(polynomial: NDArray[Any], by: Floats) -> None:
+    """Polynomials (k, D + 1) about points further by (k,), in place."""
+    D = polynomial.shape[1] - 1
+    for i in range(D):
+        for p in range(D - 1, i - 1, -1):
+            polynomial[:, p] += by * polynomial[:, p + 1]

@@ -69,7 +69,7 @@ def test_signals_of_polynomials_are_the_windows():
     coefficients = (windows.coefficient, windows.velocity, windows.displacement)
     for coefficient, signal in zip(coefficients, swept_signals(windows), strict=True):
         expected = windows.evaluate(coefficient, t)
-        assert np.abs(signal(t) - expected).max() < 1e-10 * np.abs(expected).max()
+        assert np.abs(signal(t) - expected).max() < 1e-13 * np.abs(expected).max()
 
 
 def test_constant_windows_are_a_harmonic():

@@ -1,0 +1,53 @@
+"""Motions under inputs whose pieces differ widely in length, against Duhamel's integral to round-off."""
+
+import numpy as np
+import pytest
+
+import beamsim
+
+DAMPING = 0.02
+
+
+def duhamel(force, cuts, mass, frequency, time):
+    """Displacement from rest: Gauss-Legendre quadrature on every interval between cuts, (nt,)."""
+    node, weight = np.polynomial.legendre.leggauss(24)
+    omega = 2 * np.pi * frequency
+    decay, damped = DAMPING * omega, omega * np.sqrt(1 - DAMPING**2)
+    out = []
+    for t in time:
+        ends = np.concatenate([cuts[cuts < t], [t]])
+        half = 0.5 * np.diff(ends)[:, None]
+        s = ends[:-1, None] + half * (1 + node)
+        answer = np.exp(-decay * (t - s)) * np.sin(damped * (t - s)) / (mass * damped)
+        out.append(np.sum(half * weight * answer * force(s)))
+    return np.array(out)
+
+
+def run(excitation, frequency, duration):
+    scenario = beamsim.Scenario.model_validate({
+        "chain": {
+            "masses": [2.0], "springs": [2.0 * (2 * np.pi * frequency) ** 2],
+            "damping": {"kind": "modal", "ratio": DAMPING},
+        },
+        "excitation": excitation,
+        "run": {"duration": duration, "sample_rate": 40 / duration, "convergence": "off"},
+        "probes": [{"name": "mass", "mass": 1}],
+    })  # fmt: skip
+    result = beamsim.run(scenario)
+    return result.time, result.probes["mass"].displacement
+
+
+@pytest.mark.parametrize("natural", [2.0, 10.0, 25.0, 60.0])
+@pytest.mark.parametrize("last", [42.0, 400.0])
+def test_swept_sine_far_above_the_mode(natural, last):
+    """An input's powers of time meet modes much slower than they are: nothing cancels."""
+    first, rate = 5.0, (last - 5.0) / 1.5
+    time, x = run(
+        {"kind": "swept_sine", "applied_to": {"mass": 1}, "level": 30.0, "from": first, "to": last,
+         "rate": f"{rate!r} Hz/s"}, natural, 1.5,
+    )  # fmt: skip
+    expected = duhamel(
+        lambda s: 30.0 * np.sin(2 * np.pi * (first * s + 0.5 * rate * s**2)),
+        np.linspace(0, 1.5, 2400), 2.0, natural, time,
+    )  # fmt: skip
+    assert np.abs(x - expected).max() < 1e-12 * np.abs(expected).max()
