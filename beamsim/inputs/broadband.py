@@ -9,7 +9,7 @@ import numpy as np
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Profile, power_of
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows
 
@@ -39,7 +39,7 @@ def make_profile(
     notches: Sequence[Notch] = (),
 ) -> Profile:
     """The level over frequency, with its notches: one level, or a table of which ``level`` is a factor."""
-    default = "force" if quantity == "force" else "acceleration"
+    default = "acceleration" if power_of(quantity) else quantity
     if points:
         table = [(p.frequency, p.level, p.quantity or default) for p in points]
         profile = (Profile.held(table) if between == "held" else Profile.interpolated(table)).scaled(abs(level))

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 
 from beamsim.typing import Floats, Ints
 
-_POWER = {"acceleration": 0.0, "force": 0.0, "velocity": 1.0, "displacement": 2.0}
+_POWER = {"velocity": 1.0, "displacement": 2.0}  # of accelerations and forces 0
 
 
 def power_of(quantity: str) -> float:
     """Power of the frequency with which the acceleration (or force) grows at constant ``quantity``."""
-    return _POWER[quantity]
+    return _POWER.get(quantity, 0.0)
 
 
 def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> float:

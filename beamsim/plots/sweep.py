@@ -109,7 +109,7 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
         ax.plot(f, value, label=level_text(curve.level, result.scenario.level_unit), **curve_style(k))
     _frequency_axis(result, ax)
     ax.set_yscale("log")
-    unit = "m/N" if curves and curves[0].quantity == "force" else "m per m/s²"
+    unit = f"m per {curves[0].excitation_unit.replace('^2', '²')}" if curves else "m"
     finish(ax, f"Excitation frequency (Hz), {direction}", f"Peak displacement of {probe} / level ({unit})")
     legend(ax, min(len(curves), 6), len(curves), "levels")
     return ax
@@ -163,8 +163,8 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
         ax.axhline(level, color="0.6", linewidth=0.8, zorder=0)
     _frequency_axis(result, ax)
     ax.set_yscale("log")
-    force = any(c.quantity == "force" for c in result.curves.values())
-    finish(ax, "Excitation frequency (Hz)", f"Level ({'N' if force else 'm/s²'})")
+    unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
+    finish(ax, "Excitation frequency (Hz)", f"Level ({unit.replace('^2', '²')})")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from beamsim.scenario.base import Schema, fail
-from beamsim.scenario.driven import Driven
+from beamsim.scenario.driven import Driven, not_taken, spoken
 from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
 from beamsim.scenario.quantities import (
     Angle,
@@ -56,12 +56,10 @@ class SweptSineInput(Driven, FrequencyRange):
             Driven.settle(self)
             return
         for index, point in enumerate(self.profile):
-            if point.quantity is not None and (point.quantity == "force") is self.on_base:
-                where = "the base moves and takes no force" if self.on_base else "a point takes a force"
-                raise fail(
-                    f"is a level of {point.quantity}, but {where}", "change its unit", ("profile", index, "level")
-                )
-        self.resolve("quantity", self.quantity or ("acceleration" if self.on_base else "force"))
+            if point.quantity is not None and point.quantity not in self.takes:
+                why, remedy = not_taken(point.quantity, self.takes)
+                raise fail(f"is {why}", remedy, ("profile", index, "level"))
+        self.resolve("quantity", self.quantity or self.takes[0])
 
     def plain_levels(self) -> None:
         """Forget the unit of the level."""
@@ -114,9 +112,9 @@ class SampledInput(Driven):
             if self.quantity not in (None, meant):
                 raise fail(f"is a unit of {meant}, where {self.quantity} is meant", "change one of them", ("unit",))
             self.resolve("quantity", meant)
-        quantity = self.quantity or ("acceleration" if self.on_base else "force")
-        if (quantity == "force") is self.on_base:
-            raise fail(f"is {quantity}, which cannot act there", "a base moves, a force acts at a point", ("quantity",))
+        quantity = self.quantity or self.takes[0]
+        if quantity not in self.takes:
+            raise fail(f"is {quantity}, which cannot act there", not_taken(quantity, self.takes)[1], ("quantity",))
         if quantity != "acceleration" and self.on_base and self.interpolation == "linear":
             raise fail(
                 f"= linear of the base's {quantity} has corners, where the acceleration is infinite",
@@ -184,9 +182,9 @@ class RandomInput(Driven):
                 f"use {20 * highest:g} Hz, or leave it out",
                 ("sample_rate",),
             )
-        self.resolve("quantity", self.quantity or ("acceleration" if self.on_base else "force"))
-        if self.quantity not in ("acceleration", "force") or (self.quantity == "force") is self.on_base:
-            raise fail("must be acceleration of the base or force at a point", "leave it out", ("quantity",))
+        self.resolve("quantity", self.quantity or self.takes[0])
+        if self.quantity != self.takes[0]:
+            raise fail(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
 
     @property
     def highest_frequency_hz(self) -> float:

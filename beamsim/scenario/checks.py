@@ -15,6 +15,7 @@ from beamsim.scenario.body import Body
 from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.continuation_checks import continuation_problems
 from beamsim.scenario.designs import Vary, design_problems
+from beamsim.scenario.distributed import DistributedLoad, distributed_problems
 from beamsim.scenario.excitation import Harmonic, level_problems
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.identification_checks import identification_problems
@@ -102,7 +103,10 @@ def _structure(scenario: _Checked) -> Problems:
 def _places(scenario: _Checked) -> Problems:
     """Everything that sits somewhere must sit on a body, where it can act."""
     for path, part in walk(scenario):
-        yield from _guarded(_place(scenario, path, part))
+        if isinstance(part, DistributedLoad):
+            yield from _guarded(distributed_problems(scenario, path, part))
+        else:
+            yield from _guarded(_place(scenario, path, part))
 
 
 def _place(scenario: _Checked, path: Path, part: Schema) -> Problems:
@@ -342,7 +346,7 @@ def _sweep(scenario: _Checked) -> Problems:
     if isinstance(sweep, SweptSine):
         for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
             for index, point in enumerate(points):
-                if point.quantity is not None and (point.quantity == "force") is excitation.on_base:
+                if point.quantity is not None and point.quantity not in excitation.takes:
                     yield _problem(
                         ("sweep", name, index, "level"),
                         f"is a level of {point.quantity}, and the excitation is of {excitation.quantity}",

@@ -3,31 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Tag
 
 from beamsim.scenario.base import Schema, Variants, fail
+from beamsim.scenario.distributed import AreaLoad, LineLoad
 from beamsim.scenario.place import BaseOrPlace, choose_base_or_place
 from beamsim.scenario.quantities import LevelValue
 
-Quantity = Literal["acceleration", "velocity", "displacement", "force"]
+Quantity = Literal["acceleration", "velocity", "displacement", "force", "force_per_length", "pressure"]
+
+BASE_TAKES: tuple[Quantity, ...] = ("acceleration", "velocity", "displacement")
+"""What the base's motion is given by; the first is the default."""
+
+_Load = Annotated[LineLoad, Tag("<line>")] | Annotated[AreaLoad, Tag("<area>")]
+
+
+def _choose(value: Any) -> str | None:
+    for tag, kind in (("line", LineLoad), ("area", AreaLoad)):
+        if isinstance(value, kind) or (isinstance(value, dict) and tag in value):
+            return f"<{tag}>"
+    return choose_base_or_place(value)
 
 
 AppliedTo = Annotated[
-    BaseOrPlace,
+    BaseOrPlace | _Load,
     Variants(
-        choose_base_or_place,
-        "names neither the base nor a point",
-        "write base, {position: 270 mm} for a force on the beam, or {mass: 2} for a force on a chain",
+        _choose,
+        "names neither the base nor a point nor a part of a body",
+        "write base, {position: 270 mm} for a force on the beam, {mass: 2} for a force on a chain, {line: whole} for a "
+        "force per length of a beam, or {area: whole} for a pressure on a plate",
     ),
 ]
 
 
+def spoken(quantity: str) -> str:
+    """A quantity as text says it.
+
+    >>> spoken("force_per_length")
+    'force per length'
+    """
+    return quantity.replace("_", " ")
+
+
+def _with_article(quantity: str) -> str:
+    return f"{'an' if quantity[0] == 'a' else 'a'} {spoken(quantity)}"
+
+
+_TAKEN = {
+    "acceleration": "but the base moves",
+    "force": "but a point takes a force",
+    "force_per_length": "but a line takes a force per length",
+    "pressure": "but an area takes a pressure",
+}
+_REMEDY = {
+    "acceleration": "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), "
+    "or apply the force to {position: ...} or {mass: ...}",
+    "force": "give a force (1.5 N), or apply it to base",
+    "force_per_length": "give a force per length (50 N/m), or apply it to base or a point",
+    "pressure": "give a pressure (200 Pa), or apply it to base or a point",
+}
+
+
+def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
+    """Why something of this quantity cannot act there, and a remedy; ``takes`` is what can."""
+    no_force = " and takes no force" if takes[0] == "acceleration" and quantity == "force" else ""
+    return f"{_with_article(quantity)}, {_TAKEN[takes[0]]}{no_force}", _REMEDY[takes[0]]
+
+
 def agree_on_quantity(
-    levels: Sequence[tuple[tuple[str | int, ...], float]], given: str | None, on_base: bool
+    levels: Sequence[tuple[tuple[str | int, ...], float]], given: str | None, takes: Sequence[Quantity]
 ) -> Quantity:
     """Return the quantity of the levels: as given, otherwise from their units, otherwise the default of the place.
 
-    Raises what `fail` builds when units, quantity and place contradict each other.
+    Raises what `fail` builds when units, quantity and what the place ``takes`` contradict each other.
     """
     quantity = given
     for path, level in levels:
@@ -35,28 +85,16 @@ def agree_on_quantity(
         if meant is None:
             continue
         if quantity is not None and meant != quantity:
-            article = "an" if quantity[0] == "a" else "a"
             raise fail(
-                f"is given in a unit of {meant}, where {article} {quantity} is meant",
+                f"is given in a unit of {spoken(meant)}, where {_with_article(quantity)} is meant",
                 "give the level in another unit, or set quantity",
                 path,
             )
         quantity = meant
-    quantity = quantity or ("acceleration" if on_base else "force")
-    at = ("quantity",) if given is not None else levels[0][0]
-    if on_base and quantity == "force":
-        raise fail(
-            "is a force, but the base moves and takes no force",
-            "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), "
-            "or apply the force to {position: ...} or {mass: ...}",
-            at,
-        )
-    if not on_base and quantity != "force":
-        raise fail(
-            f"is {'an' if quantity[0] == 'a' else 'a'} {quantity}, but a point takes a force",
-            "give a force (1.5 N), or apply it to base",
-            at,
-        )
+    quantity = quantity or takes[0]
+    if quantity not in takes:
+        why, remedy = not_taken(quantity, takes)
+        raise fail(f"is {why}", remedy, ("quantity",) if given is not None else levels[0][0])
     return quantity  # type: ignore[return-value]
 
 
@@ -64,9 +102,11 @@ class Driven(Schema):
     """Common part of all excitations."""
 
     applied_to: AppliedTo
-    """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several."""
+    """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several; or
+    {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it."""
     quantity: Quantity | None = None
-    """Acceleration, velocity or displacement of the base, or force at a point; by default as the unit of the level."""
+    """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
+    as the unit of the level."""
 
     shock: ClassVar[bool] = False
     """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
@@ -81,13 +121,18 @@ class Driven(Schema):
 
     def settle(self) -> None:
         """Settle what the level is."""
-        self.resolve("quantity", agree_on_quantity(self.levels(), self.quantity, self.on_base))
+        self.resolve("quantity", agree_on_quantity(self.levels(), self.quantity, self.takes))
         self.plain_levels()
 
     @property
     def on_base(self) -> bool:
-        """Whether the base moves (otherwise a force acts at a point)."""
+        """Whether the base moves (otherwise a force acts)."""
         return self.applied_to == "base"
+
+    @property
+    def takes(self) -> tuple[Quantity, ...]:
+        """Quantities that its levels may have, the default first."""
+        return BASE_TAKES if self.applied_to == "base" else self.applied_to.takes
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:

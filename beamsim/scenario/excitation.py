@@ -1,4 +1,4 @@
-"""Excitation of the structure: motion of its base or a force at a point."""
+"""Excitation of the structure: motion of its base, or forces at points and along lines and areas."""
 
 from __future__ import annotations
 
@@ -151,24 +151,26 @@ class HalfSine(Shock):
         return 0.5 / self.duration
 
 
-PointForce = Annotated[Harmonic | MultiTone | Step | HalfSine, BY_KIND]
+OneForce = Annotated[Harmonic | MultiTone | Step | HalfSine, BY_KIND]
 
 
 class Forces(Schema):
-    """Several forces at points, each with its own signal."""
+    """Several forces, each with its own signal."""
 
     kind: Literal["forces"] = "forces"
-    """Several forces at points."""
-    forces: Annotated[tuple[PointForce, ...], Field(min_length=1)]
-    """The forces: each a harmonic, multi_tone, step or half_sine excitation that is applied to a point."""
+    """Several forces."""
+    forces: Annotated[tuple[OneForce, ...], Field(min_length=1)]
+    """The forces: each a harmonic, multi_tone, step or half_sine excitation that is applied to a point, a line of a
+    beam, or an area of a plate."""
 
     def settle(self) -> None:
         """Reject what moves the base."""
         for index, force in enumerate(self.forces):
             if force.on_base:
                 raise fail(
-                    "is the base, where forces at points are listed",
-                    "apply it to {position: 270 mm} or {mass: 2}; base motion is an excitation by itself",
+                    "is the base, where forces are listed",
+                    "apply it to {position: 270 mm}, {mass: 2}, {line: whole} or {area: whole}; base motion is an "
+                    "excitation by itself",
                     ("forces", index, "applied_to"),
                 )
 

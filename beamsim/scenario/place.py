@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Tag
 
@@ -56,6 +56,8 @@ class PointOfBody(Schema):
 
 class AtPlace(PointOfBody):
     """A point of a body."""
+
+    takes: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: Name | None = None
     """Name of the body; may be left out where there is only one."""

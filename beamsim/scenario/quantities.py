@@ -165,12 +165,20 @@ LEVEL_DIMENSIONS = {
     "velocity": units.VELOCITY,
     "displacement": replace(units.LENGTH, name="displacement", example="0.1 mm"),
     "force": units.FORCE,
+    "force_per_length": units.FORCE_PER_LENGTH,
+    "pressure": replace(units.PRESSURE, name="pressure", example="200 Pa"),
 }
+
+
+def amplitude_unit(quantity: str) -> str:
+    """SI unit of what drives the equations at levels of a quantity: any base motion's acceleration, else the load."""
+    motion = quantity in ("acceleration", "velocity", "displacement")
+    return LEVEL_DIMENSIONS["acceleration" if motion else quantity].unit
 
 
 @dataclass(frozen=True)
 class LevelType(FieldType):
-    """An excitation level: acceleration, velocity, displacement or force, according to its unit."""
+    """An excitation level: acceleration, velocity, displacement, force or pressure, according to its unit."""
 
     example = "2 g"
 
@@ -227,11 +235,11 @@ class RateType(FieldType):
 
 @dataclass(frozen=True)
 class DensityType(FieldType):
-    """A one-sided power spectral density of an acceleration or a force."""
+    """A one-sided power spectral density of an acceleration, a force or a pressure."""
 
     def read(self, value: Any) -> float:
         """Return the SI number."""
-        number, _ = units.read_level(value, (units.ACCELERATION_PSD, units.FORCE_PSD))
+        number, _ = units.read_level(value, units.LEVEL_PSD)
         if not number >= 0:
             raise UnitError("must not be negative", "write for example 0.01 g^2/Hz")
         return number + 0.0

@@ -347,6 +347,8 @@ def _snapped(value: object, bodies: dict[str, Body], default: str) -> object:
         point = isinstance(old, tuple) and key in ("position", "from_", "to")  # [x, y] on a plate
         if (point or (key == "position" and isinstance(old, float))) and isinstance(name, str) and name in bodies:
             new = bodies[name].on_the_body(old)
+        elif key in ("line", "area") and isinstance(old, tuple) and isinstance(name, str) and name in bodies:
+            new = tuple(bodies[name].on_the_body(end) for end in old)
         if (new != old or type(new) is not type(old)) if isinstance(old, float) else new is not old:
             changed[key] = new
     return value.model_copy(update=changed) if changed else value

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from beamsim.store.declared import ordered
 from beamsim.store.tables import datasets, values_of
-from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, ORDINATES, TIME_RESPONSE, UP, Source, record_58
+from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, LOAD_CODES, ORDINATES, TIME_RESPONSE, UP, Source, record_58
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -182,6 +182,7 @@ def _frequency(axis: h5py.Dataset) -> Floats | None:
 
 
 def _input(dataset: h5py.Dataset) -> str:
-    """Input of the linear response of a sweep: ``force``, or ``acceleration`` of the base."""
-    curves = (group.attrs["quantity"] for group in dataset.file.values() if "direction" in group.attrs)
-    return "force" if next(curves, "") == "force" else "acceleration"
+    """Input of the linear response of a sweep: a force, force per length or pressure, or acceleration of the base."""
+    curves = (str(group.attrs["quantity"]) for group in dataset.file.values() if "direction" in group.attrs)
+    quantity = next(curves, "")
+    return quantity if quantity in LOAD_CODES else "acceleration"

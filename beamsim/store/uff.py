@@ -26,7 +26,8 @@ ORDINATES = {
 }
 GENERAL, TIME_RESPONSE, FREQUENCY_RESPONSE = 0, 1, 4
 _TIME, _FREQUENCY = 17, 18
-_EXCITATION_FORCE = 13
+LOAD_CODES = {"force": (13, 0, 1), "force_per_length": (0, -1, 1), "pressure": (15, -2, 1)}
+"""Data type and exponents of length and force of the loads that a response may refer to."""
 UP = 3  # +z: deflections are positive upwards
 
 
@@ -62,7 +63,7 @@ def record_58(
         abscissa is stored as start and increment with 6 digits; if that is not exact, the record is stored in
         binary (58b) with all abscissae.
     label : first line of the record; by default name and quantity.
-    over : for a frequency response, the input quantity ("acceleration" of the base or "force").
+    over : for a frequency response, the input quantity: "acceleration" of the base, or one of `LOAD_CODES`.
     """
     specific, length_exponent, force_exponent = ORDINATES[quantity]
     of_frequency = kind != TIME_RESPONSE
@@ -71,7 +72,7 @@ def record_58(
         increment = (x[-1] - x[0]) / (x.size - 1)
         even = np.allclose(np.diff(x), increment, rtol=1e-9, atol=0.0) and increment > 0
         exact = bool(even) and all(abs(float(f"{v:.5e}") - v) <= 1e-12 * increment for v in (x[0], increment))
-    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), "force": (_EXCITATION_FORCE, 0, 1)}[over]
+    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), **LOAD_CODES}[over]
     return {
         "type": 58,
         "binary": 0 if exact else 1,

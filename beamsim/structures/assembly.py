@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, walk
+from beamsim.scenario.distributed import DistributedLoad
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.chain import assemble_chain
+from beamsim.structures.distributed import Distributed
 from beamsim.structures.joined import join
 from beamsim.structures.joints import couplings_of
 from beamsim.structures.matrices import assemble_matrices
-from beamsim.structures.places import Place, Site, site_of
+from beamsim.structures.places import LoadSite, Place, Site, load_site_of, site_of
 from beamsim.structures.plate import assemble_plate
 from beamsim.structures.several import assemble_side_by_side
 
@@ -70,12 +72,13 @@ def bodies_of(scenario: Scenario) -> list[BodyStructure]:
 
 
 def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
-    """Refuse places that the bodies do not have; the numbers of nodes are known only now."""
+    """Refuse places and modes that the bodies do not have; the numbers of nodes and modes are known only now."""
     known = {body.name: body for body in bodies}
     problems = []
     for path, item in walk(scenario):
-        site = None if getattr(item, "node", None) is None else site_of(item, scenario.default_body)
-        if not isinstance(site, Place) or site.body not in known:
+        in_structure = isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
+        site = load_site_of(item, scenario.default_body) if in_structure else None
+        if not isinstance(site, Place | Distributed) or site.body not in known:
             continue
         problem = known[site.body].place_problem(site, path[0] != "probes")
         if problem is not None:
@@ -94,8 +97,13 @@ def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[st
 
 
 def site_in(scenario: Scenario, item: Any) -> Site:
-    """Where something of a scenario sits that stands at its top level: a probe, a force, the excitation."""
+    """Where something of a scenario sits that stands at its top level: a probe, a linear spring."""
     return site_of(item, scenario.default_body)
+
+
+def load_site_in(scenario: Scenario, item: Any) -> LoadSite:
+    """Where a load of a scenario acts that stands at its top level."""
+    return load_site_of(item, scenario.default_body)
 
 
 def snubber_site(contact: Located) -> Site:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import shape_functions
-from beamsim.structures.mesh import Mesh
-from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site, ends_of
+from beamsim.structures.mesh import Mesh, line_rows
+from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, separated
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
@@ -63,9 +64,9 @@ class BeamModel(BodyStructure, ABC):
         rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
         return min(apart, alike) + len(beam.point_masses) + rotary
 
-    def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
+    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Single places: moments are recovered from one point force at a time."""
-        return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
+        return separated(sites)
 
     def place_row(self, place: Place) -> Floats:
         """(N,) deflection or slope at a place for a unit of each degree of freedom."""
@@ -74,6 +75,26 @@ class BeamModel(BodyStructure, ABC):
         derivative = _DERIVATIVE[place.direction]
         row = deflection_row(self.mesh, place.coordinate / self.beam.length, derivative)[self.free]
         return row / self.beam.length if derivative else row
+
+    def point_forces(self, load: Distributed, cuts: Floats) -> tuple[Floats, Floats]:
+        """Nondimensional positions (k,) and forces (k,) that stand for a distributed load of unit level.
+
+        Between neighbouring ``cuts`` (m), nodes and corners of the shape, they have the force and the moment of the
+        load, and those of its products with the shape functions.
+        """
+        length = self.beam.length
+        points, weights = load.quadrature((length,), (np.concatenate([self.mesh.nodes * length, cuts]),))
+        return points[:, 0] / length, weights * load.intensity(points, (length,), self._mode_at)
+
+    def distributed_row(self, load: Distributed) -> Floats:
+        """(N,) consistent load vector of a distributed load of unit level."""
+        x, force = self.point_forces(load, np.zeros(0))
+        return np.asarray((line_rows(self.mesh, x).T @ force)[self.free])
+
+    def _mode_at(self, mode: int, points: Floats) -> Floats:
+        return np.asarray(
+            line_rows(self.mesh, points[:, 0] / self.beam.length) @ self.whole_field(self.mode_shape(mode))
+        )
 
     def whole_field(self, vectors: Floats) -> Floats:
         """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.structures.damping import damping_matrix
+from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable
 from beamsim.structures.imported import (
     CONDENSED_UP_TO,
@@ -107,8 +108,9 @@ class MatricesStructure(BodyStructure):
             raise ValueError(f"{place.label} does not exist; {self.table.remedy(round(place.coordinate))}")
         return np.asarray(self.expansion[[number]].toarray()[0])
 
-    def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
+    def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place, or nothing can act there."""
+        assert isinstance(place, Place)  # the scenario refuses the others
         node = round(place.coordinate)
         number = self.row_number(place)
         if number is None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamsim.structures.hermite import shape_functions
 from beamsim.typing import Floats, Ints
 
 # Hard points closer together than this fraction of an element share a node.
@@ -66,3 +68,13 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
         for a, b in pairwise(ends)
     ]
     return Mesh(np.concatenate([*pieces, [1.0]]))
+
+
+def line_rows(mesh: Mesh, x: Floats, derivative: int = 0) -> Any:
+    """(k, 2 nodes) sparse rows that give the derivative of a cubic spline at nondimensional x."""
+    from scipy.sparse import csr_array
+
+    element, xi = mesh.locate(x)
+    values = shape_functions(xi, mesh.lengths[element], derivative)
+    rows = np.repeat(np.arange(x.size), 4)
+    return csr_array((values.ravel(), (rows, mesh.dofs[element].ravel())), shape=(x.size, 2 * mesh.nodes.size))

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from beamsim.structures.distributed import Distributed
+
 Point = float | tuple[float, float]
 
 DEFLECTION, SLOPE = "z", "slope"
@@ -58,10 +60,30 @@ class Link:
 
 Site = Place | Link
 
+LoadSite = Site | Distributed
+"""Where a load acts."""
 
-def ends_of(site: Site) -> tuple[Place, ...]:
-    """The place, or both places of a link."""
+
+def ends_of(site: LoadSite) -> tuple[Place, ...]:
+    """The place, or both places of a link; none of a distributed load."""
+    if isinstance(site, Distributed):
+        return ()
     return (site.first, site.second) if isinstance(site, Link) else (site,)
+
+
+def bodies_at(site: LoadSite) -> tuple[str, ...]:
+    """Names of the bodies that something there acts on, one or two."""
+    if isinstance(site, Distributed):
+        return (site.body,)
+    return tuple(dict.fromkeys(end.body for end in ends_of(site)))
+
+
+def separated(sites: Sequence[LoadSite]) -> list[LoadSite]:
+    """The same with the places of a link apart, each once."""
+    apart: dict[LoadSite, None] = {}
+    for site in sites:
+        apart |= dict.fromkeys(ends_of(site) if isinstance(site, Link) else (site,))
+    return list(apart)
 
 
 @dataclass(frozen=True)
@@ -84,6 +106,18 @@ def site_of(item: Any, body: str) -> Site:
     """Where something of a scenario sits; ``body`` is meant where it names none."""
     first, *second = (_resolved(place, body) for place in item.places)
     return Link(first, second[0]) if second else first
+
+
+def load_site_of(item: Any, body: str) -> LoadSite:
+    """Where a load of a scenario acts; ``body`` is meant where it names none."""
+    if item.places:
+        return site_of(item, body)
+    body, ends = item.body or body, item.ends
+    if ends is None:
+        return Distributed(body, item.shape, None, f"{body} as a whole")
+    first, last = ends
+    bounds = ((first, last),) if isinstance(first, float) else tuple(zip(first, last, strict=True))
+    return Distributed(body, item.shape, bounds, f"{body} from {first} to {last} m")
 
 
 def _resolved(place: Any, body: str) -> Place:

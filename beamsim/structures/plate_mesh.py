@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.structures.hermite import shape_functions
-from beamsim.structures.mesh import Mesh, build_mesh
+from beamsim.structures.mesh import Mesh, build_mesh, line_rows
 from beamsim.typing import Floats, Ints
 
 
@@ -31,16 +31,6 @@ def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> 
 
     uniform = build_mesh(elements, mapped(np.array(hard_points, dtype=float), 1 / grading).tolist())
     return Mesh(mapped(uniform.nodes, grading))
-
-
-def line_rows(mesh: Mesh, x: Floats, derivative: int = 0) -> Any:
-    """(k, 2 nodes) sparse rows that give the derivative of a cubic spline at nondimensional x."""
-    from scipy.sparse import csr_array
-
-    element, xi = mesh.locate(x)
-    values = shape_functions(xi, mesh.lengths[element], derivative)
-    rows = np.repeat(np.arange(x.size), 4)
-    return csr_array((values.ravel(), (rows, mesh.dofs[element].ravel())), shape=(x.size, 2 * mesh.nodes.size))
 
 
 def integration_rows(mesh: Mesh, derivative: int, points: int) -> Any:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.structures.places import DEFLECTION, Place, Site, ends_of
+from beamsim.structures.distributed import Distributed
+from beamsim.structures.places import DEFLECTION, LoadSite, Place, Site, separated
 from beamsim.structures.plate_mesh import PlateMesh
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
@@ -56,9 +57,9 @@ class PlateModel(BodyStructure, ABC):
             modes += int(np.ceil(beta / np.pi)) + 2
         return modes + len(self.plate.point_masses)
 
-    def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
+    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Single places."""
-        return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
+        return separated(sites)
 
     def place_row(self, place: Place) -> Floats:
         """(N,) deflection at a place for a unit of each degree of freedom."""
@@ -66,6 +67,17 @@ class PlateModel(BodyStructure, ABC):
             raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
         point = self.nondimensional(np.array([[place.coordinate, place.across]]))
         return np.asarray(self.mesh.rows(point).toarray()[0, self.free])
+
+    def distributed_row(self, load: Distributed) -> Floats:
+        """(N,) consistent load vector of a pressure of unit level."""
+        size = (self.plate.length, self.plate.width)
+        lines = (self.mesh.x.nodes * size[0], self.mesh.y.nodes * size[1])
+        points, weights = load.quadrature(size, lines)
+        force = weights * load.intensity(points, size, self._mode_at)
+        return np.asarray((self.mesh.rows(self.nondimensional(points)).T @ force)[self.free])
+
+    def _mode_at(self, mode: int, points: Floats) -> Floats:
+        return np.asarray(self.mesh.rows(self.nondimensional(points)) @ self.whole_field(self.mode_shape(mode)))
 
     def nondimensional(self, points: Floats) -> Floats:
         """(k, 2) points in m over length and width."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.plate_mesh import line_rows
+from beamsim.structures.mesh import line_rows
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import IN_PLANE, Recovery
 from beamsim.typing import Floats

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.structures.basis import LoadPattern
+from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
@@ -91,7 +92,8 @@ class _Fields:
 
     displacement: Floats  # (all dofs, c)
     acceleration: Floats  # (all dofs, c)
-    point: list[tuple[float, Floats]]  # nondimensional place and unit point forces (c,)
+    # nondimensional places (k,) and sizes (k,) of point forces, and how many times they act on each column (c,)
+    forces: list[tuple[Floats, Floats, Floats]]
 
 
 def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
@@ -110,7 +112,7 @@ def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Fl
     static deflections are exact in this case as well.
     """
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
-    moment = _moments(model, member, x, _fields(model, member, basis.patterns, basis.vectors, a, basis.pattern))
+    moment = _moments(model, x, _fields(model, member, x, basis.patterns, basis.vectors, a, basis.pattern))
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
     if basis.modes == member.whole.size and basis.patterns:
         moment = moment + _static_correction(model, member, basis, x, moment)
@@ -131,29 +133,37 @@ def inertia_remainder(model: BeamModel, member: MemberBody, basis: ReducedBasis,
     u = static_deflections(whole, whole.inertia[:, None])
     relief = -whole.rigid @ (whole.rigid.T @ whole.inertia[:, None])
     uniform = (LoadPattern(whole.inertia, None),)
-    exact = _moments(model, member, x, _fields(model, member, uniform, u, relief, np.ones((1, 1))))[:, 0]
+    exact = _moments(model, x, _fields(model, member, x, uniform, u, relief, np.ones((1, 1))))[:, 0]
     flexible = slice(basis.rigid, None)
     coordinates = basis.vectors[:, flexible].T @ whole.inertia / basis.omega[flexible] ** 2
     return np.asarray(exact - moment[:, flexible] @ coordinates)
 
 
 def _fields(
-    model: BeamModel, member: MemberBody, patterns: Sequence[LoadPattern], u: Floats, a: Floats, p: Floats
+    model: BeamModel, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern], u: Floats, a: Floats, p: Floats
 ) -> _Fields:
-    """Fields on all dofs of the beam; an inertia pattern becomes a uniform acceleration, supports included."""
+    """Fields on all dofs of the beam; an inertia pattern becomes a uniform acceleration, supports included.
+
+    Distributed loads become point forces that stand for them between neighbouring stations x.
+    """
     inertia = member.mass_ratio / member.stiffness_ratio
     displacement = model.whole_field(member.field(u))
     acceleration = model.whole_field(member.field(a)) * inertia
-    point = []
+    forces = []
     for pattern, row in zip(patterns, p, strict=True):
-        if pattern.site is None:
+        site = pattern.site
+        if site is None:
             acceleration[0::2] += row * inertia
-        elif isinstance(pattern.site, Place) and member.whole.member(pattern.site.body).body is model and row.any():
-            point.append((pattern.site.coordinate / model.beam.length, row / member.stiffness_ratio))
-    return _Fields(displacement, acceleration, point)
+        elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
+            if isinstance(site, Place):
+                places, sizes = np.array([site.coordinate / model.beam.length]), np.ones(1)
+            else:
+                places, sizes = model.point_forces(site, x * model.beam.length)
+            forces.append((places, sizes, row / member.stiffness_ratio))
+    return _Fields(displacement, acceleration, forces)
 
 
-def _moments(model: BeamModel, member: MemberBody, x: Floats, fields: _Fields) -> Floats:
+def _moments(model: BeamModel, x: Floats, fields: _Fields) -> Floats:
     """(nx, c) scaled moments of the fields."""
     mesh = model.mesh
     h, dofs = mesh.lengths, mesh.dofs
@@ -164,11 +174,13 @@ def _moments(model: BeamModel, member: MemberBody, x: Floats, fields: _Fields) -
     force -= np.einsum("edc,ecn->edn", mass_matrix(h), a)
     element, xi = mesh.locate(x)
     levers: list[tuple[Floats, Floats]] = []
-    for place, p in fields.point:
-        at, inside = mesh.locate(place)
-        e, within = int(at), float(inside)
-        force[e] -= shape_functions(within, h[e])[:, None] * p
-        levers.append((np.where(element == e, np.clip(xi - within, 0.0, None), 0.0) * h[e], p))
+    for places, sizes, p in fields.forces:
+        e, within = mesh.locate(places)
+        at_nodes = np.zeros((h.size, 4))
+        np.add.at(at_nodes, e, shape_functions(within, h[e]) * sizes[:, None])
+        force -= at_nodes[:, :, None] * p
+        beyond = np.where(element[:, None] == e, np.clip(xi[:, None] - within, 0.0, None), 0.0)
+        levers.append((beyond @ (sizes * h[e]), p))
 
     moment = -force[element, 1] + force[element, 0] * (xi * h[element])[:, None]
     moment += np.einsum("xd,xdn->xn", double_integral(xi, h[element]), a[element])
@@ -185,7 +197,8 @@ def _static_correction(model: BeamModel, member: MemberBody, basis: ReducedBasis
     loads = np.array([pattern.vector for pattern in basis.patterns]).T
     u = static_deflections(whole, loads)
     relief = -whole.rigid @ (whole.rigid.T @ loads)
-    exact = _moments(model, member, x, _fields(model, member, basis.patterns, u, relief, np.eye(len(basis.patterns))))
+    unit = np.eye(len(basis.patterns))
+    exact = _moments(model, x, _fields(model, member, x, basis.patterns, u, relief, unit))
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates

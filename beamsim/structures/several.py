@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.places import Place, Site, ends_of
+from beamsim.structures.distributed import Distributed
+from beamsim.structures.places import LoadSite, Place, Site, bodies_at, ends_of, separated
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, Structure
 from beamsim.typing import Floats, Ints
@@ -48,12 +49,17 @@ class SeveralBodies(Structure, ABC):
         member = self.member(place.body)
         return member.on_whole(member.body.place_row(place))
 
-    def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
+    def distributed_row(self, load: Distributed) -> Floats:
+        """(N,) load vector of a distributed load of unit level."""
+        member = self.member(load.body)
+        return member.on_whole(member.body.distributed_row(load))
+
+    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Both ends of a link between two bodies; within a body what that body asks for."""
-        loaded: list[Site] = []
+        loaded: list[LoadSite] = []
         for site in sites:
-            bodies = {end.body for end in ends_of(site)}
-            loaded += ends_of(site) if len(bodies) > 1 else self.member(bodies.pop()).body.loaded_sites([site])
+            bodies = bodies_at(site)
+            loaded += separated([site]) if len(bodies) > 1 else self.member(bodies[0]).body.loaded_sites([site])
         return list(dict.fromkeys(loaded))
 
     def unit_stiffness(self, site: Site) -> float:
@@ -88,7 +94,7 @@ class Assembly(SeveralBodies):
             damping[np.ix_(columns, columns)] = part.structure.reduced_damping(reduced, omega[columns])
         return damping
 
-    def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+    def recoveries(self, basis: ReducedBasis, sites: Sequence[LoadSite], base_moves: bool) -> tuple[Recovery, ...]:
         """Those of every part, with the sites that are on it."""
         recovered: list[Recovery] = []
         for part, (reduced, columns) in zip(self.blocks, basis.blocks, strict=True):

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
+from beamsim.structures.modes import natural_modes
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
-from beamsim.structures.places import DEFLECTION, Link, Place, Site, SpringEnd, ends_of
+from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, SpringEnd, ends_of
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -169,17 +171,22 @@ class Structure(ABC):
         """Those of the values (N,) or (N, k) that are deflections, in order of the stations."""
         return np.asarray(vectors[self.deflection_dofs])
 
-    def row(self, site: Site) -> Floats:
-        """(N,) motion there for a unit of each degree of freedom; of a link how far its ends draw apart."""
+    def row(self, site: LoadSite) -> Floats:
+        """(N,) motion there for a unit of each degree of freedom; of a link how far its ends draw apart.
+
+        Of a distributed load what the work of its unit level is: the load vector, as it is of a unit point force.
+        """
+        if isinstance(site, Distributed):
+            return self.distributed_row(site)
         if isinstance(site, Link):
             return np.asarray(self.place_row(site.second) - self.place_row(site.first))
         return self.place_row(site)
 
-    def rows(self, sites: Sequence[Site]) -> Floats:
+    def rows(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, N) rows of m sites."""
         return np.array([self.row(site) for site in sites]).reshape(len(sites), self.size)
 
-    def loaded_sites(self, sites: Sequence[Site]) -> list[Site]:
+    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Sites of the unit forces whose static deflections a reduced model needs, each once."""
         return list(dict.fromkeys(sites))
 
@@ -202,6 +209,16 @@ class Structure(ABC):
             Where a place of the body does not move in that direction.
         """
 
+    def distributed_row(self, load: Distributed) -> Floats:
+        """(N,) consistent load vector of a distributed load of unit level, m or m^2: the work on each dof.
+
+        Raises
+        ------
+        ValueError
+            Where the body has no extent that a load could be spread over.
+        """
+        raise ValueError(f"{load.label} takes no distributed load")  # which the scenario refuses
+
     @abstractmethod
     def unit_stiffness(self, site: Site) -> float:
         """Stiffness, N/m, that those of snubbers at a site are compared with."""
@@ -210,7 +227,7 @@ class Structure(ABC):
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) symmetric C of the reduced model, 1/s; ``omega`` (n,) rad/s are the coordinates' frequencies."""
 
-    def recoveries(self, basis: ReducedBasis, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+    def recoveries(self, basis: ReducedBasis, sites: Sequence[LoadSite], base_moves: bool) -> tuple[Recovery, ...]:
         """What can be recovered along each body, with stations at the sites where forces act."""
         ends = [end for site in sites for end in ends_of(site)]
         return tuple(
@@ -258,9 +275,17 @@ class BodyStructure(Structure, ABC):
             self.mass_scale * self.inertia, self.total_mass,
         )  # fmt: skip
 
-    def place_problem(self, place: Place, acts: bool) -> tuple[str, str, str] | None:
-        """Key, message and remedy where there is no such place on the body, or nothing can act there."""
+    def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
+        """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""
+        if isinstance(place, Distributed) and place.mode is not None and place.mode > self.size:
+            return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"
         return None
+
+    def mode_shape(self, mode: int) -> Floats:
+        """(N,) a natural mode of the body by itself, numbered from 1, its largest nodal deflection 1."""
+        field = natural_modes(self, count=mode).vectors[:, mode - 1]
+        deflections = self.deflections(field)
+        return np.asarray(field / deflections[np.argmax(np.abs(deflections))])
 
     def base_motion_of(self, place: Place) -> float:
         """Displacement of a place in its direction when the base moves by one unit and nothing deforms."""

@@ -17,11 +17,11 @@ from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.structures.assembly import site_in, snubber_site
+from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
-from beamsim.structures.places import SLOPE, Place, Site
+from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction_bound import receptance_bound
 from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.structures.stations import Recovery, Stations
@@ -146,7 +146,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
     on_base = scenario.excitation.kind != "none" and not exciting_forces(scenario)
-    sites = parts.snubber_sites + force_sites(scenario)
+    sites = [*parts.snubber_sites, *force_sites(scenario)]
     recoveries = parts.reduced.recoveries(sites, on_base) if recovered else ()
     modes = _mode_table(parts, stops, damping, recoveries, assessed)
     if assessed and not modes.reduction_error <= DOUBTFUL_REDUCTION:
@@ -181,15 +181,15 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     )
 
 
-def _acting(parts: Parts) -> list[tuple[Path, Site, str]]:
+def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
     scenario = parts.scenario
-    acting: list[tuple[Path, Site, str]] = [
+    acting: list[tuple[Path, LoadSite, str]] = [
         (located.path, snubber_site(located), f"{located.item.name}")
         for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
     ]
     return acting + [
-        ((*path, "applied_to"), site_in(scenario, force.applied_to), "a force")
+        ((*path, "applied_to"), load_site_in(scenario, force.applied_to), "a force")
         for path, force in exciting_forces(scenario)
     ]
 
@@ -267,7 +267,7 @@ def _loads(parts: Parts) -> Floats:
 
 def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
     scenario, structure = parts.scenario, parts.structure
-    loads = structure.rows([site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)])
+    loads = structure.rows([load_site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)])
     if not loads.size and scenario.excitation.kind != "none":
         loads = structure.inertia[None, :]
     return LinearState(

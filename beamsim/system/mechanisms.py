@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text
-from beamsim.structures.places import SLOPE, Site
+from beamsim.structures.places import SLOPE, LoadSite
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _NOTHING = 1e-9
 
 
-def held_problems(parts: Parts, acting: Sequence[tuple[Path, Site, str]]) -> list[Problem]:
+def held_problems(parts: Parts, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
     """What acts (path, where, its name) where joints leave no motion."""
     if not parts.structure.couplings:
         return []

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
-from beamsim.structures.assembly import assemble, site_in, snubber_site
+from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.basis import LoadPattern
-from beamsim.structures.places import Place, Site
+from beamsim.structures.places import LoadSite, Place, Site
 from beamsim.structures.reduction import reduce_model
 from beamsim.system.shared import ReducedStructure, SharedBuilds
 from beamsim.typing import Floats
@@ -64,11 +64,11 @@ class Parts:
         """(n,) diagonal of K, rad^2/s^2."""
         return np.asarray(self.omega**2)
 
-    def shape(self, item: Any) -> Floats:
-        """(n,) deflection at what sits on one place of a scenario, for a unit of each coordinate, 1/sqrt(kg)."""
-        return np.asarray(self.shapes([site_in(self.scenario, item)])[0])
+    def shape(self, load: Any) -> Floats:
+        """(n,) what the work of a load of unit level is for a unit of each coordinate, 1/sqrt(kg) times its unit."""
+        return np.asarray(self.shapes([load_site_in(self.scenario, load)])[0])
 
-    def shapes(self, sites: Sequence[Site]) -> Floats:
+    def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
         return self.reduced.shapes(sites)
 
@@ -107,7 +107,7 @@ def start_of(scenario: Scenario) -> Start | None:
 
 
 def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
-    """The point forces of the excitation with their paths; none of base motion and of no excitation."""
+    """The forces of the excitation with their paths; none of base motion and of no excitation."""
     excitation = scenario.excitation
     if excitation.kind == "none":
         return []
@@ -116,23 +116,23 @@ def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
     return [] if excitation.applied_to == "base" else [(("excitation",), excitation)]
 
 
-def force_sites(scenario: Scenario) -> list[Site]:
-    """Sites of every point force, released ones included."""
-    sites = [site_in(scenario, force) for force in scenario.constant_forces]
-    sites += [site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)]
+def force_sites(scenario: Scenario) -> list[LoadSite]:
+    """Sites of every force, released ones included."""
+    sites = [load_site_in(scenario, force) for force in scenario.constant_forces]
+    sites += [load_site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)]
     start = start_of(scenario)
     if isinstance(start, ReleasedForceStart):
-        sites.append(site_in(scenario, start.released_force))
+        sites.append(load_site_in(scenario, start.released_force))
     return sites
 
 
-def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[Site]:
+def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[LoadSite]:
     """Where forces act whose static deflections the reduced model needs."""
     felt = (*scenario.located_snubbers, *scenario.nonlinear_springs)
-    return [snubber_site(located) for located in felt] + force_sites(scenario) + list(also_at)
+    return [*(snubber_site(located) for located in felt), *force_sites(scenario), *also_at]
 
 
-def _patterns(structure: Structure, sites: Sequence[Site], gravity: bool) -> list[LoadPattern]:
+def _patterns(structure: Structure, sites: Sequence[LoadSite], gravity: bool) -> list[LoadPattern]:
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
     return [*patterns, LoadPattern(structure.inertia, None)] if gravity else patterns
 

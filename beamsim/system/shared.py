@@ -15,7 +15,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.places import Site
+    from beamsim.structures.places import LoadSite
     from beamsim.structures.stations import Recovery
     from beamsim.structures.structure import Structure
 
@@ -48,13 +48,13 @@ class ReducedStructure:
         row = self.structure.inertia @ self.basis.vectors
         return np.asarray(row * np.sqrt(self.structure.mass_scale))
 
-    def shapes(self, sites: Sequence[Site]) -> Floats:
+    def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
         scale = np.sqrt(self.structure.mass_scale)
         rows = [self._once(site, lambda at: self.structure.row(at) @ self.basis.vectors / scale) for site in sites]
         return np.array(rows).reshape(len(sites), self.basis.size)
 
-    def recoveries(self, sites: Sequence[Site], base_moves: bool) -> tuple[Recovery, ...]:
+    def recoveries(self, sites: Sequence[LoadSite], base_moves: bool) -> tuple[Recovery, ...]:
         """What can be recovered along each body, see `Structure.recoveries`."""
         return self._once(
             (*sites, base_moves), lambda key: self.structure.recoveries(self.basis, key[:-1], base_moves)

@@ -190,7 +190,10 @@ def test_everything_at_once_in_the_order_of_the_file():
             "excitation.level is an acceleration, but a point takes a force",
         ),
         ("excitation.level=3 N", "excitation.level is a force, but the base moves and takes no force"),
-        ("excitation.level=3 s", "must be an acceleration, a velocity, a displacement or a force, not a time"),
+        (
+            "excitation.level=3 s",
+            "a velocity, a displacement, a force, a force per length or a pressure, not a time",
+        ),
         (
             "excitation.quantity=velocity",
             "excitation.level is given in a unit of acceleration, where a velocity is meant",

@@ -23,7 +23,7 @@ from beamsim.analyses.nnm.result import (
     ResonantMotion,
     ResponseAboutResonance,
 )
-from beamsim.analyses.response.paths import periodic_forcing
+from beamsim.analyses.response.paths import level_unit, periodic_forcing
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.errors import Problem, ScenarioError
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
 
-UNITS = {"force": "N", "acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 SAMPLES = 512  # of a period
 MOST_POINTS = 600  # of a response curve, on either side
 HALVINGS = 4  # of a step of the backbone, in search of a level
@@ -229,7 +228,7 @@ def hold_mode(
     refuse_phase_resonance(settings.continue_in.kind, alike=alike)
     damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
-    loads, unit = periodic_forcing(scenario, damped), UNITS[str(excitation.quantity)]
+    loads, unit = periodic_forcing(scenario, damped), level_unit(scenario)
     held = _Levels(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
     with heeding(stop):

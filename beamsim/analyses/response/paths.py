@@ -20,6 +20,7 @@ from beamsim.outcomes import Outcome
 from beamsim.scenario.continuation import PositionPath, SnubberPath
 from beamsim.scenario.continuation_checks import snubber_index
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
@@ -198,8 +199,8 @@ def response_model(scenario: Scenario) -> ResponseModel:
 
 def level_unit(scenario: Scenario) -> str:
     """SI unit of the excitation's level."""
-    units = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m", "force": "N"}
-    return units.get(str(getattr(scenario.excitation, "quantity", None)), "1")
+    dimension = LEVEL_DIMENSIONS.get(str(getattr(scenario.excitation, "quantity", None)))
+    return "1" if dimension is None else dimension.unit
 
 
 def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
+from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
@@ -71,7 +72,8 @@ def random_response(
             transmissibility[probe.name] = np.asarray(cross / sxx)
             coherence[probe.name] = np.asarray(np.abs(cross) ** 2 / (sxx * syy))
     signals += [statistics(snubber.name, "force", "N", snubber.force) for snubber in result.snubbers.values()]
-    quantity, unit = ("acceleration", "m/s^2") if force is None else ("force", "N")
+    quantity = "acceleration" if force is None else str(getattr(result.scenario.excitation, "quantity", "force"))
+    unit = amplitude_unit(quantity)
     entered = statistics("input", quantity, unit, given)
     return RandomResponse(float(result.time[first]), frequency, (entered, *signals), transmissibility, coherence)
 

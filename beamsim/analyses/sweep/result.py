@@ -28,6 +28,7 @@ from beamsim.fields import (
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
+from beamsim.scenario.quantities import amplitude_unit
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -132,7 +133,7 @@ class SweepCurve:
     @property
     def excitation_unit(self) -> str:
         """Unit of its amplitude."""
-        return "N" if self.quantity == "force" else "m/s^2"
+        return amplitude_unit(self.quantity)
 
     @property
     def weights(self) -> Floats:

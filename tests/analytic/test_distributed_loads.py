@@ -1,0 +1,302 @@
+"""Force per length of beams and pressure on plates: load vectors, statics, single modes, errors."""
+
+import numpy as np
+import pytest
+from numpy.polynomial.polynomial import polyval, polyval2d
+from scipy.linalg import expm
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.structures.assembly import assemble, load_site_in
+from beamsim.system.build import build_system
+from tests.helpers.independent import Beam
+
+L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
+EI = E * W * H**3 / 12
+BEAM = {
+    "length": L, "width": W, "thickness": H, "youngs_modulus": E, "density": RHO, "elements": 7,
+    "damping": {"kind": "modal", "ratio": 0.02},
+}  # fmt: skip
+PLATE = {
+    "kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.002, "youngs_modulus": E, "poissons_ratio": 0.3,
+    "density": RHO, "elements": [5, 4],
+}  # fmt: skip
+FREE = {"left": "free", "right": "free"}
+PINNED = {"left": "pinned", "right": "pinned"}
+
+
+def load(kind="harmonic", **applied_to):
+    unit = "N/m" if "line" in applied_to else "Pa"
+    signal = {"step": {}, "harmonic": {"frequency": 23.0}}[kind]
+    return {"kind": kind, "applied_to": applied_to, "level": f"40 {unit}", **signal}
+
+
+def case(excitation, *, beam=None, supports=None, plate=None, **more):
+    body = {"beam": {**BEAM, "supports": supports or {"left": "clamped"}, **(beam or {})}}
+    at = 0.7 * L
+    if plate is not None:
+        body, at = {"bodies": {"panel": {**PLATE, **plate}}}, [0.25, 0.15]
+    return load_scenario(
+        {**body, "excitation": excitation, "probes": [{"name": "p", "position": at}], "run": {"duration": 0.2}, **more}
+    )
+
+
+def row(scenario):
+    """(N,) load vector of the excitation."""
+    return assemble(scenario).row(load_site_in(scenario, scenario.excitation.applied_to))
+
+
+SHAPES = {
+    "uniform": ({"kind": "uniform"}, [1.0]),
+    "linear": ({"kind": "linear", "values": [0.5, -2.0]}, [0.5, -2.5]),
+    "polynomial": ({"kind": "polynomial", "coefficients": [1, -3, 0, 4, 2]}, [1, -3, 0, 4, 2]),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("line", ["whole", ["20 %", 0.61]])
+def test_the_load_vector_of_a_polynomial_is_exact(name, line):
+    shape, factors = SHAPES[name]
+    scenario = case(load(line=line, shape=shape), supports=FREE)
+    structure = assemble(scenario)
+    a, b = (0.0, L) if line == "whole" else (0.2 * L, 0.61)
+    x, weight = np.polynomial.legendre.leggauss(20)
+    x = a + (b - a) * (x + 1) / 2
+    p = polyval((x - a) / (b - a), factors)
+    for power in range(4):  # cubics are in the space of the elements
+        field = np.zeros(structure.size)
+        nodes = structure.mesh.nodes * L
+        field[0::2] = nodes**power
+        field[1::2] = L * (power * nodes ** (power - 1) if power else np.zeros(nodes.size))
+        exact = (b - a) / 2 * weight @ (p * x**power)
+        assert row(scenario) @ field == pytest.approx(exact, rel=1e-12, abs=1e-14)
+
+
+def test_the_load_vector_of_a_table_is_that_of_its_straight_pieces():
+    table = {"kind": "table", "x": [0.1, 0.37, 0.5], "values": [0.0, 2.0, -1.0]}
+    whole = row(case(load(line="whole", shape=table), supports=FREE))
+    pieces = [
+        row(case(load(line=[0.1, 0.37], shape={"kind": "linear", "values": [0, 2]}), supports=FREE)),
+        row(case(load(line=[0.37, 0.5], shape={"kind": "linear", "values": [2, -1]}), supports=FREE)),
+    ]
+    np.testing.assert_allclose(whole, sum(pieces), rtol=0, atol=1e-14)
+
+
+def test_the_load_vector_of_a_plate_is_exact():
+    coefficients = [[1.0, -2.0, 0.5], [0.0, 3.0, 1.0]]
+    area = [[0.11, "10 %"], ["90 %", 0.21]]
+    shape = {"kind": "polynomial", "coefficients": coefficients}
+    scenario = case(load(area=area, shape=shape), plate={})
+    structure = assemble(scenario)
+    x, weight = np.polynomial.legendre.leggauss(12)
+    (a, c), (b, d) = (0.11, 0.03), (0.45, 0.21)
+    s, t = np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij")
+    p = polyval2d(s, t, np.array(coefficients))
+    nodes = structure.mesh.node_points * (0.5, 0.3)
+    for i, j in ((0, 0), (1, 2), (3, 3)):
+        field = np.zeros((nodes.shape[0], 4))
+        dx = i * nodes[:, 0] ** max(i - 1, 0) * 0.5
+        dy = j * nodes[:, 1] ** max(j - 1, 0) * 0.3
+        field = np.column_stack(
+            [nodes[:, 0] ** i * nodes[:, 1] ** j, nodes[:, 0] ** i * dy, dx * nodes[:, 1] ** j, dx * dy]
+        )
+        # degrees of freedom are numbered along y, deflection and slope of x first
+        nx, ny = structure.mesh.x.nodes.size, structure.mesh.y.nodes.size
+        whole = field.reshape(nx, ny, 2, 2).transpose(0, 2, 1, 3).ravel()
+        exact = (
+            (b - a)
+            * (d - c)
+            / 4
+            * np.einsum("i,j,ij->", weight, weight, p * (a + (b - a) * s) ** i * (c + (d - c) * t) ** j)
+        )
+        assert row(scenario) @ whole == pytest.approx(exact, rel=1e-12, abs=1e-16)
+
+
+def static_motion(scenario):
+    """The system, and its coordinates under the level of the excitation held for ever."""
+    system = build_system(scenario)
+    force = 40.0 * system.forcing.load[0]
+    return system, force / system.dynamics.stiffness
+
+
+@pytest.mark.parametrize(
+    ("shape", "supports", "deflection", "moment"),
+    [
+        ({"kind": "uniform"}, {"left": "clamped"}, lambda s: s**2 * (6 - 4 * s + s**2) / 24,
+         lambda s: (1 - s) ** 2 / 2),
+        ({"kind": "linear", "values": [1, 0]}, {"left": "clamped"},
+         lambda s: s**2 * (10 - 10 * s + 5 * s**2 - s**3) / 120, lambda s: (1 - s) ** 3 / 6),
+        ({"kind": "uniform"}, PINNED, lambda s: s * (1 - 2 * s**2 + s**3) / 24, lambda s: -s * (1 - s) / 2),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("modes", [3, "all"])
+def test_static_deflection_and_moment_are_those_of_the_beam(shape, supports, deflection, moment, modes):
+    scenario = case(load("step", line="whole", shape=shape), supports=supports, reduction={"modes": modes})
+    system, q = static_motion(scenario)
+    body = system.bodies[0]
+    s = body.position / L
+    nodes = np.isin(np.round(s * 14), np.arange(0, 15, 2))  # deflections are exact at nodes alone
+    np.testing.assert_allclose(
+        (body.deflection @ q)[nodes], 40 * L**4 / EI * deflection(s[nodes]), rtol=1e-9, atol=1e-13
+    )
+    np.testing.assert_allclose(body.bending_moment @ q, 40 * L**2 * moment(s), rtol=0, atol=1e-9 * 40 * L**2)
+
+
+def test_moment_inside_a_partly_loaded_element():
+    scenario = case(load("step", line=[0.2 * L, 0.55 * L]), supports=PINNED, reduction={"modes": 2})
+    system, q = static_motion(scenario)
+    x, a, b = system.bodies[0].position, 0.2 * L, 0.55 * L
+    right = 40 * (b - a) * (a + b) / 2 / L
+    left = 40 * (b - a) - right
+    beyond = np.clip(x - a, 0, None) ** 2 / 2 - np.clip(x - b, 0, None) ** 2 / 2
+    np.testing.assert_allclose(
+        system.bodies[0].bending_moment @ q, -(left * x - 40 * beyond), rtol=0, atol=1e-9 * 40 * L**2
+    )
+
+
+def test_a_half_sine_drives_one_mode_of_a_pinned_beam():
+    scenario = case(load(line="whole", shape={"kind": "sine"}), supports=PINNED, beam={"elements": 20})
+    system = build_system(scenario)
+    modal = np.abs(system.forcing.load[0])
+    assert modal[1:].max() < 1e-12 * modal[0]
+    mass = RHO * W * H * L / 2
+    assert modal[0] == pytest.approx(L / 2 / np.sqrt(mass), rel=1e-6)
+    result = beamsim.run(scenario.model_copy(update={"run": scenario.run.model_copy(update={"start": "rest"})}))
+    omega, w = 2 * np.pi * 23.0, system.dynamics.stiffness[0] ** 0.5
+    t, zeta = result.time, 0.02
+    # closed form of one oscillator from rest
+    h = 1 / (w**2 - omega**2 + 2j * zeta * w * omega)
+    steady = np.imag(h * np.exp(1j * omega * t))
+    at_start, rate = np.imag(h), np.imag(1j * omega * h)
+    wd = w * np.sqrt(1 - zeta**2)
+    free = np.exp(-zeta * w * t) * (-at_start * np.cos(wd * t) - (rate + zeta * w * at_start) / wd * np.sin(wd * t))
+    expected = 40 * L / 2 / mass * np.sin(0.7 * np.pi) * (steady + free)
+    np.testing.assert_allclose(result.probes["p"].displacement, expected, rtol=0, atol=2e-6 * np.abs(expected).max())
+
+
+def test_a_mode_shaped_load_drives_that_mode_of_a_uniform_beam():
+    system = build_system(case(load(line="whole", shape={"kind": "mode", "mode": 2}), reduction={"modes": 5}))
+    modal = np.abs(system.forcing.load[0])
+    assert np.delete(modal, 1).max() < 1e-10 * modal[1]
+
+
+def test_uniform_pressure_on_a_simply_supported_plate():
+    edges = dict.fromkeys(("left", "right", "bottom", "top"), "pinned")
+    scenario = case(load("step", area="whole"), plate={"supports": edges, "elements": [12, 12]}, reduction={"modes": 4})
+    system, q = static_motion(scenario)
+    d = E * 0.002**3 / 12 / (1 - 0.3**2)
+    m, n = np.meshgrid(np.arange(1, 80, 2), np.arange(1, 80, 2), indexing="ij")  # C. L. Navier, 1823
+    series = np.sin(m * np.pi / 2) * np.sin(n * np.pi / 2) / (m * n * ((m / 0.5) ** 2 + (n / 0.3) ** 2) ** 2)
+    assert system.probes[0].shape @ q == pytest.approx(16 * 40 / (np.pi**6 * d) * series.sum(), rel=1e-5)
+
+
+def test_a_product_of_half_waves_drives_one_mode_of_a_simply_supported_plate():
+    edges = dict.fromkeys(("left", "right", "bottom", "top"), "pinned")
+    scenario = case(
+        load(area="whole", shape={"kind": "sine", "half_waves": [2, 1]}),
+        plate={"supports": edges, "elements": [10, 10]}, reduction={"modes": 8},
+    )  # fmt: skip
+    modal = np.abs(build_system(scenario).forcing.load[0])
+    one = int(np.argmax(modal))
+    assert np.delete(modal, one).max() < 1e-3 * modal[one]
+
+
+def test_against_an_independent_beam():
+    """A line and a point with their own phases, on full matrices; the line's vector is a sum of many point forces."""
+    alpha, beta = 8.0, 2e-5
+    line = {**load(line=[0.1, "80 %"], shape={"kind": "linear", "values": [0, 1]}), "phase": 0.4}
+    point = {"kind": "harmonic", "applied_to": {"position": 0.5}, "level": "2 N", "frequency": 61.0}
+    scenario = case(
+        {"kind": "forces", "forces": [line, point]}, reduction={"modes": "all"},
+        beam={"damping": {"kind": "rayleigh", "mass": alpha, "stiffness": beta}},
+    )  # fmt: skip
+    result = beamsim.run(scenario)
+    beam = Beam(L, W, H, E, RHO, 7, "clamped")
+    n, (a, b) = beam.free.size, (0.1, 0.8 * L)
+    x = a + (b - a) * (np.arange(20000) + 0.5) / 20000
+    spread = sum(40 * (b - a) / 20000 * (at - a) / (b - a) * beam.row(at) for at in x)
+    system = np.zeros((2 * n + 4, 2 * n + 4))  # with sines and cosines of both loads as states
+    inverse = np.linalg.inv(beam.M)
+    system[:n, n : 2 * n] = np.eye(n)
+    system[n : 2 * n, :n] = -inverse @ beam.K
+    system[n : 2 * n, n : 2 * n] = -inverse @ (alpha * beam.M + beta * beam.K)
+    for k, (vector, hz) in enumerate(((spread, 23.0), (2 * beam.row(0.5), 61.0))):
+        s, c = 2 * n + 2 * k, 2 * n + 2 * k + 1
+        system[n : 2 * n, s] = inverse @ vector
+        system[s, c], system[c, s] = 2 * np.pi * hz, -2 * np.pi * hz
+    start = np.concatenate([np.zeros(2 * n), [np.sin(0.4), np.cos(0.4), 0.0, 1.0]])
+    times = result.time[:: max(1, result.time.size // 40)]
+    expected = [beam.row(0.7 * L) @ (expm(system * t) @ start)[:n] for t in times]
+    got = result.probes["p"].displacement[:: max(1, result.time.size // 40)]
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+def test_energies_balance_with_contact_and_several_loads():
+    loads = [
+        {**load(line=[0.1, "80 %"], shape={"kind": "linear", "values": [0, 1]}), "phase": 0.4},
+        {"kind": "harmonic", "applied_to": {"position": 0.5}, "level": "2 N", "frequency": 61.0},
+    ]
+    result = beamsim.run(case({"kind": "forces", "forces": loads}, snubbers=[
+        {"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 1e-4}]))  # fmt: skip
+    assert result.summary["contacts"]["s"] >= 2
+    assert result.summary["energy_error"] < 1e-10
+
+
+def test_a_line_load_on_one_of_two_joined_beams_is_that_on_the_whole():
+    half = {key: value for key, value in BEAM.items() if key != "elements"} | {"kind": "beam", "length": L / 2}
+    cut = load_scenario({
+        "bodies": {
+            "one": {**half, "elements": 4, "supports": {"left": "clamped"}},
+            "two": {**half, "elements": 4, "supports": FREE},
+        },
+        "joints": [{"kind": "rigid", "between": [{"body": "one", "position": L / 2}, {"body": "two", "position": 0}]}],
+        "excitation": load(body="two", line="whole"),
+        "probes": [{"name": "p", "at": {"body": "two", "position": 0.2 * L}}],
+        "run": {"duration": 0.2},
+    })  # fmt: skip
+    whole = case(load(line=["50 %", L]), beam={"elements": 8})
+    a, b = (beamsim.run(scenario).probes["p"].displacement for scenario in (cut, whole))
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(b).max())
+
+
+def test_a_stepped_sine_takes_a_pressure():
+    excitation = load(area=[[0, 0], ["50 %", "100 %"]])
+    scenario = case(
+        excitation, plate={"supports": {"left": "clamped"}}, reduction={"modes": 3},
+        sweep={"kind": "stepped", "from": 20, "to": 24, "points": 3, "levels": ["20 Pa"]},
+    )  # fmt: skip
+    curve = next(iter(beamsim.sweep(scenario).curves.values()))
+    assert curve.quantity == "pressure"
+    assert curve.excitation_unit == curve.level_unit == "Pa"
+
+
+@pytest.mark.parametrize(
+    ("excitation", "message"),
+    [
+        (load(line=[0.1, 1.2]), "excitation.applied_to.line[1] = 1.2 m lies beyond beam.length"),
+        (load(line=[0.5, 0.1]), "excitation.applied_to.line does not end beyond where it begins"),
+        (load(area="whole"), "excitation.applied_to.area belongs to a plate, but beam is a beam"),
+        ({**load(line="whole"), "level": "3 N"}, "excitation.level is a force, but a line takes a force per length"),
+        ({**load(line="whole"), "level": "3 Pa"}, "level is a pressure, but a line takes a force per"),
+        (load(line="whole", shape={"kind": "sine", "half_waves": [1, 1]}), "applied_to.shape is one for a plate"),
+        (load(line="whole", shape={"kind": "table", "x": [0, 0.1], "values": [1]}), "shape.values are not as many"),
+        (load(line="whole", body="wing"), "excitation.applied_to.body = wing is an unknown body"),
+        (load(line="whole", shape={"kind": "table", "x": [0, 2.0], "values": [1, 1]}), "shape.x[1] = 2 m lies beyond"),
+    ],
+)  # fmt: skip
+def test_errors_are_located(excitation, message):
+    with pytest.raises(ScenarioError) as error:
+        case(excitation)
+    assert message in str(error.value)
+    assert error.value.problems[0].remedy
+
+
+def test_a_mode_that_the_body_does_not_have_is_refused():
+    with pytest.raises(ScenarioError, match=r"excitation.applied_to.shape.mode = 99, but beam has 14 modes"):
+        build_system(case(load(line="whole", shape={"kind": "mode", "mode": 99})))
+
+
+def test_a_chain_takes_no_line_load():
+    with pytest.raises(ScenarioError, match="belongs to a beam, but chain is a chain"):
+        load_scenario({"chain": {"masses": [1.0], "springs": [100.0]}, "excitation": load(line="whole")})
