@@ -12,6 +12,7 @@ import numpy as np
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import shape_functions
 from beamsim.structures.mesh import Mesh, line_rows
+from beamsim.structures.modes import mode_of_unit_deflection
 from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, separated
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
@@ -93,7 +94,8 @@ class BeamModel(BodyStructure, ABC):
 
     def _mode_at(self, mode: int, points: Floats) -> Floats:
         return np.asarray(
-            line_rows(self.mesh, points[:, 0] / self.beam.length) @ self.whole_field(self.mode_shape(mode))
+            line_rows(self.mesh, points[:, 0] / self.beam.length)
+            @ self.whole_field(mode_of_unit_deflection(self, mode))
         )
 
     def whole_field(self, vectors: Floats) -> Floats:

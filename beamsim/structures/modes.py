@@ -113,6 +113,13 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
     return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflections(vectors)))
 
 
+def mode_of_unit_deflection(model: Structure, mode: int) -> Floats:
+    """(N,) a natural mode, numbered from 1, its largest nodal deflection 1."""
+    field = natural_modes(model, count=mode).vectors[:, mode - 1]
+    deflections = model.deflections(field)
+    return np.asarray(field / deflections[np.argmax(np.abs(deflections))])
+
+
 def _of_parts(model: Structure, count: int | None, below: float | None) -> Modes:
     """The modes of all bodies in order of frequency, each of one body alone."""
     omega, vectors = [], []

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.structures.distributed import Distributed
+from beamsim.structures.modes import mode_of_unit_deflection
 from beamsim.structures.places import DEFLECTION, LoadSite, Place, Site, separated
 from beamsim.structures.plate_mesh import PlateMesh
 from beamsim.structures.structure import BodyStructure
@@ -77,7 +78,9 @@ class PlateModel(BodyStructure, ABC):
         return np.asarray((self.mesh.rows(self.nondimensional(points)).T @ force)[self.free])
 
     def _mode_at(self, mode: int, points: Floats) -> Floats:
-        return np.asarray(self.mesh.rows(self.nondimensional(points)) @ self.whole_field(self.mode_shape(mode)))
+        return np.asarray(
+            self.mesh.rows(self.nondimensional(points)) @ self.whole_field(mode_of_unit_deflection(self, mode))
+        )
 
     def nondimensional(self, points: Floats) -> Floats:
         """(k, 2) points in m over length and width."""

@@ -16,7 +16,6 @@ import numpy as np
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
-from beamsim.structures.modes import natural_modes
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
 from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, SpringEnd, ends_of
 from beamsim.typing import Floats, Ints
@@ -280,12 +279,6 @@ class BodyStructure(Structure, ABC):
         if isinstance(place, Distributed) and place.mode is not None and place.mode > self.size:
             return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"
         return None
-
-    def mode_shape(self, mode: int) -> Floats:
-        """(N,) a natural mode of the body by itself, numbered from 1, its largest nodal deflection 1."""
-        field = natural_modes(self, count=mode).vectors[:, mode - 1]
-        deflections = self.deflections(field)
-        return np.asarray(field / deflections[np.argmax(np.abs(deflections))])
 
     def base_motion_of(self, place: Place) -> float:
         """Displacement of a place in its direction when the base moves by one unit and nothing deforms."""
