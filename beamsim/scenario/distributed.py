@@ -171,8 +171,8 @@ class DistributedLoad(Schema):
 
     body: Name | None = None
     """Name of the body; may be left out where there is only one."""
-    shape: AnyShape = UniformShape()
-    """Factor of the level over the loaded part: uniform, linear, polynomial, sine, mode or table."""
+    shape: AnyShape | None = None
+    """Factor of the level over the loaded part: uniform (the default), linear, polynomial, sine, mode or table."""
 
     acts_on: ClassVar[str] = ""
 
@@ -188,6 +188,9 @@ class DistributedLoad(Schema):
 
     def settle(self) -> None:
         """Demand a shape of as many directions as the body has."""
+        if self.shape is None:
+            self.resolve("shape", UniformShape())
+            return
         two = self.shape.two_dimensional
         if two is not None and two is not (self.acts_on == "plate"):
             raise fail(
