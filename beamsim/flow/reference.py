@@ -166,7 +166,7 @@ def integrate(
         C[:done],
         Y[:done, -2],
         Y[:done, -1],
-        np.array([right_hand_side.power_in(*row) for row in zip(times[:done], Y[:done], C[:done], strict=True)]),
+        right_hand_side.power_in(times[:done], Y[:done], C[:done]),
         np.array(ev_time),
         np.array(ev_contact, dtype=np.int64),
         np.array(ev_phase, dtype=np.int64),
@@ -251,9 +251,20 @@ class _RightHandSide:
         loss = v @ friction + self.loss @ rate**2 + self.internal_loss @ p_rate**2
         return np.concatenate([v, acceleration, p_rate, [power, loss]])
 
-    def power_in(self, t: float, y: Floats, phases: Ints) -> float:
-        self.begin(t, phases)
-        return float(self(t, y)[-2])
+    def power_in(self, times: Floats, y: Floats, phases: Ints) -> Floats:
+        """(nt,) power of the loads and of the moving base at states (nt, N) with contacts in phases (nt, m)."""
+        system, c, n = self.flow.system, self.flow.system.contacts, self.n
+        q, v, p = y[:, :n], y[:, n : 2 * n], y[:, 2 * n : -2]
+        value, slope = _source_values(self.flow, times, times)
+        base, base_rate = (x[:, self.base].sum(axis=1, keepdims=True) * c.on_ground for x in (value, slope))
+        delta, rate = -c.gap - c.sign * (q @ c.shape.T + base), -c.sign * (v @ c.shape.T + base_rate)
+        power = ((system.constant_load + value @ self.load) * v).sum(axis=1)
+        power -= (c.forces(phases, delta, rate, p) * c.sign * base_rate).sum(axis=1)
+        if self.cubic is not None and self.base_displacement is not None and self.base_velocity is not None:
+            felt = self.cubic.felt
+            stretch = q @ self.cubic.shape.T + felt * self.base_displacement(times)[:, None]
+            power += (self.cubic.stiffness * stretch**3) @ felt * self.base_velocity(times)
+        return np.asarray(power)
 
     def _value(self, contact: int, row: Floats, t: float, y: Floats) -> float:
         """A linear function of a contact's penetration, its rate, 1 and its internal states."""

@@ -245,11 +245,11 @@ def test_kernels_without_an_entry_from_python_are_called_by_kernels_alone():
     assert len(without_entry) > 50
     for name, tree in MODULES.items():
         compiled = decorated(tree, "inner") | decorated(tree, "kernel")
+        local = {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)} if name not in kernels else set()
         for node in tree.body:
             if isinstance(node, ast.FunctionDef) and node.name in compiled:
                 continue
             called = {n.func.id for n in ast.walk(node) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
-            local = {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)} if name not in kernels else set()
             assert not (called - local) & without_entry, f"{name} calls kernels without an entry"
 
 

@@ -21,44 +21,44 @@ BODIES = {"snubbers/between": "inner, outer", "snubbers/base": "inner", "probes/
           "probes/outer_tip": "outer"}  # fmt: skip
 
 
-def files(folder):
-    """A run and a continuation in the position of a stop of one of two panels."""
-    path = "{kind: continuation, longest_period: 1, continue_in: {kind: position, snubber: base, from: 0.7, to: 0.77}}"
-    drive = "{kind: harmonic, applied_to: base, level: 0.3 g, frequency: 12 Hz}"
-    case = load_scenario(EXAMPLE, [*CHANGES, "run.duration=0.05", f"excitation={drive}", f"sweep={path}"])
-    run, curve = beamsim.run(case), beamsim.frequency_response(case)
-    beamsim.write_run(run, folder / "run.h5")
-    beamsim.write_frequency_response(curve, folder / "curve.h5")
-    return curve
+DRIVE = "excitation={kind: harmonic, applied_to: base, level: 0.3 g, frequency: 12 Hz}"
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("files")
-    return folder, files(folder)
+def run_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("files") / "run.h5"
+    beamsim.write_run(beamsim.run(load_scenario(EXAMPLE, [*CHANGES, "run.duration=0.05", DRIVE])), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def curve(tmp_path_factory):
+    """A continuation in the position of a stop of one of two panels, and its file."""
+    path = "{kind: continuation, longest_period: 1, continue_in: {kind: position, snubber: base, from: 0.7, to: 0.77}}"
+    result = beamsim.frequency_response(load_scenario(EXAMPLE, [*CHANGES, DRIVE, f"sweep={path}"]))
+    file = tmp_path_factory.mktemp("files") / "curve.h5"
+    beamsim.write_frequency_response(result, file)
+    return result, file
 
 
 @pytest.mark.slow
-def test_a_stop_moves_along_one_of_two_bodies(written):
-    _, curve = written
-    (branch,) = curve.branches
-    assert curve.complete
+def test_a_stop_moves_along_one_of_two_bodies(curve):
+    (branch,) = curve[0].branches
+    assert curve[0].complete
     assert branch.parameter[[0, -1]] == pytest.approx([0.7, 0.77])
     assert branch.residual.max() < 1e-11
     assert branch.parameter.size < 60  # small steps would mean that Newton's method does not converge
 
 
 @pytest.mark.slow
-def test_the_last_motion_is_that_of_a_stop_built_there(written):
-    _, curve = written
-    (branch,) = curve.branches
+def test_the_last_motion_is_that_of_a_stop_built_there(curve):
+    (branch,) = curve[0].branches
     path = (
         "{kind: continuation, longest_period: 1, continue_in: {kind: gap, snubber: base, from: 0.2 mm, to: 0.201 mm}}"
     )
-    drive = "{kind: harmonic, applied_to: base, level: 0.3 g, frequency: 12 Hz}"
     there = load_scenario(
         EXAMPLE,
-        [*CHANGES, f"excitation={drive}", f"sweep={path}", "snubbers[1].at.position=0.77"],
+        [*CHANGES, DRIVE, f"sweep={path}", "snubbers[1].at.position=0.77"],
     )
     other = beamsim.frequency_response(there).branches[0]
     for probe in ("inner_tip", "outer_tip"):
@@ -66,12 +66,11 @@ def test_the_last_motion_is_that_of_a_stop_built_there(written):
 
 
 @pytest.mark.slow
-def test_groups_name_their_bodies(written):
-    folder, _ = written
-    with h5py.File(folder / "run.h5") as run, h5py.File(folder / "curve.h5") as curve:
+def test_groups_name_their_bodies(run_file, curve):
+    with h5py.File(run_file) as run, h5py.File(curve[1]) as branches:
         for path, body in BODIES.items():
             assert run[path].attrs["body"] == body
-            assert curve[f"branches/0/{path}"].attrs["body"] == body
+            assert branches[f"branches/0/{path}"].attrs["body"] == body
 
 
 def test_one_body_is_not_named(fabricated_run, tmp_path):
@@ -80,21 +79,30 @@ def test_one_body_is_not_named(fabricated_run, tmp_path):
         assert all("body" not in group.attrs for group in run["probes"].values())
 
 
-@pytest.mark.parametrize("name", ["run", "curve"])
-def test_exports(written, name, tmp_path):
-    folder, curve = written
-    source = folder / f"{name}.h5"
-    tables = beamsim.export_result(source, tmp_path / "csv", "csv")
+def exported(source, folder):
+    """Text tables, and what the MAT file holds; the UFF file knows where each body's points are."""
+    tables = beamsim.export_result(source, folder / "csv", "csv")
     assert len(tables) > 5
-    (mat,) = beamsim.export_result(source, tmp_path / "case.mat", "mat")
-    data = loadmat(mat, simplify_cells=True)
-    (uff,) = beamsim.export_result(source, tmp_path / "case.uff", "uff")
+    (mat,) = beamsim.export_result(source, folder / "case.mat", "mat")
+    (uff,) = beamsim.export_result(source, folder / "case.uff", "uff")
     pyuff = pytest.importorskip("pyuff")
     file = pyuff.UFF(str(uff))
     nodes = next(s for s in (file.read_sets(k) for k in range(file.get_n_sets())) if s["type"] == 15)
     np.testing.assert_allclose(nodes["x"][:4], [0.77, 0.77, 0.77, 0.7])
-    if name == "curve":
-        stored = data["branches"]["x0"]["probes"]["outer_tip"]["peak_displacement"]
-        np.testing.assert_array_equal(stored, curve.branches[0].peak_displacement["outer_tip"])
-        attributes = next(path for path in tables if path.name == "attributes.csv").read_text()
-        assert "inner, outer" in attributes
+    return tables, loadmat(mat, simplify_cells=True)
+
+
+def test_a_run_is_exported(run_file, tmp_path):
+    _, data = exported(run_file, tmp_path)
+    with h5py.File(run_file) as run:
+        stored = run["probes/outer_tip/displacement"][()]
+    np.testing.assert_array_equal(data["probes"]["outer_tip"]["displacement"], stored)
+
+
+@pytest.mark.slow
+def test_a_curve_is_exported(curve, tmp_path):
+    tables, data = exported(curve[1], tmp_path)
+    stored = data["branches"]["x0"]["probes"]["outer_tip"]["peak_displacement"]
+    np.testing.assert_array_equal(stored, curve[0].branches[0].peak_displacement["outer_tip"])
+    attributes = next(path for path in tables if path.name == "attributes.csv").read_text()
+    assert "inner, outer" in attributes
