@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, comb, perm
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.flow.exact import ExactFlow
 
 MANY_PIECES = 512  # of the inputs
 FEWEST = 64  # segments alike for which a matrix is worth its making
@@ -107,13 +110,18 @@ def blocks(group: Alike) -> Iterator[Ints]:
 def amplitudes(motion: Segments, state: int, segments: Ints) -> Complexes:
     """(n, Z) amplitudes on whole pieces of one contact state: of the inputs, then of the free motions."""
     flow, tables = motion.flow, motion.flow.states[state]
-    count = flow.sources.count
     given = flow.sources.amplitude[motion.piece[segments]]
-    forced = np.zeros((count, flow.size), dtype=complex)
-    at_start = (tables.term_source < count) & (tables.power[tables.term_basis] == 0)
-    np.add.at(forced, tables.term_source[at_start], tables.term_vector[at_start])
+    forced = forced_at_start(tables, flow.sources.count)
     free = motion.y[segments] - (given.real @ forced.real - given.imag @ forced.imag)
     return np.concatenate([given, free @ tables.projector.T], axis=1)
+
+
+def forced_at_start(state: ContactState, count: int) -> Complexes:
+    """(F, N) state at the start of a piece that the forced motion has for a unit of each input."""
+    forced = np.zeros((count, state.term_vector.shape[1]), dtype=complex)
+    at_start = (state.term_source < count) & (state.power[state.term_basis] == 0)
+    np.add.at(forced, state.term_source[at_start], state.term_vector[at_start])
+    return forced
 
 
 def as_real(zeta: Complexes) -> Floats:
@@ -211,7 +219,7 @@ def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: F
         first, last = (
             output_map(motion, group.state, _basis(motion, group.state, tau), of_state) for tau in (0.0, group.tau)
         )
-        bend = group.tau**2 / 8.0 * _largest_curvature(tables.exponent, tables.power, group.tau)
+        bend = group.tau**2 / 8.0 * largest_curvature(tables.exponent, tables.power, group.tau)
         curvature = np.zeros((first.shape[0] // 2, of_state.shape[1]))
         of_terms = bend[tables.term_basis, None] * np.abs(of_state[: tables.term_basis.size])
         np.add.at(curvature, tables.term_source, of_terms)
@@ -230,7 +238,7 @@ def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: F
     return np.sort(np.concatenate(possible)[higher])
 
 
-def _largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:
+def largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:
     """(B,) bound on the second derivative of every basis function on [0, H]."""
     size, p = np.abs(exponent), power
     level = np.exp(np.maximum(exponent.real, 0.0) * H)

@@ -12,6 +12,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Watched
 from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads, state_matrices
+from beamsim.flow.equal_steps import Step, as_arrays, common_length, step_of
 from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
@@ -21,6 +22,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.march import Motion
+    from beamsim.flow.march_kernels import Steps
     from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
@@ -73,6 +75,7 @@ class ExactFlow:
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
+        self._length = common_length(self.sources)
         self._clear()
         self._inputs: Inputs | None = None
 
@@ -86,6 +89,8 @@ class ExactFlow:
         self._visit: list[int] = []  # number among them of each state that is kept
         self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
+        self._step: list[Step] = []  # of each state that is kept, over an equal piece
+        self._steps: Steps | None = None
 
     @property
     def dropped(self) -> bool:
@@ -129,6 +134,10 @@ class ExactFlow:
             self._visit.append(visit)
         else:
             self.states[index], self._visit[index] = state, visit
+        if self._length is not None:
+            guards = np.ascontiguousarray(watch[:, : watched.guards])
+            self._step[index : index + 1] = [step_of(state, guards, roughness, self.sources, self._length)]
+            self._steps = None
         return index
 
     def _built(self, phases: Ints) -> ContactState:
@@ -163,6 +172,12 @@ class ExactFlow:
     def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
         """What the march takes; see :class:`beamsim.flow.march.Marched`."""
         return self.tables(), self.inputs(), None
+
+    def equal_steps(self) -> Steps | None:
+        """What the march takes for equal pieces; None where they are not many."""
+        if self._steps is None and self._length is not None:
+            self._steps = as_arrays(self._step, self.sources, self._length)
+        return self._steps
 
     def time_of(self, motion: Motion) -> float:
         """Time since the start of the motion, s."""

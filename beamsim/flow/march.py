@@ -14,6 +14,7 @@ from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
+    from beamsim.flow.march_kernels import Steps
     from beamsim.flow.sweep_kernels import Swept
 
 FIRST_LOG = 64
@@ -62,6 +63,9 @@ class Marched(Protocol):
     def kernel_arguments(self) -> tuple[Tables, Inputs, Swept | None]:
         """Tables of the contact states so far, sources, and the swept sine if there is one."""
 
+    def equal_steps(self) -> Steps | None:
+        """What carries the motion over pieces of the sources that are equally long, where they are many."""
+
     def follow(self, state: int, guard: int) -> int:
         """Number of the state after the event of a guard, built where it is not there yet."""
 
@@ -92,7 +96,7 @@ class Motion:
         from beamsim.flow.march_kernels import NEED_STATE, march
 
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
-            *flow.kernel_arguments(), self.time, self.piece, end, self.state, self.guard, self.waits, self.y, log,
+            *flow.kernel_arguments(), flow.equal_steps(), self.time, self.piece, end, self.state, self.guard, self.waits, self.y, log,
             most_evaluations,
         )  # fmt: skip
         self.waits = code == NEED_STATE

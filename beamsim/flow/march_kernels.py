@@ -9,6 +9,9 @@ window, and the time counts from its start.
 
 from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from beamsim.flow.compiled import inner, kernel
@@ -34,6 +37,7 @@ from beamsim.flow.kernels import (
     _parts,
     _reset,
     _rows,
+    _safe_step,
     _state_at,
 )
 from beamsim.flow.sweep_kernels import (
@@ -53,9 +57,74 @@ DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 RESTART = 256  # even samples, after which the exponentials are evaluated anew
 
 
+class Steps(NamedTuple):
+    """S contact states over a piece of the inputs (see `beamsim.flow.equal_steps`), padded."""
+
+    matrix: Any  # (S, X, R)
+    curvature: Any  # (S, F + Z, g)
+    doubt: Any  # (S, F + Z, g)
+    valid: Any  # (S,)
+    rows: Any  # (S,) of R
+    length: float  # s
+    round_off: float  # s, within which a piece has that length
+
+
+@inner
+def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: ignore[no-untyped-def]
+    """Carry y over whole pieces in state s, at most so many, until one may hold an event; returns their number."""
+    F, N, Z, g = inputs.exponent.size, y.size, tables.n_free[s], tables.n_guards[s]
+    H = steps.length
+    R = steps.rows[s]
+    out = np.empty(R)
+    size = np.empty(F + Z)
+    done = 0
+    while done < most and piece + 1 < inputs.start.size:
+        t = inputs.start[piece]
+        length = inputs.start[piece + 1] - t
+        if inputs.start[piece + 1] > end or abs(length - H) > steps.round_off:
+            break
+        for r in range(R):
+            out[r] = 0.0
+        for f in range(F):
+            a = inputs.amplitude[piece, f].real
+            size[f] = abs(a)
+            for r in range(R):
+                out[r] += steps.matrix[s, f, r] * a
+        for k in range(N):
+            a = y[k]
+            for r in range(R):
+                out[r] += steps.matrix[s, F + k, r] * a
+        for i in range(Z):
+            re, im = out[N + i], out[N + Z + i]
+            size[F + i] = math.sqrt(re * re + im * im)
+        clear = True
+        first = N + 2 * Z
+        for j in range(g):
+            doubt, curvature = 0.0, 0.0
+            for i in range(F + Z):
+                doubt += size[i] * steps.doubt[s, i, j]
+                curvature += size[i] * steps.curvature[s, i, j]
+            value, slope, last = out[first + j], out[first + g + j], out[first + 2 * g + j]
+            # above the straight line between its ends but for an eighth of the curvature, or by the slope at its start
+            above = min(value, last) - curvature * H * H / 8.0 > doubt
+            clear = clear and value > doubt and (above or _safe_step(value, slope, curvature) >= H)
+        if not clear:
+            break
+        if log.time.size > 0:
+            n = n_seg + done
+            log.time[n], log.length[n], log.state[n], log.piece[n] = t, length, s, piece
+            for k in range(N):
+                log.y[n, k] = y[k]
+        for k in range(N):
+            y[k] = out[k]
+        piece += 1
+        done += 1
+    return done
+
+
 @kernel
 def march(  # type: ignore[no-untyped-def]
-    tables, inputs, swept, t, piece, end, state, guard, waits, y, log, most_evaluations
+    tables, inputs, swept, steps, t, piece, end, state, guard, waits, y, log, most_evaluations
 ):
     """Carry the state y, updated in place, to ``end``: a time, or in a sweep the number of a window.
 
@@ -106,6 +175,17 @@ def march(  # type: ignore[no-untyped-def]
                 return FULL, t, piece, state, guard, n_seg, n_ev, n_eval
             if n_eval > most_evaluations:
                 return BUDGET, t, piece, state, guard, n_seg, n_ev, n_eval
+            if steps is not None and guard < 0 and steps.valid[state] and t == inputs.start[piece]:
+                most_pieces = most_evaluations - n_eval + 1
+                if logging:
+                    most_pieces = min(most_pieces, log.time.size - n_seg)
+                walked = _walk(tables, inputs, steps, state, piece, end, most_pieces, y, log, n_seg)
+                if walked > 0:
+                    n_seg += walked
+                    n_eval += walked
+                    piece += walked
+                    t = inputs.start[piece]
+                    continue
             H = stop - t
             whole = tables.horizon[state] >= H
             if not whole:

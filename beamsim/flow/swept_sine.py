@@ -216,6 +216,9 @@ class CycleMarch:
         """Tables of the contact states so far, their constant source, and the sweep."""
         return self._arguments
 
+    def equal_steps(self) -> None:
+        """None: a sweep has windows in place of pieces."""
+
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
         following = self.flow.follow(state, guard)

@@ -272,6 +272,9 @@ class VariationalFlow(SeriesFlow):
             self._prepare()
         return self._tables, self._inputs, None
 
+    def equal_steps(self) -> None:
+        """None: the loads have no pieces."""
+
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
         return self.state_index(self._state_tables.following(state, guard))

@@ -1,0 +1,89 @@
+r"""The march over very many pieces of the inputs that are equally long, by a product of a matrix and a vector for each.
+
+On a whole piece of length h the state at its end, the free amplitudes and the watched functions are linear in the
+amplitudes a of the inputs and in the state y at its start. A matrix made once for each contact state gives them all,
+
+.. math:: (y(h),\ \mathrm{Re}\,\zeta,\ \mathrm{Im}\,\zeta,\ g(0),\ \dot g(0),\ g(h)) = M\,(a,\ y),
+
+in place of some hundred exponentials and terms for each piece. Where these show that no watched function reaches zero
+on the piece the motion goes on to the next one; else the certified search decides.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from beamsim.flow.contact_state import ContactState
+from beamsim.flow.equal_pieces import MANY_PIECES, as_real, basis_derivatives, forced_at_start, largest_curvature
+from beamsim.flow.sources import Sources
+from beamsim.flow.state_tables import pad
+from beamsim.typing import Complexes, Floats
+
+if TYPE_CHECKING:
+    from beamsim.flow.march_kernels import Steps
+
+EPS = float(np.finfo(float).eps)
+
+
+class Step(NamedTuple):
+    """A contact state over one piece: X = F + N numbers go in, R = N + 2 Z + 3 g come out."""
+
+    matrix: Floats  # (X, R)
+    curvature: Floats  # (F + Z, g) bound on that of the watched functions, for a unit of each amplitude
+    doubt: Floats  # (F + Z, g) twice their round-off, likewise
+    valid: bool  # whether the state's tables hold for a whole piece
+
+
+def common_length(sources: Sources) -> float | None:
+    """Length of most pieces, s; None where they are few or differ, or the inputs are not real polynomials."""
+    if sources.start.size < MANY_PIECES or np.any(sources.exponent != 0) or np.any(sources.amplitude.imag != 0):
+        return None
+    length = np.diff(sources.start)
+    equal = np.abs(length - float(np.median(length))) <= round_off(sources)
+    return float(length[equal].mean()) if 2 * np.count_nonzero(equal) > length.size else None
+
+
+def round_off(sources: Sources) -> float:
+    """Difference of the lengths of two pieces that is round-off of the times of their ends, s."""
+    return float(4.0 * EPS * sources.start[-1])
+
+
+def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: Sources, length: float) -> Step:
+    """The step of a contact state; ``watch`` (T, g) and ``roughness`` (T, g) are those of its guards."""
+    F, (Z, N), of_term = sources.count, state.projector.shape, state.term_basis
+    start = basis_derivatives(state.exponent, state.power, 0.0, 2)[:, of_term, None]
+    end = basis_derivatives(state.exponent, state.power, length, 1)[0, of_term, None]
+    free = np.concatenate([-forced_at_start(state, F).real @ state.projector.T, state.projector.T])  # (X, Z)
+    zeta = as_real(np.concatenate([np.eye(F + N, F), free], axis=1))  # (X, 2 (F + Z)) from the inputs and the state
+    outputs = (
+        zeta @ _of_amplitudes(state, F + Z, of_terms)
+        for of_terms in (end * state.term_vector, start[0] * watch, start[1] * watch, end * watch)
+    )
+    of_state, *of_watched = outputs
+    size, power = np.abs(watch), state.power[of_term, None]
+    bounds = np.zeros((2, F + Z, watch.shape[1]))
+    np.add.at(bounds[0], state.term_source, largest_curvature(state.exponent, state.power, length)[of_term, None] * size)
+    np.add.at(bounds[1], state.term_source, 8.0 * EPS * length**power * roughness + 16.0 * EPS * size * (power == 0))
+    matrix = np.concatenate([of_state, free.real, free.imag, *of_watched], axis=1)
+    return Step(matrix, bounds[0], bounds[1], state.horizon >= length)
+
+
+def _of_amplitudes(state: ContactState, count: int, of_terms: Complexes) -> Floats:
+    """(2 count, k) for a unit of the real and of the imaginary part of each amplitude, in turn; ``of_terms`` (T, k)."""
+    out = np.zeros((count, 2, of_terms.shape[1]))
+    np.add.at(out[:, 0], state.term_source, of_terms.real)
+    np.add.at(out[:, 1], state.term_source, -of_terms.imag)
+    return out.reshape(2 * count, -1)
+
+
+def as_arrays(steps: list[Step], sources: Sources, length: float) -> Steps:
+    """Steps side by side as the march takes them."""
+    from beamsim.flow.march_kernels import Steps
+
+    return Steps(
+        pad([step.matrix for step in steps]), pad([step.curvature for step in steps]),
+        pad([step.doubt for step in steps]), np.array([step.valid for step in steps]),
+        np.array([step.matrix.shape[1] for step in steps]), length, round_off(sources),
+    )  # fmt: skip
