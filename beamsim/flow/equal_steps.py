@@ -63,11 +63,12 @@ def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: S
     )
     of_state, *of_watched = outputs
     size, power = np.abs(watch), state.power[of_term, None]
-    bounds = np.zeros((2, F + Z, watch.shape[1]))
-    np.add.at(bounds[0], state.term_source, largest_curvature(state.exponent, state.power, length)[of_term, None] * size)
-    np.add.at(bounds[1], state.term_source, 8.0 * EPS * length**power * roughness + 16.0 * EPS * size * (power == 0))
+    bend = largest_curvature(state.exponent, state.power, length)[of_term, None] * size
+    curvature, doubt = np.zeros((F + Z, watch.shape[1])), np.zeros((F + Z, watch.shape[1]))
+    np.add.at(curvature, state.term_source, bend)
+    np.add.at(doubt, state.term_source, 8.0 * EPS * length**power * roughness + 16.0 * EPS * size * (power == 0))
     matrix = np.concatenate([of_state, free.real, free.imag, *of_watched], axis=1)
-    return Step(matrix, bounds[0], bounds[1], state.horizon >= length)
+    return Step(matrix, curvature, doubt, state.horizon >= length)
 
 
 def _of_amplitudes(state: ContactState, count: int, of_terms: Complexes) -> Floats:

@@ -33,7 +33,6 @@ from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.contact_state import ContactState
-    from beamsim.flow.march_kernels import Steps
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.march_kernels import Steps
