@@ -80,6 +80,14 @@ class ContactState:
         table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return table
 
+    def forced_at_start(self) -> Complexes:
+        """(F, N) state at the start of a piece that the forced motion has for a unit of each input."""
+        count = self.basis_of_source.size
+        forced = np.zeros((count, self.term_vector.shape[1]), dtype=complex)
+        at_start = (self.term_source < count) & (self.power[self.term_basis] == 0)
+        np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
+        return forced
+
     @cached_property
     def terms_of_sources(self) -> tuple[Ints, Ints]:
         """(F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)."""

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil, comb, perm
-from typing import TYPE_CHECKING, Protocol
+from math import ceil
+from typing import Protocol
 
 import numpy as np
 
-from beamsim.flow.contact_state import ContactState
+from beamsim.flow.basis import as_real, basis_derivatives, largest_curvature
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.sources import MANY_PIECES
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
-
-MANY_PIECES = 512  # of the inputs
 FEWEST = 64  # segments alike for which a matrix is worth its making
 AT_ONCE = 8192  # segments of one product of matrices, which bounds the memory
 RULE_POINTS, RULE_RADIANS = 20, 10.0  # Gauss-Legendre, and how far the fastest motion turns on a panel: 1e-15
@@ -111,35 +109,9 @@ def amplitudes(motion: Segments, state: int, segments: Ints) -> Complexes:
     """(n, Z) amplitudes on whole pieces of one contact state: of the inputs, then of the free motions."""
     flow, tables = motion.flow, motion.flow.states[state]
     given = flow.sources.amplitude[motion.piece[segments]]
-    forced = forced_at_start(tables, flow.sources.count)
+    forced = tables.forced_at_start()
     free = motion.y[segments] - (given.real @ forced.real - given.imag @ forced.imag)
     return np.concatenate([given, free @ tables.projector.T], axis=1)
-
-
-def forced_at_start(state: ContactState, count: int) -> Complexes:
-    """(F, N) state at the start of a piece that the forced motion has for a unit of each input."""
-    forced = np.zeros((count, state.term_vector.shape[1]), dtype=complex)
-    at_start = (state.term_source < count) & (state.power[state.term_basis] == 0)
-    np.add.at(forced, state.term_source[at_start], state.term_vector[at_start])
-    return forced
-
-
-def as_real(zeta: Complexes) -> Floats:
-    """(n, 2 Z) real and imaginary parts in turn."""
-    return np.ascontiguousarray(zeta).view(float)
-
-
-def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
-    r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
-    out = np.zeros((orders, exponent.size), dtype=complex)
-    grown = np.exp(exponent * tau)
-    for b, (lam, p) in enumerate(zip(exponent, power, strict=True)):
-        for order in range(orders):
-            out[order, b] = sum(
-                comb(order, i) * perm(int(p), i) * tau ** (int(p) - i) * lam ** (order - i)
-                for i in range(min(int(p), order) + 1)
-            )
-    return np.asarray(out * grown)
 
 
 def output_map(motion: Segments, state: int, basis: Complexes, table: Complexes) -> Floats:
@@ -236,11 +208,3 @@ def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: F
             bounds.append(bound[higher])
     higher = np.any(np.concatenate(bounds) > highest, axis=1)  # than what was reached later
     return np.sort(np.concatenate(possible)[higher])
-
-
-def largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:
-    """(B,) bound on the second derivative of every basis function on [0, H]."""
-    size, p = np.abs(exponent), power
-    level = np.exp(np.maximum(exponent.real, 0.0) * H)
-    rest = np.where(p > 1, p * (p - 1.0) * H ** np.maximum(p - 2, 0), 0.0)
-    return np.asarray((size**2 * H**p + 2.0 * p * size * H ** np.maximum(p - 1, 0) + rest) * level)

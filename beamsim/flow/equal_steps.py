@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from beamsim.flow.basis import as_real, basis_derivatives, largest_curvature
 from beamsim.flow.contact_state import ContactState
-from beamsim.flow.equal_pieces import MANY_PIECES, as_real, basis_derivatives, forced_at_start, largest_curvature
-from beamsim.flow.sources import Sources
+from beamsim.flow.sources import MANY_PIECES, Sources
 from beamsim.flow.state_tables import pad
 from beamsim.typing import Complexes, Floats
 
@@ -55,7 +55,7 @@ def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: S
     F, (Z, N), of_term = sources.count, state.projector.shape, state.term_basis
     start = basis_derivatives(state.exponent, state.power, 0.0, 2)[:, of_term, None]
     end = basis_derivatives(state.exponent, state.power, length, 1)[0, of_term, None]
-    free = np.concatenate([-forced_at_start(state, F).real @ state.projector.T, state.projector.T])  # (X, Z)
+    free = np.concatenate([-state.forced_at_start().real @ state.projector.T, state.projector.T])  # (X, Z)
     zeta = as_real(np.concatenate([np.eye(F + N, F), free], axis=1))  # (X, 2 (F + Z)) from the inputs and the state
     outputs = (
         zeta @ _of_amplitudes(state, F + Z, of_terms)

@@ -11,7 +11,8 @@ from math import comb, pi
 
 import numpy as np
 
-from beamsim.flow.equal_pieces import Segments, alike, amplitudes, as_real, basis_derivatives, blocks, output_map
+from beamsim.flow.basis import as_real, basis_derivatives
+from beamsim.flow.equal_pieces import Segments, alike, amplitudes, blocks, output_map
 from beamsim.flow.fourier_kernels import BERNOULLI, CONVERGENT, ORDERS
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -96,8 +96,8 @@ class Motion:
         from beamsim.flow.march_kernels import NEED_STATE, march
 
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
-            *flow.kernel_arguments(), flow.equal_steps(), self.time, self.piece, end, self.state, self.guard, self.waits,
-            self.y, log, most_evaluations,
+            *flow.kernel_arguments(), flow.equal_steps(), self.time, self.piece, end, self.state, self.guard,
+            self.waits, self.y, log, most_evaluations,
         )  # fmt: skip
         self.waits = code == NEED_STATE
         return code, segments, events, evaluations

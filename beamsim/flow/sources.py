@@ -14,6 +14,8 @@ import numpy as np
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 
+MANY_PIECES = 512  # of the inputs, from which equal ones are worth looking for
+
 
 @dataclass(frozen=True)
 class Sources:

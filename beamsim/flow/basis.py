@@ -1,0 +1,35 @@
+r"""The basis functions :math:`\tau^p e^{\lambda \tau}` of a contact state: derivatives and bounds."""
+
+from __future__ import annotations
+
+from math import comb, perm
+
+import numpy as np
+
+from beamsim.typing import Complexes, Floats, Ints
+
+
+def as_real(zeta: Complexes) -> Floats:
+    """(n, 2 Z) real and imaginary parts in turn."""
+    return np.ascontiguousarray(zeta).view(float)
+
+
+def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
+    r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
+    out = np.zeros((orders, exponent.size), dtype=complex)
+    grown = np.exp(exponent * tau)
+    for b, (lam, p) in enumerate(zip(exponent, power, strict=True)):
+        for order in range(orders):
+            out[order, b] = sum(
+                comb(order, i) * perm(int(p), i) * tau ** (int(p) - i) * lam ** (order - i)
+                for i in range(min(int(p), order) + 1)
+            )
+    return np.asarray(out * grown)
+
+
+def largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:
+    """(B,) bound on the second derivative of every basis function on [0, H]."""
+    size, p = np.abs(exponent), power
+    level = np.exp(np.maximum(exponent.real, 0.0) * H)
+    rest = np.where(p > 1, p * (p - 1.0) * H ** np.maximum(p - 2, 0), 0.0)
+    return np.asarray((size**2 * H**p + 2.0 * p * size * H ** np.maximum(p - 1, 0) + rest) * level)
