@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from beamsim.flow.basis import as_real, basis_derivatives, largest_curvature
+from beamsim.flow.basis import as_real, largest_curvature
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.sources import MANY_PIECES
 from beamsim.flow.stopping import check_stop

@@ -22,12 +22,12 @@ from beamsim.flow.state_tables import pad
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
-    from beamsim.flow.march_kernels import Steps
+    from beamsim.flow.march_kernels import PieceSteps
 
 EPS = float(np.finfo(float).eps)
 
 
-class Step(NamedTuple):
+class PieceStep(NamedTuple):
     """A contact state over one piece: X = F + N numbers go in, R = N + 2 Z + 3 g come out."""
 
     matrix: Floats  # (X, R)
@@ -50,7 +50,7 @@ def round_off(sources: Sources) -> float:
     return float(4.0 * EPS * sources.start[-1])
 
 
-def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: Sources, length: float) -> Step:
+def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: Sources, length: float) -> PieceStep:
     """The step of a contact state; ``watch`` (T, g) and ``roughness`` (T, g) are those of its guards."""
     F, (Z, N), of_term = sources.count, state.projector.shape, state.term_basis
     start = basis_derivatives(state.exponent, state.power, 0.0, 2)[:, of_term, None]
@@ -68,7 +68,7 @@ def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: S
     np.add.at(curvature, state.term_source, bend)
     np.add.at(doubt, state.term_source, 8.0 * EPS * length**power * roughness + 16.0 * EPS * size * (power == 0))
     matrix = np.concatenate([of_state, free.real, free.imag, *of_watched], axis=1)
-    return Step(matrix, curvature, doubt, state.horizon >= length)
+    return PieceStep(matrix, curvature, doubt, state.horizon >= length)
 
 
 def _of_amplitudes(state: ContactState, count: int, of_terms: Complexes) -> Floats:
@@ -79,11 +79,11 @@ def _of_amplitudes(state: ContactState, count: int, of_terms: Complexes) -> Floa
     return out.reshape(2 * count, -1)
 
 
-def as_arrays(steps: list[Step], sources: Sources, length: float) -> Steps:
-    """Steps side by side as the march takes them."""
-    from beamsim.flow.march_kernels import Steps
+def as_arrays(steps: list[PieceStep], sources: Sources, length: float) -> PieceSteps:
+    """PieceSteps side by side as the march takes them."""
+    from beamsim.flow.march_kernels import PieceSteps
 
-    return Steps(
+    return PieceSteps(
         pad([step.matrix for step in steps]), pad([step.curvature for step in steps]),
         pad([step.doubt for step in steps]), np.array([step.valid for step in steps]),
         np.array([step.matrix.shape[1] for step in steps]), length, round_off(sources),

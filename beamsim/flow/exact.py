@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Watched
 from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads, state_matrices
-from beamsim.flow.equal_steps import Step, as_arrays, common_length, step_of
+from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
 from beamsim.flow.sources import Sources, compile_sources
 from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
@@ -22,7 +22,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.march import Motion
-    from beamsim.flow.march_kernels import Steps
+    from beamsim.flow.march_kernels import PieceSteps
     from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
@@ -89,8 +89,8 @@ class ExactFlow:
         self._visit: list[int] = []  # number among them of each state that is kept
         self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
-        self._step: list[Step] = []  # of each state that is kept, over an equal piece
-        self._steps: Steps | None = None
+        self._step: list[PieceStep] = []  # of each state that is kept, over an equal piece
+        self._steps: PieceSteps | None = None
 
     @property
     def dropped(self) -> bool:
@@ -173,7 +173,7 @@ class ExactFlow:
         """What the march takes; see :class:`beamsim.flow.march.Marched`."""
         return self.tables(), self.inputs(), None
 
-    def equal_steps(self) -> Steps | None:
+    def equal_steps(self) -> PieceSteps | None:
         """What the march takes for equal pieces; None where they are not many."""
         if self._steps is None and self._length is not None:
             self._steps = as_arrays(self._step, self.sources, self._length)

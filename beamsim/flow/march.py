@@ -14,7 +14,7 @@ from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.march_kernels import Steps
+    from beamsim.flow.march_kernels import PieceSteps
     from beamsim.flow.sweep_kernels import Swept
 
 FIRST_LOG = 64
@@ -63,7 +63,7 @@ class Marched(Protocol):
     def kernel_arguments(self) -> tuple[Tables, Inputs, Swept | None]:
         """Tables of the contact states so far, sources, and the swept sine if there is one."""
 
-    def equal_steps(self) -> Steps | None:
+    def equal_steps(self) -> PieceSteps | None:
         """What carries the motion over pieces of the sources that are equally long, where they are many."""
 
     def follow(self, state: int, guard: int) -> int:

@@ -57,7 +57,7 @@ DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 RESTART = 256  # even samples, after which the exponentials are evaluated anew
 
 
-class Steps(NamedTuple):
+class PieceSteps(NamedTuple):
     """S contact states over a piece of the inputs (see `beamsim.flow.equal_steps`), padded."""
 
     matrix: Any  # (S, X, R)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from beamsim.flow.contact_state import ContactState
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.march_kernels import Steps
+    from beamsim.flow.march_kernels import PieceSteps
 
 NEAR = 1e-4  # |i k w - lambda| over w below which more than four digits would be lost
 DIFFERENCE = 1e-6  # relative step of the differences
@@ -71,7 +71,7 @@ class _NumberedAlike:
     def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
         return self.exact.kernel_arguments()
 
-    def equal_steps(self) -> Steps | None:
+    def equal_steps(self) -> PieceSteps | None:
         return self.exact.equal_steps()
 
     def follow(self, state: int, guard: int) -> int:
