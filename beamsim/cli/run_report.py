@@ -129,6 +129,35 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
     return texts
 
 
+def _impacts(_: RunResult, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+    """Two rows for each snubber: the impacts, and what one of them is on average."""
+    width = max(len(name) for name in snubbers)
+    for name, s in snubbers.items():
+        below = f", {s['below_threshold']} more below the threshold" if s["below_threshold"] else ""
+        interval = s.get("intervals", {}).get("rate_hz")
+        between = "" if interval is None else f" ({interval[0]:.4g} to {interval[1]:.4g} Hz)"
+        yield "", f"{name:<{width}}  {counted(s['number'], 'impact')}, {s['rate_hz']:.4g} Hz{between}{below}"
+        if s["number"]:
+            units = (
+                ("peak", "mean_peak_force_n", "N"),
+                ("impulse", "mean_impulse_n_s", "N s"),
+                ("time", "mean_contact_time_s", "s"),
+                ("approach", "mean_approach_speed_m_s", "m/s"),
+                ("loss", "mean_energy_lost_j", "J"),
+                ("restitution", "restitution", "1"),
+            )
+            means = ", ".join(f"{label} {si(s[key], unit)}" for label, key, unit in units)
+            yield "", f"{'':<{width}}  mean {means}"
+
+
+def _fatigue(_: RunResult, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    return {
+        name: f"{body['cycles']:g} cycles at x = {si(body['position'], 'm')}, ranges up to "
+        f"{si(body['largest_range_pa'], 'Pa')}, damage {body['damage']:.3g}, life {si(body['life_s'], 's')}"
+        for name, body in bodies.items()
+    }
+
+
 def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]:
     """What the changes of the figures are those of, and the largest of them."""
     model = result.summary["convergence_model"]
@@ -205,6 +234,8 @@ TEXTS: Texts = {
     "largest_von_mises_stress_pa": lambda _, stress: f"{si(stress, 'Pa')} at the surface of a plate",
     "spectral_lines": _spectral_lines,
     "random": _random,
+    "impacts": _impacts,
+    "fatigue": _fatigue,
     "convergence": _convergence,
     "energy_error": lambda _, error: f"{error:.2g}",
     "processor_time_s": _solver,

@@ -19,6 +19,7 @@ from beamsim.scenario.distributed import DistributedLoad, distributed_problems
 from beamsim.scenario.excitation import Harmonic, level_problems
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.identification_checks import identification_problems
+from beamsim.scenario.impacts import impact_problems
 from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
 from beamsim.scenario.phase_resonance import phase_resonance_problems
@@ -212,6 +213,7 @@ def _run(scenario: _Checked) -> Problems:
         return
     yield from _guarded(_sampling(scenario, run))
     yield from _guarded(_spectrum(scenario, run))
+    yield from impact_problems(scenario, run.impacts, run.fatigue, stepped=run.method == "reference")
 
 
 def _sampling(scenario: _Checked, run: Run) -> Problems:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Tag
 
 from beamsim.scenario.base import Schema, Variants, fail
+from beamsim.scenario.impacts import ImpactSettings, StressLife
 from beamsim.scenario.place import PlacedForce
 from beamsim.scenario.quantities import (
     Amplitude,
@@ -156,6 +157,11 @@ class Run(Schema):
     """Absolute tolerance of the reference method."""
     low_pass: Frequency | None = None
     """Band of the accelerometers: peak accelerations are those behind a 4-pole Butterworth low-pass, -3 dB here."""
+    impacts: ImpactSettings | None = None
+    """Statistics of the impacts at each snubber; {} takes every contact as an impact. Not computed by default."""
+    fatigue: StressLife | None = None
+    """Rainflow count of the largest bending stress of each body, and its damage by this S-N line. Not computed by
+    default."""
     convergence: Literal["on", "off"] | None = None
     """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
     max_events: Count = 1_000_000

@@ -148,7 +148,12 @@ def run(
     )
     if scenario.excitation.kind in ("random", "sampled"):
         result = _with_statistics(result, system)
+    result = _with_impacts(result, system, motion, stop)
     summary = _summary(scenario, system, motion, spectra)
+    if result.impacts is not None:
+        summary |= {"impacts": result.impacts.summary(), "impacts_total": result.impacts.total()}
+    if result.fatigue:
+        summary["fatigue"] = {name: body.summary() for name, body in result.fatigue.items()}
     if result.random is not None:
         summary["random"] = result.random.summary()
     sampled_at = np.zeros(0) if result.random is None else result.time
@@ -159,6 +164,40 @@ def run(
         summary |= checked.summary()
     result = result.with_summary(spectral_lines=_spectral_lines(result.spectra), **summary)
     return changed(result, wall_time_s=clock.perf_counter() - begin)
+
+
+def _with_impacts(
+    result: RunResult, system: StructuralSystem, motion: _RunMotion, stop: Callable[[], bool]
+) -> RunResult:
+    """Add statistics of impacts and the damage of stress, where they are asked for."""
+    settings = result.scenario.run
+    assert settings is not None
+    if settings.impacts is None and settings.fatigue is None:
+        return result
+    from beamsim.analyses.run.impacts import fatigue_of, impact_statistics
+
+    try:
+        with heeding(stop):
+            if motion.trajectory is None:
+                raise Stopped
+            if settings.impacts is not None:
+                stationary = result.scenario.excitation.kind == "random"
+                peaks = motion.extremes["force"][2]
+                impacts = impact_statistics(
+                    system, motion.trajectory, settings.impacts, peaks, stationary=stationary
+                )  # fmt: skip
+                result = changed(result, impacts=impacts)
+            if settings.fatigue is not None and system.stress is not None:
+                stresses = largest(motion.station_extremes())
+                result = changed(
+                    result, fatigue=fatigue_of(motion.trajectory, system.stress, stresses, settings.fatigue)
+                )
+    except Stopped:
+        missing = "interrupted: statistics of impacts or the damage of stress are missing"
+        result = changed(result, warnings=(*result.warnings, missing))
+        if result.complete:
+            result = changed(result, outcome=Outcome.of(OutcomeCode.INTERRUPTED, during="the statistics of impacts"))
+    return result
 
 
 def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:

@@ -134,7 +134,7 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         return EnergyBalance.of(times, history, float(np.abs(integrals[:, 1]).sum()))
 
 
-def _lost(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
+def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
     """Dissipative forces in the contacts, and the rates on which they act."""
     dashpot, internal = flow.system.contacts.losses(phases)
     _, moved = flow.penetrations
@@ -176,10 +176,10 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     base_rate = _base_rate(flow) or flow.empty_output(m)
 
     def left(phases: Ints) -> LinearOutput:
-        return stack(moving, _lost(flow, phases)[0], signals, flow.contact_forces(phases))
+        return stack(moving, contact_losses(flow, phases)[0], signals, flow.contact_forces(phases))
 
     def right(phases: Ints) -> LinearOutput:
-        return stack(moving, _lost(flow, phases)[1], loaded, base_rate)
+        return stack(moving, contact_losses(flow, phases)[1], loaded, base_rate)
 
     inside = m + contacts.internal_states
     weight = np.zeros((used.size + inside + loads.shape[0] + 1 + m, 2))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.run.impact_result import Fatigue, Impacts
 from beamsim.fields import (
     Counter,
     Entry,
@@ -333,6 +334,11 @@ _SUMMARY = (
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
     Entry("random", "", "of a random or sampled input, by signal: rms with its 95 % interval, crest factor, kurtosis "
              "and more", "random response"),
+    Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
+             "impacts"),
+    Entry("impacts_total", "", "those of all snubbers together"),
+    Entry("fatigue", "", "by body rainflow count and damage of its largest bending stress, if run.fatigue asks for it",
+             "fatigue"),
     *MODES,
     Entry("convergence", "1", "by figure, and by name of probe or snubber, its relative change with half as many modes "
              "more and twice the elements", "convergence"),
@@ -377,6 +383,9 @@ class RunResult(Result):
     against: Against | None = group("against", default=None)  # where a time stepper was asked for
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
+
+    impacts: Impacts | None = group("impacts", default=None)  # where run.impacts asks for them
+    fatigue: dict[str, Fatigue] = named("fatigue", default_factory=dict)  # by body, where run.fatigue asks for it
 
     low_pass_hz: float | None = attribute(
         "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None

@@ -1,0 +1,397 @@
+r"""Statistics of impacts, and fatigue, from a motion in closed form.
+
+An impact lasts from the closing of a contact to its opening; contacts that follow each other within the minimum rest
+time are one. Impulses, energies and mean squares are integrals over the segments in closed form, speeds the
+penetration's rate where segments begin, peak forces the highest turning points of the force. What a released snubber
+loses until it is met again belongs to the impact before.
+
+*Random inputs.* The run without its first part is divided into equal blocks; the interval of each figure is the
+jackknife's over these (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t. It assumes a stationary motion
+whose blocks are long against its memory, and blocks with many impacts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.rainflow import damage, rainflow
+from beamsim.analyses.run.energy import contact_losses
+from beamsim.analyses.run.impact_result import Fatigue, ImpactInterval, Impacts, Rainflow, SnubberImpacts
+from beamsim.analyses.run.outputs import OutputOf, accelerations, bending_stress, stack, velocities
+from beamsim.analyses.run.random_response import CONFIDENCE, SKIPPED
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.turning_points import GRID, TurningPoints, turning_points
+from beamsim.scenario.impacts import ImpactSettings, StressLife
+from beamsim.structures.stations import StressRows
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Bools, Floats, Ints
+
+SAME_PEAK = (
+    1e-9  # relative distance of the highest turning point from the certified peak, above which the grid is refined
+)
+FINEST = 8  # times the grid
+BLOCKS = 20  # of a random run, for intervals
+LEAST_IMPACTS = 40  # in these, for an interval
+
+
+def impact_statistics(
+    system: StructuralSystem, trajectory: Trajectory, settings: ImpactSettings, peaks: Floats, *, stationary: bool
+) -> Impacts:
+    """Impacts at all snubbers.
+
+    Parameters
+    ----------
+    peaks : (m,) largest force of each contact over the run, N, from a certified search.
+    stationary : whether the input is random, so that figures have intervals.
+    """
+    each, statistics = [], {}
+    for j, snubber in enumerate(system.snubbers):
+        every, force = _impacts_at(trajectory, j, settings.minimum_rest, float(peaks[j]))
+        counted = every.taken(every.peak_force >= settings.force_threshold)
+        statistics[snubber.name] = _statistics(snubber.name, trajectory, every, counted, force, stationary=stationary)
+        each.append(counted)
+    snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
+    begin = np.concatenate([impacts.begin for impacts in each])
+    order = np.lexsort((snubber_of, begin))
+
+    def column(name: str) -> Any:
+        return np.concatenate([getattr(impacts, name) for impacts in each])[order]
+
+    columns = (field.name for field in fields(_Impacts) if field.name != "square")
+    return Impacts(
+        minimum_rest_s=settings.minimum_rest,
+        force_threshold_n=settings.force_threshold,
+        snubber=snubber_of[order],
+        snubbers=statistics,
+        **{name: column(name) for name in columns},
+    )
+
+
+@dataclass(frozen=True)
+class _Impacts:
+    """The impacts at one snubber in order of time, arrays (n,); see `Impacts`."""
+
+    begin: Floats
+    end: Floats
+    contact_time: Floats
+    contacts: Ints
+    peak_force: Floats
+    peak_time: Floats
+    impulse: Floats
+    square: Floats  # N^2 s, integral of the squared force
+    approach_speed: Floats
+    separation_speed: Floats
+    energy_lost: Floats
+    cut: Bools
+
+    def taken(self, which: Bools) -> _Impacts:
+        """Some of them."""
+        return _Impacts(*(values[which] for values in vars(self).values()))
+
+
+def _impacts_at(
+    trajectory: Trajectory, contact: int, minimum_rest: float, certified: float
+) -> tuple[_Impacts, TurningPoints]:
+    """Impacts at one snubber, and the turning points of its force in contact."""
+    flow = trajectory.flow
+    touching = flow.system.contacts.touching(trajectory.phases_of(trajectory.state))[:, contact]
+    closings = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
+    openings = np.flatnonzero(touching & ~np.append(touching[1:], False))  # last segments of contacts
+    start, end = trajectory.time[closings], trajectory.time[openings] + trajectory.length[openings]
+    first = np.flatnonzero(np.append(np.inf, start[1:] - end[:-1])[: start.size] >= max(minimum_rest, 0.0))
+    if minimum_rest == 0.0:
+        first = np.arange(start.size)
+    last = np.append(first[1:], start.size) - 1 if first.size else first
+    of_segment = np.cumsum(np.isin(np.arange(touching.size), closings[first])) - 1  # impact of each segment, -1 before
+    square, impulse, lost = _integrals(trajectory, contact, touching).T
+    count = first.size
+
+    def summed(values: Floats, which: Bools) -> Floats:
+        return np.asarray(np.bincount(of_segment[which], values[which], minlength=count), dtype=float)
+
+    since = of_segment >= 0
+    force = _force(trajectory, contact, np.flatnonzero(touching), certified)
+    peak, peak_time = _largest(of_segment[force.segment], force, count)
+    speeds = _penetration_rates(trajectory, contact, np.concatenate([start[first], end[last]]))
+    approach, separation = speeds[:count], -speeds[count:]
+    begins_in_contact = count > 0 and closings[0] == 0 and not _closes_at_start(trajectory, contact)
+    ends_in_contact = count > 0 and bool(touching[-1])
+    cut = np.zeros(count, dtype=bool)
+    if begins_in_contact:
+        approach[0], cut[0] = np.nan, True
+    if ends_in_contact:
+        separation[-1], cut[-1] = np.nan, True
+    return _Impacts(
+        start[first], end[last], summed(trajectory.length, touching & since), last - first + 1, peak, peak_time,
+        summed(impulse, since), summed(square, since), approach, separation, summed(lost, since), cut,
+    ), force  # fmt: skip
+
+
+def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
+    """Whether contact begins at the start of the run, and did not last before."""
+    at_start = (trajectory.event_time <= trajectory.time[0]) & (trajectory.event_contact == contact)
+    return bool(np.any(at_start & trajectory.event_closing))
+
+
+def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
+    """(S, 3) integrals over each segment: squared force, force, power lost in the snubber."""
+    contacts = trajectory.flow.system.contacts
+    segments = np.arange(touching.size) if contacts.arrays.states[contact] else np.flatnonzero(touching)
+    out = np.zeros((touching.size, 3))
+    first = 0
+    for part in trajectory.parts():
+        last = first + part.time.size
+        inside = segments[(segments >= first) & (segments < last)]
+        if inside.size:
+            left, right, weight = _factors(part.flow, contact)
+            table = np.concatenate([part.flow.output_table(left), part.flow.output_table(right)], axis=2)
+            out[inside] = part.only(inside - first).segment_integrals(table, weight)
+        first = last
+    return out
+
+
+def _factors(flow: ExactFlow, contact: int) -> tuple[OutputOf, OutputOf, Floats]:
+    """Factors of squared force, force and power lost of one contact, and their weights; as `power_factors`."""
+    contacts = flow.system.contacts
+    first = contacts.count + int(contacts.arrays.first[contact])
+    rows = np.append(contact, first + np.arange(contacts.arrays.states[contact]))
+    one = flow.empty_output(1)
+    one.direct[0, 0] = 1.0
+
+    def force(phases: Ints) -> LinearOutput:
+        return _rows(flow.contact_forces(phases), np.array([contact]))
+
+    def left(phases: Ints) -> LinearOutput:
+        return stack(force(phases), one, _rows(contact_losses(flow, phases)[0], rows))
+
+    def right(phases: Ints) -> LinearOutput:
+        return stack(force(phases), force(phases), _rows(contact_losses(flow, phases)[1], rows))
+
+    weight = np.zeros((2 + rows.size, 3))
+    weight[0, 0] = weight[1, 1] = 1.0
+    weight[2:, 2] = 1.0
+    return left, right, weight
+
+
+def _rows(output: LinearOutput, rows: Ints) -> LinearOutput:
+    return LinearOutput(output.row[rows], output.direct[rows], output.direct_slope[rows])
+
+
+def _force(trajectory: Trajectory, contact: int, segments: Ints, certified: float) -> TurningPoints:
+    """Turning points of a contact's force; the grid is refined until the highest is the certified peak."""
+
+    def of_flow(phases: Ints) -> LinearOutput:
+        return _force_and_rate(trajectory.flow, contact, phases)
+
+    refined = 1
+    while True:
+        force = turning_points(trajectory, of_flow, segments, refined * GRID)
+        highest = float(force.value.max(initial=0.0))
+        if highest >= certified * (1.0 - SAME_PEAK) or refined >= FINEST:
+            return force
+        refined *= 2
+
+
+def _force_and_rate(flow: ExactFlow, contact: int, phases: Ints) -> LinearOutput:
+    """(2,) force of one contact and its time derivative."""
+    contacts, one = flow.system.contacts, np.array([contact])
+    row, internal = contacts.force_rows(phases)
+    stiffness, dashpot, _ = row[contact]
+    rate = _scaled(_rows(flow.penetrations[1], one), stiffness)
+    if dashpot != 0.0:
+        sign = contacts.sign[contact]
+        shape = -sign * contacts.shape[one]
+        faster = accelerations(flow, shape, phases, absolute=False)
+        if flow.observers and contacts.on_ground[contact]:
+            faster.direct[:, flow.sources.channel == flow.first_observer] -= sign
+        rate = _sum(rate, _scaled(faster, dashpot))
+    if internal.shape[1]:
+        moving = flow.internal_rates(phases)
+        h = internal[one]
+        rate = _sum(rate, LinearOutput(h @ moving.row, h @ moving.direct, h @ moving.direct_slope))
+    return stack(_rows(flow.contact_forces(phases), one), rate)
+
+
+def _scaled(output: LinearOutput, factor: float) -> LinearOutput:
+    return LinearOutput(factor * output.row, factor * output.direct, factor * output.direct_slope)
+
+
+def _sum(a: LinearOutput, b: LinearOutput) -> LinearOutput:
+    return LinearOutput(a.row + b.row, a.direct + b.direct, a.direct_slope + b.direct_slope)
+
+
+def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Floats]:
+    """(count,) largest value and its time by owner; the owners do not decrease."""
+    order = np.lexsort((points.value, owner))
+    last = np.flatnonzero(np.append(np.diff(owner[order]) != 0, True)) if owner.size else order
+    value, time = np.full(count, np.nan), np.full(count, np.nan)
+    value[owner[order][last]], time[owner[order][last]] = points.value[order][last], points.time[order][last]
+    return value, time
+
+
+def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> Floats:
+    """(nt,) rates of penetration at any times."""
+    rate = _rows(trajectory.flow.penetrations[1], np.array([contact]))
+    if not times.size:
+        return np.zeros(0)
+    order = np.argsort(times, kind="stable")
+    out = np.empty(times.size)
+    out[order] = trajectory.sample(times[order], lambda phases: rate)[:, 0]
+    return out
+
+
+def _statistics(
+    name: str, trajectory: Trajectory, every: _Impacts, counted: _Impacts, force: TurningPoints, *, stationary: bool
+) -> SnubberImpacts:
+    duration = trajectory.end
+    contact = float(every.contact_time.sum())
+    impulse, square = float(every.impulse.sum()), float(every.square.sum())
+    return SnubberImpacts(
+        name=name,
+        number=counted.begin.size,
+        cut=int(counted.cut.sum()),
+        below_threshold=every.begin.size - counted.begin.size,
+        rate_hz=counted.begin.size / duration if duration > 0 else np.nan,
+        contact_share=contact / duration if duration > 0 else np.nan,
+        mean_contact_time_s=_mean(counted.contact_time),
+        longest_contact_time_s=float(counted.contact_time.max(initial=0.0)),
+        peak_force_n=float(counted.peak_force.max(initial=0.0)),
+        mean_peak_force_n=_mean(counted.peak_force),
+        mean_impulse_n_s=_mean(counted.impulse),
+        highest_approach_speed_m_s=float(np.nanmax(counted.approach_speed, initial=0.0)),
+        mean_approach_speed_m_s=_mean(counted.approach_speed),
+        restitution=_restitution(counted),
+        mean_energy_lost_j=_mean(counted.energy_lost),
+        impulse_n_s=impulse,
+        energy_lost_j=float(every.energy_lost.sum()),
+        mean_force_n=impulse / duration if duration > 0 else np.nan,
+        rms_force_n=float(np.sqrt(square / duration)) if duration > 0 else np.nan,
+        mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
+        rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
+        rainflow=_counted(_with_rests(force, every), "N"),
+        intervals=_intervals(every, counted, duration) if stationary else (),
+    )
+
+
+def _restitution(impacts: _Impacts) -> float:
+    """Of impacts that are whole."""
+    whole = ~impacts.cut
+    before, after = (float(np.sum(v[whole] ** 2)) for v in (impacts.approach_speed, impacts.separation_speed))
+    return float(np.sqrt(after / before)) if before > 0.0 else float("nan")
+
+
+def _mean(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _with_rests(force: TurningPoints, every: _Impacts) -> Floats:
+    """Turning points of the force with zero before and after each contact."""
+    apart = np.flatnonzero(np.diff(force.segment) > 1) + 1
+    values = np.insert(force.value, apart, 0.0)
+    starts, ends = not every.cut[:1].any(), not every.cut[-1:].any()
+    return np.concatenate([np.zeros(int(starts)), values, np.zeros(int(ends))])
+
+
+def _counted(values: Floats, unit: str) -> Rainflow:
+    span, mean, count = rainflow(values).T
+    return Rainflow(unit, span, mean, count)
+
+
+Sums = dict[str, Floats]  # (BLOCKS,) by name
+
+_FIGURES: dict[str, Callable[[Sums], Floats]] = {
+    "rate_hz": lambda s: s["number"] / s["time"],
+    "mean_contact_time_s": lambda s: s["contact_time"] / s["number"],
+    "mean_peak_force_n": lambda s: s["peak_force"] / s["number"],
+    "mean_impulse_n_s": lambda s: s["impulse"] / s["number"],
+    "mean_approach_speed_m_s": lambda s: s["approach_speed"] / s["number"],
+    "mean_energy_lost_j": lambda s: s["energy_lost"] / s["number"],
+    "contact_share": lambda s: s["every contact_time"] / s["time"],
+    "mean_force_n": lambda s: s["every impulse"] / s["time"],
+    "rms_force_n": lambda s: np.sqrt(s["every square"] / s["time"]),
+}
+"""Figures that have an interval, from sums over blocks of time; an impact belongs to the block in which it begins."""
+
+
+def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[ImpactInterval, ...]:
+    """Intervals of a random run; none where the impacts are too few."""
+    from scipy.special import stdtrit
+
+    begin = SKIPPED * duration
+    width = (duration - begin) / BLOCKS
+
+    def sums(impacts: _Impacts, name: str) -> Floats:
+        block = np.floor((impacts.begin - begin) / width).astype(np.int64)
+        inside = (block >= 0) & (block < BLOCKS)
+        values = np.nan_to_num(getattr(impacts, name)) if name else np.ones(impacts.begin.size)
+        return np.asarray(np.bincount(block[inside], values[inside], minlength=BLOCKS), dtype=float)
+
+    if np.sum(counted.begin >= begin) < LEAST_IMPACTS:
+        return ()
+    blocks = {"number": sums(counted, ""), "time": np.full(BLOCKS, width)}
+    for name in ("contact_time", "peak_force", "impulse", "approach_speed", "energy_lost"):
+        blocks[name] = sums(counted, name)
+    for name in ("contact_time", "impulse", "square"):
+        blocks[f"every {name}"] = sums(every, name)
+    whole = {name: values.sum(keepdims=True) for name, values in blocks.items()}
+    without = {name: whole[name] - values for name, values in blocks.items()}
+    quantile = float(stdtrit(BLOCKS - 1, 0.5 * (1.0 + CONFIDENCE)))
+    rows = []
+    for figure, of in _FIGURES.items():
+        value, left_out = float(of(whole)[0]), of(without)
+        error = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
+        rows.append(ImpactInterval(figure, value, value - quantile * error, value + quantile * error))
+    return tuple(rows)
+
+
+def fatigue_of(trajectory: Trajectory, stress: StressRows, largest: Floats, settings: StressLife) -> dict[str, Fatigue]:
+    """Fatigue of each body where its stress is largest.
+
+    Parameters
+    ----------
+    largest : (nx,) largest magnitude of the stress at every station, Pa.
+    """
+    return {
+        name: _fatigue(name, trajectory, stress, max(_stations(stress, name), key=lambda k: largest[k]), settings)
+        for name in dict.fromkeys(stress.bodies)
+    }
+
+
+def _stations(stress: StressRows, body: str) -> list[int]:
+    return [k for k, name in enumerate(stress.bodies) if name == body]
+
+
+def _fatigue(name: str, trajectory: Trajectory, stress: StressRows, station: int, settings: StressLife) -> Fatigue:
+    one = StressRows(stress.stations, stress.row[[station]], stress.base[[station]], (name,))
+    flow = trajectory.flow
+    rate = velocities(flow, one.row)
+    if flow.observers:
+        base = flow.sources.channel == flow.first_observer
+        rate.direct_slope[:, base] += one.base[:, None]
+    both = stack(bending_stress(flow, one), rate)
+    points = turning_points(trajectory, lambda phases: both, np.arange(trajectory.time.size))
+    cycles = rainflow(points.value)
+    span, mean, count = cycles.T
+    limit = settings.endurance_limit or 0.0
+    done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
+    total = float(count.sum())
+    equivalent = settings.stress_range * (done * settings.cycles / total) ** (1.0 / settings.exponent) if total else 0.0
+    across = stress.stations.across
+    return Fatigue(
+        name=name,
+        position=float(stress.stations.position[station]),
+        across=None if across is None or np.isnan(across[station]) else float(across[station]),
+        cycles=total,
+        largest_range_pa=float(span.max(initial=0.0)),
+        equivalent_range_pa=float(equivalent),
+        damage=done,
+        life_s=trajectory.end / done if done > 0.0 else float("inf"),
+        rainflow=Rainflow("Pa", span, mean, count),
+    )

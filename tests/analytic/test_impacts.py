@@ -1,0 +1,238 @@
+"""Impact statistics against closed forms, momentum and the energy balance; rainflow against ASTM E1049."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import beamsim
+from beamsim.analyses.rainflow import damage, rainflow
+from beamsim.errors import ScenarioError
+from beamsim.scenario import Scenario, load_scenario
+
+EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
+MASS, SPRING, STOP = 1.3, 4.0, 900.0  # kg, N/m, N/m
+SPEED = 1.0  # m/s
+
+
+def thrown(dashpot=0.0, law="kelvin_voigt", spring=SPRING, **run):
+    """A mass on a spring that meets a stop at its rest position."""
+    stop = {
+        "name": "stop", "mass": 1, "side": "below", "stiffness": STOP, "gap": 0.0, "law": law,
+        "damping": {"kind": "viscous", "coefficient": dashpot},
+    }  # fmt: skip
+    settings = {
+        "duration": 12.0, "sample_rate": 50.0, "start": {"displacement": [0.0], "velocity": [-SPEED]},
+        "convergence": "off", "impacts": {}, **run,
+    }  # fmt: skip
+    chain = {"masses": [MASS], "springs": [spring], "snubbers": [stop]}
+    return Scenario.model_validate({"chain": chain, "probes": [{"name": "m", "mass": 1}], "run": settings})
+
+
+@pytest.mark.parametrize("dashpot", [0.0, 4.0])
+def test_a_bouncing_mass_in_closed_form(dashpot):
+    """Each contact is half a period of a damped oscillation: its time, speeds, peak, impulse and loss are known."""
+    result = beamsim.run(thrown(dashpot))
+    impacts, (stop,) = result.impacts, result.impacts.snubbers.values()
+    omega = np.sqrt((SPRING + STOP) / MASS)
+    zeta = dashpot / (2.0 * MASS * omega)
+    damped = omega * np.sqrt(1.0 - zeta**2)
+    restitution = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
+    whole = ~impacts.cut
+    n = np.arange(impacts.begin.size)
+    speed = SPEED * restitution**n
+    period = np.pi / damped + np.pi / np.sqrt(SPRING / MASS)
+    np.testing.assert_allclose(impacts.begin, n * period, atol=1e-11)
+    np.testing.assert_allclose(impacts.contact_time[whole], np.pi / damped, rtol=1e-11)
+    np.testing.assert_allclose(impacts.approach_speed, speed, rtol=1e-11)
+    np.testing.assert_allclose(impacts.separation_speed[whole], restitution * speed[whole], rtol=1e-11)
+    np.testing.assert_allclose(impacts.restitution[whole], restitution, rtol=1e-11)
+    np.testing.assert_allclose(impacts.impulse[whole], STOP * speed[whole] * (1 + restitution) / omega**2, rtol=1e-10)
+    lost = 0.5 * MASS * speed**2 * (1.0 - restitution**2)
+    np.testing.assert_allclose(impacts.energy_lost[whole], lost[whole], rtol=1e-10, atol=1e-14)
+    # k delta + c delta' is highest where its rate is zero
+    tau = np.linspace(0.0, np.pi / damped, 2_000_001)
+    delta = np.exp(-zeta * omega * tau) * np.sin(damped * tau) / damped
+    rate = np.exp(-zeta * omega * tau) * (np.cos(damped * tau) - zeta * omega / damped * np.sin(damped * tau))
+    force = STOP * delta + dashpot * rate
+    np.testing.assert_allclose(impacts.peak_force[whole], force.max() * speed[whole], rtol=1e-11)
+    time = impacts.peak_time - impacts.begin
+    np.testing.assert_allclose(time[whole], tau[force.argmax()], atol=1e-6)
+    assert stop.number == result.summary["contacts"]["stop"] == n.size
+    assert stop.restitution == pytest.approx(restitution, rel=1e-10)
+    assert stop.contact_share == pytest.approx(result.summary["contact_share"]["stop"], rel=1e-12)
+
+
+def test_a_pad_that_never_pulls_restores_less():
+    """Contact ends where the force vanishes: e = exp(-2 zeta / s acos(zeta)), s = sqrt(1 - zeta^2); the rest of the
+    pad's energy is lost while it relaxes."""
+    dashpot = 12.0
+    result = beamsim.run(thrown(dashpot, "no_tension", spring=1e-7, duration=1.0))
+    impacts = result.impacts
+    zeta = dashpot / (2.0 * np.sqrt(STOP * MASS))
+    angle = 2.0 * np.arccos(zeta) / np.sqrt(1.0 - zeta**2)
+    restitution = np.exp(-zeta * angle)
+    assert impacts.begin.size == 1
+    assert impacts.restitution[0] == pytest.approx(restitution, rel=1e-8)
+    assert impacts.contact_time[0] == pytest.approx(angle / np.sqrt(STOP / MASS), rel=1e-8)
+    assert impacts.energy_lost[0] == pytest.approx(0.5 * MASS * SPEED**2 * (1 - restitution**2), rel=1e-8)
+    assert impacts.impulse[0] == pytest.approx(MASS * SPEED * (1 + restitution), rel=1e-8)
+
+
+@pytest.mark.parametrize("law", ["kelvin_voigt", "no_tension"])
+def test_what_impacts_lose_is_what_the_structure_loses(law):
+    """Without structural damping the losses of all impacts are the dissipation of the energy balance."""
+    case = {
+        "chain": {
+            "masses": [1.0, 0.5, 0.5], "springs": [4e4, 2e4, 2e4],
+            "snubbers": [
+                {"name": "bumper", "between": [2, 3], "resists": "approach", "stiffness": 1e5, "gap": 5e-4, "law": law,
+                 "damping": {"kind": "viscous", "coefficient": 40.0}},
+                {"name": "cable", "between": [1, 3], "resists": "separation", "stiffness": 2e4, "gap": 3e-3, "law": law,
+                 "damping": {"kind": "viscous", "coefficient": 25.0}},
+            ],
+        },
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 10.0, "frequency": 15.0},
+        "run": {"duration": 2.0, "sample_rate": 1000.0, "convergence": "off", "impacts": {}},
+    }  # fmt: skip
+    result = beamsim.run(Scenario.model_validate(case))
+    impacts = result.impacts
+    assert impacts.begin.size > 40
+    assert impacts.energy_lost.sum() == pytest.approx(result.energy.dissipated[-1], rel=1e-10)
+    assert np.all(np.diff(impacts.begin) >= 0.0)
+    for j, (name, snubber) in enumerate(impacts.snubbers.items()):
+        each = impacts.snubber == j
+        assert snubber.impulse_n_s == pytest.approx(impacts.impulse[each].sum(), rel=1e-12)
+        assert snubber.peak_force_n == pytest.approx(result.summary["peak_force_n"][name], rel=1e-9)
+        samples, time = result.snubbers[name].force, result.time
+        for begin, end, peak in zip(impacts.begin[each], impacts.end[each], impacts.peak_force[each], strict=True):
+            assert samples[(time > begin) & (time < end)].max(initial=0.0) <= peak * (1 + 1e-12)
+
+
+def test_impulses_are_the_change_of_momentum():
+    """A mass between two stops, tied to nothing that counts: its momentum changes by the impulses alone."""
+    stop = {"mass": 1, "stiffness": STOP, "gap": 0.02, "damping": {"kind": "viscous", "coefficient": 3.0}}
+    stops = [{**stop, "name": "low", "side": "below"}, {**stop, "name": "high", "side": "above", "stiffness": 500.0}]
+    case = thrown(spring=1e-9, duration=2.03).model_dump(mode="json", exclude_unset=True)
+    case["chain"]["snubbers"] = stops
+    result = beamsim.run(Scenario.model_validate(case))
+    low, high = result.impacts.snubbers.values()
+    velocity = result.probes["m"].velocity
+    assert min(low.number, high.number) >= 4
+    gained = low.impulse_n_s - high.impulse_n_s
+    assert gained == pytest.approx(MASS * (velocity[-1] + SPEED), rel=1e-10)
+    mean, share = low.mean_force_n, low.contact_share
+    assert low.mean_force_in_contact_n == pytest.approx(mean / share, rel=1e-12)
+    assert low.rms_force_in_contact_n == pytest.approx(low.rms_force_n / np.sqrt(share), rel=1e-12)
+
+
+def test_minimum_rest_joins_contacts_and_the_threshold_leaves_impacts_out():
+    whole = beamsim.run(thrown(4.0)).impacts
+    apart = np.pi / np.sqrt(SPRING / MASS)
+    joined = beamsim.run(thrown(4.0, impacts={"minimum_rest": 1.01 * apart})).impacts
+    assert joined.begin.size == 1
+    assert joined.contacts[0] == whole.begin.size
+    assert joined.impulse[0] == pytest.approx(whole.impulse.sum(), rel=1e-13)
+    assert joined.contact_time[0] == pytest.approx(whole.contact_time.sum(), rel=1e-13)
+    assert joined.end[0] == whole.end[-1]
+    kept = beamsim.run(thrown(4.0, impacts={"minimum_rest": 0.99 * apart})).impacts
+    assert kept.begin.size == whole.begin.size
+    limit = float(np.sort(whole.peak_force)[-3])
+    strong = beamsim.run(thrown(4.0, impacts={"force_threshold": limit * (1 - 1e-9)})).impacts
+    (stop,) = strong.snubbers.values()
+    assert (stop.number, stop.below_threshold) == (3, whole.begin.size - 3)
+    assert stop.impulse_n_s == pytest.approx(whole.snubbers["stop"].impulse_n_s, rel=1e-14)  # of all contact
+
+
+def test_a_run_that_begins_and_ends_in_contact():
+    start = {"displacement": [-0.01], "velocity": [0.0]}
+    impacts = beamsim.run(thrown(duration=0.02, start=start)).impacts
+    assert impacts.cut.tolist() == [True]
+    assert np.isnan(impacts.approach_speed[0])
+    assert np.isnan(impacts.restitution[0])
+    assert impacts.snubbers["stop"].cut == 1
+
+
+def test_rainflow_of_the_worked_example():
+    """ASTM E1049-85, figure 6: A-B 3, B-C 4, E-F 4 (whole), C-D 8, D-G 9, G-H 8, H-I 6, the others half."""
+    cycles = rainflow(np.array([-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0]))
+    expected = [[3, -0.5, 0.5], [4, -1, 0.5], [4, 1, 1], [8, 1, 0.5], [9, 0.5, 0.5], [8, 0, 0.5], [6, 1, 0.5]]
+    assert cycles.tolist() == expected
+    assert damage(cycles, 8.0, 100.0, 3.0) == pytest.approx(
+        sum(n * (s / 8.0) ** 3 for s, _, n in expected) / 100.0, rel=1e-14
+    )
+    assert damage(cycles, 8.0, 100.0, 3.0, limit=8.0) == pytest.approx(0.5 * (9 / 8) ** 3 / 100.0, rel=1e-14)
+    assert rainflow(np.array([1.0])).size == rainflow(np.zeros(5)).size == 0
+
+
+def test_stress_and_force_are_counted_as_dense_samples_are():
+    """Turning points in closed form give the cycles of a record sampled at 2 MHz."""
+    case = load_scenario(
+        EXAMPLES / "one_sided_65hz.yaml",
+        ["run.duration=0.1", "run.sample_rate=2 MHz", "run.convergence=off", "run.impacts={}", "run.spectrum.last=0.1",
+         "run.fatigue={stress_range: 80 MPa, exponent: 5, cycles: 2e6}"],
+    )  # fmt: skip
+    result = beamsim.run(case)
+    (snubber,) = result.impacts.snubbers.values()
+    sampled = rainflow(next(iter(result.snubbers.values())).force)
+    counted = np.stack([snubber.rainflow.range, snubber.rainflow.mean, snubber.rainflow.count], axis=1)
+    large = 1e-3 * snubber.peak_force_n
+    exact, of_samples = (np.sort(x[x[:, 0] > large, 0]) for x in (counted, sampled))
+    np.testing.assert_allclose(exact, of_samples, rtol=1e-3, atol=1e-3 * snubber.peak_force_n)
+    (body,) = result.fatigue.values()
+    assert body.largest_range_pa <= 2.0 * result.summary["largest_bending_stress_pa"]
+    assert np.max(np.abs(body.rainflow.mean) + 0.5 * body.rainflow.range) == pytest.approx(
+        result.summary["largest_bending_stress_pa"], rel=1e-9
+    )
+    assert body.damage == pytest.approx(
+        damage(np.stack([body.rainflow.range, body.rainflow.mean, body.rainflow.count], axis=1), 80e6, 2e6, 5.0)
+    )
+    assert body.life_s == pytest.approx(0.1 / body.damage, rel=1e-12)
+    assert body.cycles * (body.equivalent_range_pa / 80e6) ** 5 / 2e6 == pytest.approx(body.damage, rel=1e-12)
+
+
+def test_intervals_of_a_random_input():
+    """That of the rate is Student's t interval of the counts in equal blocks; the others hold their value."""
+    psd = "[{frequency: 20, density: 0.5 g^2/Hz}, {frequency: 300, density: 0.5 g^2/Hz}]"
+    random = f"excitation={{kind: random, applied_to: base, psd: {psd}, seed: 3}}"
+    overrides = ["run.spectrum.last=0.1", "run.convergence=off", "run.impacts={}", "run.duration=3", random]
+    case = load_scenario(EXAMPLES / "one_sided_65hz.yaml", overrides)
+    impacts = beamsim.run(case).impacts
+    (snubber,) = impacts.snubbers.values()
+    rows = {row.figure: row for row in snubber.intervals}
+    edges = np.linspace(0.3, 3.0, 21)
+    counts = np.histogram(impacts.begin, edges)[0]
+    half = stats.t.ppf(0.975, 19) * counts.std(ddof=1) / np.sqrt(20)
+    rate = rows["rate_hz"]
+    assert counts.sum() > 100
+    assert rate.value == pytest.approx(counts.sum() / 2.7, rel=1e-12)
+    assert [rate.low, rate.high] == pytest.approx([(20 * (counts.mean() + x)) / 2.7 for x in (-half, half)], rel=1e-9)
+    assert all(row.low < row.value < row.high for row in rows.values())
+    assert rows["rms_force_n"].value == pytest.approx(snubber.rms_force_n, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"impacts": {"minimum_rest": -1.0}}, "run.impacts.minimum_rest = -1 must not be negative"),
+        ({"impacts": {"force_threshold": "2 mm"}}, "run.impacts.force_threshold"),
+        ({"impacts": {}, "method": "reference"}, "run.impacts needs the motion in closed form"),
+        ({"fatigue": {"stress_range": "80 MPa", "exponent": 5}}, "run.fatigue needs a body whose stress is known"),
+        ({"fatigue": {"stress_range": "80 MPa"}}, "run.fatigue.exponent is missing"),
+    ],
+)
+def test_settings_that_cannot_be_used(change, message):
+    text = thrown().model_dump_json(exclude_unset=True)
+    values = json.loads(text)
+    values["run"] |= change
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(json.dumps(values))
+    assert message in str(caught.value)
+    assert all(problem.remedy for problem in caught.value.problems)
+
+
+def test_without_snubbers_there_are_no_impacts():
+    with pytest.raises(ScenarioError, match=r"run.impacts needs a snubber"):
+        load_scenario('{"chain": {"masses": [1], "springs": [1]}, "run": {"duration": 1, "impacts": {}}}')
