@@ -156,6 +156,17 @@ def _fatigue(_: RunResult, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str,
         f"{si(body['largest_range_pa'], 'Pa')}, damage {body['damage']:.3g}, life {si(body['life_s'], 's')}"
         for name, body in bodies.items()
     }
+def _shock(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """By signal the highest point of its shock response spectrum, with its change."""
+    s = result.summary
+    changes = s.get("convergence", {}).get("srs", {})
+    texts = {}
+    for name, point in signals.items():
+        text = f"{si(point['maximax_g'], 'g')} at {point['frequency_hz']:.4g} Hz"
+        if name in changes:
+            text += f"; {change_text(changes[name], f'srs.{name}' in s.get('doubtful', ()))}"
+        texts[name.replace("_", " ")] = text
+    return texts
 
 
 def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]:
@@ -236,6 +247,7 @@ TEXTS: Texts = {
     "random": _random,
     "impacts": _impacts,
     "fatigue": _fatigue,
+    "srs": _shock,
     "convergence": _convergence,
     "energy_error": lambda _, error: f"{error:.2g}",
     "processor_time_s": _solver,

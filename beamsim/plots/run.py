@@ -14,6 +14,7 @@ from beamsim.fields import rows_of
 from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import plot_density, plot_transmissibility
 from beamsim.plots.save import save_figures
+from beamsim.plots.shock_response import plot_shock_response
 from beamsim.plots.style import AT_ONCE, MOST_CURVES, Scale, curve_style, finish, legend, scale_for, thinned
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
@@ -264,6 +265,10 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         _doubts(result, plot_density(result.random, above), "random", "figures")
         plot_transmissibility(result.random, below)
         figures["random"] = figure
+    if result.srs is not None:
+        figure, (ax,) = panels(1, height=4.4)
+        _doubts(result, plot_shock_response(result.srs, ax), "srs", "spectra")
+        figures["srs"] = figure
     beams = [name for name, body in result.bodies.items() if body.across is None]
     if beams:
         figure, axes = panels(len(beams), height=4.4 if len(beams) == 1 else 3.2 * len(beams))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
@@ -22,6 +22,9 @@ from beamsim.scenario.quantities import (
     PositiveNumber,
     Text,
 )
+from beamsim.scenario.ranges import FrequencyRange
+
+LEAST_QUALITY = 0.5  # of an oscillator: critical damping
 
 
 class PolynomialStart(Schema):
@@ -136,6 +139,30 @@ class SpectrumSettings(Schema):
             raise fail("and last exclude each other", "keep one of the two", ("periods",))
 
 
+class ShockSpectrumSettings(FrequencyRange):
+    """Shock response spectra: oscillators on what moves as the base and as each probe does."""
+
+    changing: ClassVar[str] = "spectrum"
+    suitable: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
+
+    quality: PositiveNumber = 10.0
+    """Quality factor Q = 1 / (2 damping ratio) of the oscillators."""
+    per_octave: Count = 12
+    """Oscillators per octave."""
+
+    def settle(self) -> None:
+        """Reject a range that falls, and oscillators that do not oscillate."""
+        super().settle()
+        if self.from_ > self.to:
+            raise fail(f"= {self.to:g} Hz lies below from = {self.from_:g} Hz", "exchange the two", ("to",))
+        if self.quality <= LEAST_QUALITY:
+            raise fail(
+                f"= {self.quality:g} is an oscillator that does not oscillate",
+                "give more than 0.5; 10 (a damping ratio of 5 %) is usual",
+                ("quality",),
+            )
+
+
 class Run(Schema):
     """A run in time."""
 
@@ -147,6 +174,8 @@ class Run(Schema):
     """Initial state: static_equilibrium, rest, polynomials, a mode, a force released, or a point of a continuation."""
     spectrum: SpectrumSettings = SpectrumSettings()
     """Settings of the spectra."""
+    srs: ShockSpectrumSettings | None = None
+    """Shock response spectra of the base's acceleration and of every probe's; by default none."""
     method: Literal["exact", "reference"] = "exact"
     """Exact: closed-form flow between contact events; reference: a time-stepping integrator, for comparison."""
     integrator: Literal["RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"] = "BDF"

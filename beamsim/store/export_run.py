@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics, SpectralLine, Spectrum
+from beamsim.analyses.run.result import (
+    RandomResponse,
+    RunResult,
+    ShockSpectrum,
+    SignalStatistics,
+    SpectralLine,
+    Spectrum,
+)
 from beamsim.fields import Attribute, Counter, Dataset, members_of, rows_of
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.structures.stations import Stations
@@ -19,7 +26,8 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
     """One file per table: one row per observation, one column per quantity with its unit, full precision.
 
     ``time_histories``, ``spectra``, ``harmonics``, ``events``, ``modes``, ``mode_shapes``, ``summary`` and, for
-    a beam, ``beam``; ``random_densities``, ``random_statistics`` and ``random_transmissibility`` of a random input.
+    a beam, ``beam``; ``random_densities``, ``random_statistics`` and ``random_transmissibility`` of a random input;
+    ``srs`` where shock response spectra were asked for.
     """
     out = CsvFolder(folder)
     out.numbers("time_histories", _channels(result))
@@ -64,6 +72,10 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
         )
     if result.random is not None:
         _random_tables(out, result.random)
+    if result.srs is not None:
+        kinds = _names(ShockSpectrum, Dataset)
+        curves = {header(f"{s.name}_{kind}", "m/s^2"): getattr(s, kind) for s in result.srs.signals for kind in kinds}
+        out.numbers("srs", {"frequency_hz": result.srs.frequency_hz, **curves})
     out.summary({name: value for name, value in result.summary.items() if name != "spectral_lines"})
     return out.written
 

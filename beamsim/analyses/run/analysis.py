@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
+    from beamsim.scenario.run import ShockSpectrumSettings
 
 MOST_SAMPLES = 50_000_000
 SAMPLES_OF_A_STOPPED_RUN = 20_000
@@ -156,8 +157,12 @@ def run(
         summary["fatigue"] = {name: body.summary() for name, body in result.fatigue.items()}
     if result.random is not None:
         summary["random"] = result.random.summary()
+    if settings.srs is not None and not motion.outcome.interrupted:
+        result = _with_shock_response(result, system, motion, settings.srs, stop)
+        if result.srs is not None:
+            summary["srs"] = result.srs.summary()
     sampled_at = np.zeros(0) if result.random is None else result.time
-    derived = DerivedFigures(scenario, spectra, result.random, sampled_at)
+    derived = DerivedFigures(scenario, spectra, result.random, sampled_at, result.srs)
     checked = _checked(scenario, system, motion, summary, derived, stop)
     if checked is not None:
         result = with_convergence(result, checked)
@@ -207,6 +212,36 @@ def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
     return changed(result, random=random_response(result, force, stationary=stationary))
+
+
+def _with_shock_response(
+    result: RunResult,
+    system: StructuralSystem,
+    motion: _RunMotion,
+    settings: ShockSpectrumSettings,
+    stop: Callable[[], bool],
+) -> RunResult:
+    """Add shock response spectra; an interruption leaves them out and is an outcome."""
+    from beamsim.analyses.run.shock_response import SAMPLES_A_PERIOD, shock_response
+
+    warnings = result.warnings
+    try:
+        with heeding(stop):
+            if motion.trajectory is not None:
+                shock = shock_response(settings, system, motion.trajectory)
+            else:
+                time = motion.histories.time
+                shock = shock_response(settings, system, (time, motion.histories.values["acceleration"]))
+                if (time.size - 1) / time[-1] < SAMPLES_A_PERIOD * settings.to:
+                    warnings += (
+                        f"shock response spectra of a time-stepped motion are those of its samples: raise "
+                        f"run.sample_rate to {SAMPLES_A_PERIOD * settings.to:g} Hz or more for run.srs up to "
+                        f"{settings.to:g} Hz",
+                    )
+    except Stopped:
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the shock response spectra")
+        return changed(result, outcome=outcome if result.outcome.complete else result.outcome)
+    return changed(result, srs=shock, warnings=warnings)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.outputs import OutputSet, output_groups
 from beamsim.analyses.run.random_response import statistics_of
 from beamsim.analyses.run.records import Record, SampledRecord
-from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, Spectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import QUANTITIES, records_of
 from beamsim.analyses.run.spectrum import WORTH_LISTING, found_again
 from beamsim.flow.trajectory import Trajectory
@@ -49,12 +49,14 @@ class DerivedFigures:
     spectra : by probe and quantity.
     random : statistics of the response; None where the input is neither random nor sampled.
     times : (nt,) s, output times.
+    shock : shock response spectra; None where they were not asked for.
     """
 
     scenario: Scenario
     spectra: Mapping[SpectrumKey, Spectrum]
     random: RandomResponse | None
     times: Floats
+    shock: ShockResponse | None = None
 
     def reported(self) -> Figures:
         """The figures as they are in the result."""
@@ -67,6 +69,8 @@ class DerivedFigures:
             figures["random"] = {
                 f"{s.name} {s.quantity} {key}": getattr(s, key) for s in self.random.signals for key in STATISTICS
             }
+        if self.shock is not None:
+            figures["srs"] = _highest(self.shock)
         return figures
 
     def again(self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int = 1) -> list[Figures]:
@@ -78,7 +82,20 @@ class DerivedFigures:
         if self.random is not None:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
+        if self.shock is not None:
+            shock = _highest(self._shock_response(system, motion))
+            for figures in of_parts:
+                figures["srs"] = shock
         return of_parts
+
+    def _shock_response(self, system: StructuralSystem, motion: Trajectory | OutputSamples) -> ShockResponse:
+        from beamsim.analyses.run.shock_response import shock_response
+
+        assert self.scenario.run is not None
+        assert self.scenario.run.srs is not None
+        if isinstance(motion, OutputSamples):
+            return shock_response(self.scenario.run.srs, system, (motion.time, motion.values["acceleration"]))
+        return shock_response(self.scenario.run.srs, system, motion)
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
@@ -132,6 +149,10 @@ class DerivedFigures:
         for k in range(parts):
             statistics = {name: statistics_of(pieces[k], rate) for name, pieces in divided.items()}
             yield {f"{name} {key}": values[key] for name, values in statistics.items() for key in STATISTICS}
+
+
+def _highest(shock: ShockResponse) -> dict[str, float]:
+    return {name: point["maximax_g"] for name, point in shock.summary().items()}
 
 
 def line_changes(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, Impacts
 from beamsim.fields import (
@@ -259,6 +260,44 @@ class RandomResponse:
 
 
 @declared
+class ShockSpectrum:
+    """Peaks of oscillators' absolute accelerations on a base that moves as one signal does."""
+
+    name: str = attribute("", "input, or the name of the probe")
+    quantity: str = key("acceleration of the input, absolute_acceleration of a probe")
+    maximax: Floats = dataset("m/s^2", "largest magnitude at any time", along=_FREQUENCY)
+    primary: Floats = dataset("m/s^2", "largest magnitude during the record", along=_FREQUENCY)
+    residual: Floats = dataset("m/s^2", "largest magnitude after the end of the record", along=_FREQUENCY)
+    positive: Floats = dataset("m/s^2", "largest value at any time", along=_FREQUENCY)
+    negative: Floats = dataset("m/s^2", "magnitude of the smallest value at any time", along=_FREQUENCY)
+
+
+@declared
+class ShockResponse:
+    """Shock response spectra.
+
+    The record of the input ends with its pulse, if it is one, and that of a response with the run.
+    """
+
+    quality: float = attribute("1", "quality factor Q of the oscillators")
+    frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
+    signals: tuple[ShockSpectrum, ...] = keyed(
+        parts=lambda signal: (signal.name, signal.quantity),
+        having="maximax",
+        indexed=True,
+        called="<name>/<quantity>",
+    )  # the input first
+
+    def summary(self) -> dict[str, dict[str, float]]:
+        """Highest point of the maximax spectrum and its frequency, by name and quantity."""
+        highest = {f"{s.name} {s.quantity}": (s.maximax, int(s.maximax.argmax())) for s in self.signals}
+        return {
+            name: {"maximax_g": float(x[k]) / STANDARD_GRAVITY, "frequency_hz": float(self.frequency_hz[k])}
+            for name, (x, k) in highest.items()
+        }
+
+
+@declared
 class AgainstFigure:
     """One figure of a run and of a time stepper."""
 
@@ -339,6 +378,8 @@ _SUMMARY = (
     Entry("impacts_total", "", "those of all snubbers together"),
     Entry("fatigue", "", "by body rainflow count and damage of its largest bending stress, if run.fatigue asks for it",
              "fatigue"),
+    Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
+          "shock response"),
     *MODES,
     Entry("convergence", "1", "by figure, and by name of probe or snubber, its relative change with half as many modes "
              "more and twice the elements", "convergence"),
@@ -380,6 +421,7 @@ class RunResult(Result):
     modes: ModeTable = group("modes")
     work: Work = group("work")
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
+    srs: ShockResponse | None = group("srs", default=None)  # where shock response spectra were asked for
     against: Against | None = group("against", default=None)  # where a time stepper was asked for
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis

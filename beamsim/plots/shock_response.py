@@ -1,0 +1,35 @@
+"""Plot of shock response spectra."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from beamsim.analyses.run.result import ShockResponse
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+
+def plot_shock_response(response: ShockResponse, ax: Axes) -> Axes:
+    """Maximax spectra of the input and of the probes; thin, what the input leaves after its end (residual)."""
+    drawn = response.signals[:MOST_CURVES]
+    for k, signal in enumerate(drawn):
+        style = curve_style(k)
+        ax.plot(response.frequency_hz, signal.maximax / STANDARD_GRAVITY, label=signal.name, **style)
+        if signal.name == "input":
+            thin = {**style, "linewidth": 0.5 * style["linewidth"]}
+            ax.plot(response.frequency_hz, signal.residual / STANDARD_GRAVITY, label="input, residual", **thin)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    top = max((float(s.maximax.max()) for s in drawn), default=0.0) / STANDARD_GRAVITY
+    if top > 0:
+        bottom = min(float(s.maximax.min()) for s in drawn) / STANDARD_GRAVITY
+        ax.set_ylim(max(0.5 * bottom, 1e-6 * top), 2.0 * top)
+    ax.set_xlim(response.frequency_hz[0], response.frequency_hz[-1])
+    finish(ax, "Natural frequency of the oscillator (Hz)", f"Peak acceleration (g), Q = {response.quality:g}")
+    curves = len(drawn) + any(s.name == "input" for s in drawn)
+    legend(ax, curves, len(response.signals) + curves - len(drawn), "signals")
+    return ax

@@ -1,0 +1,187 @@
+"""Shock response spectra against closed forms, an independent simulation and an independent recursive filter."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter, lsim
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.analyses.run.linear_filter import LinearFilter, panels
+from beamsim.analyses.run.shock_response import frequencies_of, shock_spectra
+from beamsim.cli.app import app
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.scenario.run import ShockSpectrumSettings
+from beamsim.store.export import export_result
+from beamsim.store.results import open_result, write_result
+
+G = 9.80665
+
+
+def settings(**more):
+    return ShockSpectrumSettings.model_validate({"from": 10.0, "to": 1280.0, "per_octave": 2, **more})
+
+
+def panel(**more):
+    run = {"duration": 0.06, "srs": {"from": "20 Hz", "to": "2 kHz", "per_octave": 3}} | more.pop("run", {})
+    return load_scenario(
+        {
+            "beam": {"length": 1.2, "bending_stiffness": 2967.0, "mass_per_length": 2.4,
+                     "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.02}},
+            "snubbers": [{"name": side, "position": 0.6, "side": side, "stiffness": "100 kN/m", "gap": "-0.1 mm"}
+                         for side in ("below", "above")],
+            "excitation": {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms",
+                           "time": "2 ms"},
+            "probes": [{"name": "middle", "position": 0.6}],
+            "reduction": {"modes": 6},
+            "run": run,
+            **more,
+        }
+    )  # fmt: skip
+
+
+def half_sine(duration):
+    def pulse(t):
+        return np.where((t >= 0) & (t <= duration), np.sin(np.pi * t / duration), 0.0)[:, None]
+
+    return pulse
+
+
+def test_undamped_residual_of_a_half_sine_is_that_of_its_fourier_transform():
+    """After a pulse an undamped oscillator swings with omega |integral of a exp(-i omega t)|."""
+    duration = 0.011
+    chosen = settings(quality=1e9, to=700.0, per_octave=5)
+    (peaks,) = shock_spectra(chosen, np.array([0.0, duration]), half_sine(duration), 0.0)
+    omega, b = 2 * np.pi * frequencies_of(chosen), np.pi / duration
+    expected = np.abs(omega * b * (1 + np.exp(-1j * omega * duration)) / (b**2 - omega**2))
+    np.testing.assert_allclose(peaks[2], expected, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(peaks[3], expected, rtol=1e-7, atol=1e-7)
+
+
+def test_primary_and_residual_against_a_simulation():
+    """Damped oscillators simulated by SciPy on fine samples, during the pulse and long after."""
+    duration, chosen = 0.005, settings(quality=5.0, per_octave=1)
+    (peaks,) = shock_spectra(chosen, np.array([0.0, duration]), half_sine(duration), 0.0)
+    for i, hz in enumerate(frequencies_of(chosen)):
+        t = np.linspace(0.0, duration + 1.1 / hz, 20_001)
+        w, z = 2 * np.pi * hz, 0.1
+        _, y, _ = lsim(([2 * z * w, w**2], [1, 2 * z * w, w**2]), half_sine(duration)(t)[:, 0], t)
+        during, after = y[t <= duration], y[t > duration]
+        expected = during.max(), -min(during.min(), 0.0), max(after.max(), 0.0), -min(after.min(), 0.0)
+        np.testing.assert_allclose(peaks[:, i], expected, rtol=2e-4, atol=2e-4)
+
+
+def test_a_bouncing_response_against_a_ramp_invariant_filter():
+    """D. O. Smallwood's recursive filter (Shock and Vibration Bulletin 51, 1981) on fine exact samples."""
+    result = beamsim.run(panel(run={"sample_rate": "1 MHz", "convergence": "off"}))
+    assert result.summary["contacts"]["below"] > 1
+    of_middle = result.srs.signals[1]
+    assert of_middle.name == "middle"
+    a, step = result.probes["middle"].absolute_acceleration[:], 1e-6
+    for hz, primary in zip(result.srs.frequency_hz, of_middle.primary, strict=True):
+        w, z = 2 * np.pi * hz, 0.05
+        e, k = np.exp(-z * w * step), w * np.sqrt(1 - z**2) * step
+        c, s = e * np.cos(k), e * np.sin(k) / k
+        y = lfilter([1 - s, 2 * (s - c), e**2 - s], [1, -2 * c, e**2], a)
+        assert primary == pytest.approx(np.abs(y).max(), rel=2e-4)
+
+
+def test_a_stiff_oscillator_follows_the_base_and_the_maximax_is_the_largest_of_all():
+    result = beamsim.run(panel(run={"convergence": "off"}))
+    entered, response = result.srs.signals
+    assert (entered.name, entered.quantity) == ("input", "acceleration")
+    assert entered.maximax[-1] == pytest.approx(20 * G, rel=0.02)
+    for s in (entered, response):
+        np.testing.assert_array_equal(s.maximax, np.maximum(s.primary, s.residual))
+        np.testing.assert_array_equal(s.maximax, np.maximum(s.positive, s.negative))
+    # the pulse is over long before the run: a longer run changes nothing about it
+    longer = beamsim.run(panel(run={"convergence": "off", "duration": 0.1}))
+    np.testing.assert_allclose(longer.srs.signals[0].residual, entered.residual, rtol=1e-10)
+
+
+def test_blocks_join_on(monkeypatch):
+    from beamsim.analyses.run import linear_filter
+
+    def highest():
+        blocks, _ = panels(np.array([0.0, 0.02]), half_sine(0.011), 1e-4)
+        through = LinearFilter(np.array([-30.0 + 600.0j]), np.array([30.0 - 300.0j]), 1)
+        for block in blocks:
+            through.through(block)
+        return [x[0] for x in through.extremes]
+
+    whole = highest()
+    monkeypatch.setattr(linear_filter, "BLOCK", 7)
+    assert highest() == pytest.approx(whole, rel=1e-12)
+
+
+def test_convergence_summary_files_and_pictures(tmp_path):
+    result = beamsim.run(panel())
+    s = result.summary
+    assert set(s["srs"]) == {"input acceleration", "middle absolute_acceleration"}
+    assert s["srs"]["input acceleration"]["maximax_g"] == pytest.approx(result.srs.signals[0].maximax.max() / G)
+    assert s["convergence"]["srs"]["input acceleration"] < 1e-9
+    assert 0.0 < s["convergence"]["srs"]["middle absolute_acceleration"] < 0.02
+    path = write_result(result, tmp_path / "case.h5")
+    read = open_result(path)
+    np.testing.assert_array_equal(read.srs.signals[1].maximax, result.srs.signals[1].maximax)
+    export_result(path, tmp_path / "tables", "csv")
+    header = (tmp_path / "tables" / "srs.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert header.startswith("frequency_hz,")
+    assert "middle_maximax" in header
+
+
+def test_command_prints_and_draws(tmp_path):
+    case = tmp_path / "case.yaml"
+    case.write_text(panel(run={"convergence": "off"}).to_yaml(), encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(case), "-o", str(tmp_path / "case.h5")])
+    assert done.exit_code == 0
+    assert "shock response" in done.output
+    assert (tmp_path / "case_srs.png").exists()
+    printed = CliRunner().invoke(app, ["run", str(case), "-o", str(tmp_path / "case.h5"), "--no-plots", "--json"])
+    assert json.loads(printed.output)["srs"]["middle absolute_acceleration"]["maximax_g"] > 20.0
+
+
+def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
+    exact = beamsim.run(panel(run={"convergence": "off", "sample_rate": "40 kHz"}))
+    more = {"convergence": "off", "method": "reference", "integrator": "DOP853", "rtol": 1e-9}
+    stepped = beamsim.run(panel(run={**more, "sample_rate": "40 kHz"}))
+    for a, b in zip(exact.srs.signals, stepped.srs.signals, strict=True):
+        np.testing.assert_allclose(b.maximax, a.maximax, rtol=0.01)
+    assert not [w for w in stepped.warnings if "shock response" in w]
+    coarse = beamsim.run(panel(run={**more, "sample_rate": "5 kHz"}))
+    assert any("run.sample_rate to 20000 Hz" in w for w in coarse.warnings)
+
+
+@pytest.mark.parametrize(
+    ("srs", "said"),
+    [
+        ({"from": 100, "to": 10}, "run.srs.to = 10 Hz lies below from = 100 Hz"),
+        ({"from": 100, "to": 100}, "run.srs.to = 100 Hz equals the start of the spectrum"),
+        ({"from": 10, "to": 100, "quality": 0.5}, "run.srs.quality = 0.5 is an oscillator that does not oscillate"),
+    ],
+)
+def test_errors(srs, said):
+    with pytest.raises(ScenarioError) as raised:
+        panel(run={"srs": srs})
+    assert said in str(raised.value)
+
+
+def test_interruption_leaves_the_spectra_out(monkeypatch):
+    from beamsim.analyses.run import linear_filter
+
+    monkeypatch.setattr(linear_filter, "BLOCK", 64)
+    asked = []
+
+    def stop(most=10**9):
+        asked.append(None)
+        return len(asked) > most
+
+    beamsim.run(panel(run={"convergence": "off", "srs": None}), stop=stop)
+    before, asked[:] = len(asked), []
+    result = beamsim.run(panel(run={"convergence": "off"}), stop=lambda: stop(before + 5))
+    assert result.outcome.interrupted
+    assert "shock response spectra" in result.outcome.text
+    assert result.srs is None
+    assert result.summary["peak_force_n"]["below"] > 0
