@@ -156,6 +156,8 @@ def _fatigue(_: RunResult, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str,
         f"{si(body['largest_range_pa'], 'Pa')}, damage {body['damage']:.3g}, life {si(body['life_s'], 's')}"
         for name, body in bodies.items()
     }
+
+
 def _shock(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """By signal the highest point of its shock response spectrum, with its change."""
     s = result.summary

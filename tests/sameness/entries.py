@@ -174,7 +174,8 @@ class Entry:
         if "beam" in scenario:
             first = scenario["beam"].get("segments", [scenario["beam"]])[0]
             where = "segments[0]." if "segments" in scenario["beam"] else ""
-            changes.append(f"beam.{where}youngs_modulus={nudged(first['youngs_modulus'])}")
+            key = "youngs_modulus" if "youngs_modulus" in first else "bending_stiffness"
+            changes.append(f"beam.{where}{key}={nudged(first[key])}")
         elif "bodies" in scenario:
             name, body = next(iter(scenario["bodies"].items()))
             where, first = ("segments[0].", body["segments"][0]) if "segments" in body else ("", body)
