@@ -128,7 +128,8 @@ SLOW = (
     *("continuation_level sweep", "chain_bumpers sweep", "nnm_energy nnm", "nnm_chain_mass_5 nnm compare", "ms_beam_*"),
     *("identify_nonlinear *", "nnm_forced_* nnm", "nnm_thesis_mode_* nnm", "nnm_first nnm*"),
     *("prestressed_160hz_5g run", "prestressed_220hz_8g run", "prestressed_90hz_3g run", "prestressed_465hz_15g run"),
-    "point_force_* run",
+    *("point_force_* run", "plate_panel run", "vibeams run", "vibeams sweep", "vibeams_backbone nnm"),
+    *("two_panels_opening sweep", "one_sided_65hz run swept_sine"),
 )
 """Patterns of entries that take about a second or more, or repeat a config that other fast tests run."""
 
