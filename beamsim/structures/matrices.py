@@ -27,6 +27,7 @@ from beamsim.structures.reduction import static_deflections
 from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
+from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats, Ints
 
@@ -41,6 +42,7 @@ _MOST_STATIONS = 200
 # is far below the next.
 _RIGID, _GAP = 1e-9, 1e-5
 _INACCURATE = 1e-11  # backward error of factors
+_ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
 
 
@@ -89,13 +91,25 @@ class MatricesStructure(BodyStructure):
         return max(1, min(self.size - int(self.rigid.shape[1]), _MOST_MODES))
 
     def frequency_count(self, omega: float) -> int:
-        """Number of modes below the scaled angular frequency: negative pivots of K - omega^2 M (Sylvester)."""
-        shifted = self.stiffness - omega**2 * self.mass
-        if self.size <= _DENSE:
-            below = np.linalg.eigvalsh(shifted.toarray()) < 0
-        else:
-            below = symmetric_lu(shifted, definite=True).pivots < 0
-        return int(np.count_nonzero(below)) + int(self.rigid.shape[1])
+        """A bound on the number of modes below the scaled angular frequency: negative eigenvalues of K - omega^2 M.
+
+        Where round-off hides that number, it is that of a slightly higher frequency.
+
+        Raises
+        ------
+        MethodError
+            If it stays hidden.
+        """
+        for aside in (0.0, *_ASIDE):
+            count = negative_eigenvalues(self.stiffness - (omega * (1 + aside)) ** 2 * self.mass)
+            if count is not None:
+                return count + int(self.rigid.shape[1])
+        limit = omega * self.frequency_scale / (2 * np.pi)
+        raise MethodError(
+            "reduction",
+            f"by frequency is not possible: the modes of {self.name} below {limit:.4g} Hz cannot be counted",
+            "give reduction.modes, and look at the matrices with `beamsim check`",
+        )  # fmt: skip
 
     def row_number(self, place: Place) -> int | None:
         """Row of the files of a place; None where there is none."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.symmetric_lu import symmetric_lu, unit_diagonal
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -31,39 +32,18 @@ def negative_eigenvalues(matrix: Any) -> int | None:
     The sparse factorisation keeps to the diagonal, so its error is checked; a small matrix for which that fails is
     factorised densely with pivoting (Bunch and Kaufman).
     """
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
-    size = np.sqrt(np.maximum(np.abs(matrix.diagonal()), np.finfo(float).tiny))
-    scaled: Any = csc_array(matrix / size[:, None] / size[None, :])
     try:
-        lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factors = symmetric_lu(matrix, definite=True)
     except RuntimeError:  # exactly singular
-        lu = None
-    if lu is not None and np.array_equal(lu.perm_r, lu.perm_c) and _residual(lu, scaled) <= _RESIDUAL:
-        return int(np.sum(lu.U.diagonal() < 0))
-    if scaled.shape[0] > _DENSE:
+        factors = None
+    if factors is not None and not factors.exchanged and factors.residual <= _RESIDUAL:
+        return int(np.sum(factors.pivots < 0))
+    if matrix.shape[0] > _DENSE:
         return None
     from scipy.linalg import ldl
 
-    _, d, _ = ldl(scaled.toarray())
+    _, d, _ = ldl(unit_diagonal(matrix)[0].toarray())
     return int(np.sum(np.linalg.eigvalsh(d) < 0))
-
-
-def _residual(lu: Any, matrix: Any) -> float:
-    """Largest error of the factors; of a large matrix as it shows in 8 products with vectors of random signs.
-
-    Their product with each other would take as long as the factorisation many times over. An entry of the error shows
-    in each product with its own size at least with a chance of one half.
-    """
-    from scipy.sparse import csc_array
-
-    entries = matrix.tocoo()
-    permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=matrix.shape)
-    if matrix.shape[0] <= _DENSE:
-        return float(abs(lu.L @ lu.U - permuted).max())
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(matrix.shape[0], 8))
-    return float(np.abs(lu.L @ (lu.U @ signs) - permuted @ signs).max())
 
 
 def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:

@@ -6,14 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from scipy.sparse import csc_array
+from scipy.sparse import block_diag, csc_array, identity
 
 import beamsim
-from beamsim.errors import ScenarioError
+from beamsim.errors import MethodError, ScenarioError
 from beamsim.matrix_files.op4 import write_op4
 from beamsim.scenario import load_scenario
+from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import DofTable, write_dof_table
+from beamsim.structures.matrices import structure_of
+from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.system.build import build_system
 
 BEAM = """
@@ -284,3 +287,25 @@ def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):
     np.testing.assert_allclose(
         system.modes.damping_ratios[:4], build_system(built(text)).modes.damping_ratios[:4], rtol=1e-8
     )
+
+
+def pairs(count):
+    """Pairs of equal masses on equal springs that a soft spring couples, and K - k M of zero diagonal."""
+    pair = np.array([[1.0, 0.01], [0.01, 1.0]])
+    table = DofTable(tuple((node, "z") for node in range(2 * count)))
+    size = 2 * count
+    given = NamedMatrices(table, identity(size, format="csc"), csc_array(block_diag([pair] * count)), None, ())
+    return structure_of(given, name="pairs")
+
+
+def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
+    """Half of the frequencies lie below that of a mass on its spring; pivots off the diagonal counted none of them."""
+    structure = pairs(400)
+    assert structure.frequency_count(1.0 / structure.frequency_scale) == 400
+
+
+def test_modes_that_cannot_be_counted_are_said_with_a_remedy(monkeypatch):
+    monkeypatch.setattr(sturm, "_DENSE", 10)
+    monkeypatch.setattr(sturm, "_RESIDUAL", -1.0)
+    with pytest.raises(MethodError, match=r"modes of pairs below 0.1592 Hz cannot be counted; give reduction.modes"):
+        pairs(20).frequency_count(1.0 / pairs(20).frequency_scale)
