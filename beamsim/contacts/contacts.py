@@ -28,7 +28,7 @@ class PhaseArrays(NamedTuple):
     touching: Any  # (m, P) bool
     force: Any  # (m, P, 3 + R) the force's row
     dynamics: Any  # (m, P, R, 3 + R) rows of the rates of the internal states
-    stored: Any  # (m, P, 1 + R) energy at zero penetration, J, and what internal states store, N/m
+    stored: Any  # (m, P, 1 + R, 1 + R) Q of the energy z^T Q z / 2 at zero penetration, z = (1, internal states)
     losses: Any  # (m, P, R) power lost with the square of the internal states' rates, N s/m
     guards: Any  # (m, P) number of guards
     guard: Any  # (m, P, G, 3 + R) their rows
@@ -177,6 +177,24 @@ class Contacts:
         """Whether each contact touches; ``phases`` is (..., m)."""
         return np.asarray(self.arrays.touching[np.arange(self.count), phases])
 
+    def touch_changes(self, initial: Ints, time: Floats, contact: Ints, phase: Ints) -> Ints:
+        """(E,) what each event changes: 1 where contact is made, -1 where it ends, 0 between phases of one kind.
+
+        ``initial`` (m,) are the phases at the beginning, ``time``, ``contact`` and ``phase`` (E,) the events. An event
+        at the very beginning that leads to the phase there stands for entering it: contact was not there before.
+        """
+        after = np.asarray(self.arrays.touching[contact, phase], dtype=np.int64)
+        changes = np.zeros(contact.size, dtype=np.int64)
+        for j in range(self.count):
+            of_contact = np.flatnonzero(contact == j)
+            if not of_contact.size:
+                continue
+            first = of_contact[0]
+            entered = time[first] == 0.0 and phase[first] == initial[j]
+            begin = 0 if entered else int(self.arrays.touching[j, initial[j]])
+            changes[of_contact] = np.diff(after[of_contact], prepend=begin)
+        return changes
+
     def after(self, phases: Ints, contact: int, following: int) -> Ints:
         """The phases after one contact has changed its phase."""
         phases = phases.copy()
@@ -223,7 +241,8 @@ class Contacts:
         contact, p = np.arange(self.count), self.own_internal(internal)
         row, stored = self.arrays.force[contact, phases], self.arrays.stored[contact, phases]
         by_penetration = 0.5 * row[..., 0] * penetration + row[..., 2] + np.sum(row[..., 3:] * p, axis=-1)
-        energy = by_penetration * penetration + stored[..., 0] + 0.5 * np.sum(stored[..., 1:] * p**2, axis=-1)
+        z = np.concatenate([np.ones((*p.shape[:2], 1)), p], axis=2)
+        energy = by_penetration * penetration + 0.5 * np.einsum("tji,tjik,tjk->tj", z, stored, z)
         return np.asarray(energy.sum(axis=1))
 
     def losses(self, phases: Ints) -> tuple[Floats, Floats]:
@@ -232,6 +251,22 @@ class Contacts:
         losses = a.losses[contact, phases]
         internal = [losses[j, : a.states[j]] for j in np.flatnonzero(a.states)]
         return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *internal])
+
+    def energy_slopes(self, phases: Ints) -> tuple[Floats, Floats]:
+        """Derivatives of the energy at zero penetration by all internal states: (r, r) factors of these, and (r,) at
+        zero."""
+        a, r = self.arrays, self.internal_states
+        by_states, constant = np.zeros((r, r)), np.zeros(r)
+        for j in np.flatnonzero(a.states):
+            own = slice(a.first[j], a.first[j] + a.states[j])
+            stored = a.stored[j, phases[j], : 1 + a.states[j], : 1 + a.states[j]]
+            by_states[own, own], constant[own] = stored[1:, 1:], stored[1:, 0]
+        return by_states, constant
+
+    def settled_states(self, penetration: Floats) -> Floats:
+        """(r,) internal states after a long rest at penetrations (m,), m."""
+        states = [law.settled_states(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
+        return np.concatenate([np.zeros(0), *states])
 
     def internal_rates(self, phases: Ints) -> tuple[Floats, Floats]:
         """Rates of all internal states in given phases.
@@ -290,7 +325,7 @@ class Contacts:
             np.ascontiguousarray(self.shape), np.asarray(self.sign, dtype=float), np.asarray(self.gap, dtype=float),
             np.asarray(self.on_ground, dtype=bool), np.array([law.start for law in self.laws], dtype=np.int64),
             np.cumsum(states) - states, states, np.zeros((m, P), dtype=bool), np.zeros((m, P, 3 + R)),
-            np.zeros((m, P, R, 3 + R)), np.zeros((m, P, 1 + R)), np.zeros((m, P, R)),
+            np.zeros((m, P, R, 3 + R)), np.zeros((m, P, 1 + R, 1 + R)), np.zeros((m, P, R)),
             np.zeros((m, P), dtype=np.int64), np.zeros((m, P, G, 3 + R)),
             np.zeros((m, P, G), dtype=np.int64), np.zeros((m, P, G), dtype=bool), np.zeros((m, P, G, R, 3 + R)),
             np.zeros((m, P, G), dtype=bool), np.zeros((m, P, G, 3 + R)),
@@ -300,11 +335,13 @@ class Contacts:
             for k, phase in enumerate(law.phases):
                 out.touching[j, k] = phase.touching
                 out.force[j, k, : 3 + r] = phase.row(r)
-                out.stored[j, k, 0] = phase.energy
+                out.stored[j, k, 0, 0] = 2.0 * phase.energy
                 if r:
                     out.dynamics[j, k, :r, :3] = phase.drive or 0.0
                     out.dynamics[j, k, :r, 3 : 3 + r] = phase.dynamics or 0.0
-                    out.stored[j, k, 1 : 1 + r], out.losses[j, k, :r] = phase.stored or 0.0, phase.losses or 0.0
+                    out.stored[j, k, 1 : 1 + r, 1 : 1 + r] = phase.stored or 0.0
+                    out.stored[j, k, 0, 1 : 1 + r] = out.stored[j, k, 1 : 1 + r, 0] = phase.stored_linear or 0.0
+                    out.losses[j, k, :r] = phase.losses or 0.0
                 out.guards[j, k] = len(phase.guards)
                 for i, guard in enumerate(phase.guards):
                     out.guard[j, k, i, : 3 + r] = guard.row(r)

@@ -42,10 +42,18 @@ class Springs:
     sign: Floats  # (m,) +1 below, -1 above
     stiffness: Floats  # (m,) N/m; negative where a piecewise-linear spring softens
     gap: Floats  # (m,) m
+    contact: Ints | None = None  # (m,) contact that each is a part of; None: one each
 
     def take(self, index: Ints | Bools) -> Springs:
         """A selection of the springs."""
-        return Springs(self.shape[index], self.sign[index], self.stiffness[index], self.gap[index])
+        contact = None if self.contact is None else self.contact[index]
+        return Springs(self.shape[index], self.sign[index], self.stiffness[index], self.gap[index], contact)
+
+    def by_contact(self, force: Floats, sign: Floats) -> Floats:
+        """Forces of contacts with the given signs, N, from those of their parts (m,)."""
+        if self.contact is None:
+            return force
+        return sign * np.bincount(self.contact, weights=self.sign * force, minlength=sign.size)
 
 
 @dataclass(frozen=True)

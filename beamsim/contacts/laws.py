@@ -5,8 +5,8 @@ states p,
 
 .. math:: N = k\,\delta + c\,\dot\delta + N_0 + h^T p, \qquad \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
 
-The energy stored is :math:`k\delta^2/2 + N_0\delta + \delta\,h^T p + p^T S p/2 + E_0` with a diagonal S, the power
-lost :math:`c\,\dot\delta^2 + \sum_i l_i \dot p_i^2`. A phase lasts while its guards, linear in :math:`\delta`,
+The energy stored is :math:`k\delta^2/2 + N_0\delta + \delta\,h^T p + p^T S p/2 + s^T p + E_0`, the power lost
+:math:`c\,\dot\delta^2 + \sum_i l_i \dot p_i^2`. A phase lasts while its guards, linear in :math:`\delta`,
 :math:`\dot\delta`, p and 1, stay positive. The guard that reaches zero first names the phase that follows; where the
 law needs it, the internal states start there from an affine function of the same quantities. A law of another kind is
 another list of phases, nothing else changes:
@@ -68,7 +68,8 @@ class Phase:
     internal: tuple[float, ...] = ()  # (r,) h
     dynamics: tuple[tuple[float, ...], ...] = ()  # (r, r) A, 1/s
     drive: tuple[tuple[float, float, float], ...] = ()  # (r, 3) b_delta, b_r, b_0
-    stored: tuple[float, ...] = ()  # (r,) diagonal of S, N/m
+    stored: tuple[tuple[float, ...], ...] = ()  # (r, r) S, N/m, symmetric
+    stored_linear: tuple[float, ...] = ()  # (r,) s, N
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
     energy: float = 0.0  # J, E_0
 
@@ -103,7 +104,10 @@ class ContactLaw:
     start : phase from which the one that belongs to a given motion is looked for.
     parts : one-sided springs whose forces add up to the law's; None where there are none (internal states, phases that
         end by the force).
-    stiffness, dashpot : those of slow motions in contact, from which statics and natural frequencies follow.
+    stiffness, dashpot : those of slow motions in contact, from which natural frequencies follow.
+    static : one-sided springs that push as the law does after a long rest; by default `parts`, or else one spring of
+        the stiffness.
+    settled : the internal states after a long rest at a penetration, m; zero by default.
     family : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
         change them.
     """
@@ -114,6 +118,8 @@ class ContactLaw:
     parts: tuple[OneSidedSpring, ...] | None = None
     stiffness: float = np.nan
     dashpot: float = np.nan
+    static: tuple[OneSidedSpring, ...] | None = None
+    settled: Callable[[float], tuple[float, ...]] | None = None
     family: Callable[[float, float], ContactLaw] | None = None
 
     def __post_init__(self) -> None:
@@ -123,6 +129,36 @@ class ContactLaw:
                 raise ValueError(f"a guard of phase {phase.name!r} names a phase that the law does not have")
             if len(set(following)) < len(following):
                 raise ValueError(f"two guards of phase {phase.name!r} name the same phase")
+
+    @property
+    def static_springs(self) -> tuple[OneSidedSpring, ...]:
+        """One-sided springs that push as the law does after a long rest at any penetration."""
+        if self.static is not None:
+            return self.static
+        return self.parts if self.parts is not None else (OneSidedSpring(1.0, self.stiffness, 0.0, 0.0),)
+
+    def static_force(self, penetration: Floats) -> Floats:
+        """Forces after a long rest at penetrations, N, of any shape."""
+        delta = np.asarray(penetration, dtype=float)
+        force = np.zeros_like(delta)
+        for s in self.static_springs:
+            force += s.direction * s.stiffness * np.maximum(s.direction * delta - s.offset, 0.0)
+        return force
+
+    def static_penetration(self, force: float) -> float:
+        """m, at which the law of a stop pushes with a positive force, N, after a long rest."""
+        springs = sorted(self.static_springs, key=lambda s: s.offset)
+        slope, reached, before = 0.0, 0.0, 0.0
+        for spring in springs:
+            at = reached + slope * (spring.offset - before)
+            if at >= force:
+                break
+            slope, reached, before = slope + spring.stiffness, at, spring.offset
+        return before + (force - reached) / slope if slope > 0.0 else np.inf
+
+    def settled_states(self, penetration: float) -> tuple[float, ...]:
+        """(r,) internal states after a long rest at a penetration, m."""
+        return (0.0,) * self.internal_states if self.settled is None else self.settled(penetration)
 
     def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
         """The same kind of law with other numbers."""
@@ -142,15 +178,20 @@ class ContactLaw:
                 force=factor * p.force,
                 energy=factor * p.energy,
                 internal=tuple(factor * x for x in p.internal),
-                stored=tuple(factor * x for x in p.stored),
+                stored=tuple(tuple(factor * x for x in row) for row in p.stored),
+                stored_linear=tuple(factor * x for x in p.stored_linear),
                 losses=tuple(factor * x for x in p.losses),
             )
             for p in self.phases
         )
-        parts = self.parts
-        if parts is not None:
-            parts = tuple(replace(s, stiffness=factor * s.stiffness, dashpot=factor * s.dashpot) for s in parts)
-        return replace(self, phases=phases, parts=parts)
+        return replace(
+            self,
+            phases=phases,
+            parts=_scaled(self.parts, factor),
+            static=_scaled(self.static, factor),
+            stiffness=factor * self.stiffness,
+            dashpot=factor * self.dashpot,
+        )
 
     def plus(self, other: ContactLaw, amount: float) -> ContactLaw:
         """The force of this law and ``amount`` of another's, which has the same phases."""
@@ -179,7 +220,8 @@ class ContactLaw:
             return self.family(self.stiffness, 0.0)
         if self.internal_states:
             raise ValueError("this contact law has no undamped form")
-        return replace(self, phases=tuple(replace(p, dashpot=0.0) for p in self.phases))
+        parts = None if self.parts is None else tuple(replace(s, dashpot=0.0) for s in self.parts)
+        return replace(self, phases=tuple(replace(p, dashpot=0.0) for p in self.phases), parts=parts, dashpot=0.0)
 
     def jump(self, phase: int, guard: int) -> Floats:
         """(3 + r,) factors of the force's jump at a guard, before the event's quantities.
@@ -204,6 +246,12 @@ class ContactLaw:
         row[pivot] = 0.0
         row[np.abs(row) <= SMALLEST_JUMP * size] = 0.0
         return row
+
+
+def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[OneSidedSpring, ...] | None:
+    if springs is None:
+        return None
+    return tuple(replace(s, stiffness=factor * s.stiffness, dashpot=factor * s.dashpot) for s in springs)
 
 
 def _row(penetration: float, rate: float, constant: float, internal: tuple[float, ...], r: int) -> Floats:
@@ -250,7 +298,7 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     lets_go = Guard(0, penetration=stiffness, rate=dashpot, reset=((1.0, 0.0, 0.0, 0.0),))
     return ContactLaw(
         (
-            Phase("released", (meets,), touching=False, dynamics=relaxing, stored=(stiffness,), losses=(dashpot,)),
+            Phase("released", (meets,), touching=False, dynamics=relaxing, stored=((stiffness,),), losses=(dashpot,)),
             Phase("closed", (lets_go,), touching=True, stiffness=stiffness, dashpot=dashpot, dynamics=relaxing),
         ),
         internal_states=1,

@@ -10,7 +10,9 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
-from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.force_curve import ForceCurve
+from beamsim.contacts.laws import ContactLaw, kelvin_voigt, no_tension
+from beamsim.contacts.pads import recovering_law, table_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_frequencies
@@ -35,12 +37,15 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
     return float(2 * ratio * stiffness / moving[0])
 
 
-def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rigid: int) -> Contacts:
+def build_contacts(
+    located: Sequence[Located], curves: Sequence[ForceCurve | None], shape: Floats, omega: Floats, rigid: int
+) -> Contacts:
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
     Parameters
     ----------
     located : the scenario's snubbers and where they are written.
+    curves : of those that have a force-deflection table.
     shape : (m, n) deflection at each for a unit of each coordinate.
     omega : (n,) rad/s, open structure.
     rigid : number of rigid-body coordinates.
@@ -48,6 +53,7 @@ def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rig
     snubbers = [item for _, _, item in located]
     dashpot = np.zeros(len(snubbers))
     problems: list[Problem] = []
+    stiffness = [s.stiffness if curve is None else curve.stiffness for s, curve in zip(snubbers, curves, strict=True)]
     for i, snubber in enumerate(snubbers):
         if snubber.damping is None:
             continue
@@ -55,7 +61,7 @@ def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rig
             dashpot[i] = snubber.damping.coefficient
             continue
         try:
-            dashpot[i] = dashpot_from_ratio(snubber.damping.ratio, snubber.stiffness, omega, shape[i], rigid)
+            dashpot[i] = dashpot_from_ratio(snubber.damping.ratio, stiffness[i], omega, shape[i], rigid)
         except ValueError as error:
             problems.append(
                 Problem(
@@ -71,8 +77,19 @@ def build_contacts(located: Sequence[Located], shape: Floats, omega: Floats, rig
         sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
         gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
         on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
-        laws=tuple(LAWS[s.law](float(s.stiffness), float(c)) for s, c in zip(snubbers, dashpot, strict=True)),
+        laws=tuple(
+            _law(s, float(k), curve, float(c))
+            for s, k, curve, c in zip(snubbers, stiffness, curves, dashpot, strict=True)
+        ),
     )
+
+
+def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+    if curve is None or curve.slopes.size == 1:
+        return LAWS[snubber.law](stiffness, dashpot)
+    if snubber.law == "no_tension" and dashpot > 0.0:
+        return recovering_law(curve, dashpot)
+    return table_law(curve, dashpot)
 
 
 def resists(snubber: Any) -> str:
@@ -81,10 +98,18 @@ def resists(snubber: Any) -> str:
 
 
 def springs_of(contacts: Contacts) -> Springs:
-    """The static part of the contacts: one-sided springs, one per part of a piecewise-linear law."""
-    static = tuple(law if law.parts is not None else kelvin_voigt(law.stiffness) for law in contacts.laws)
-    parts = replace(contacts, laws=static).one_sided_parts()
-    return Springs(parts.shape, parts.sign, parts.stiffness, parts.gap)
+    """The static part of the contacts: one-sided springs, one for each part of a law."""
+    parts = [(j, part) for j, law in enumerate(contacts.laws) for part in law.static_springs]
+    contact = np.array([j for j, _ in parts], dtype=np.int64)
+    direction = np.array([part.direction for _, part in parts])
+    offset = np.array([part.offset for _, part in parts])
+    return Springs(
+        contacts.shape[contact],
+        direction * contacts.sign[contact],
+        np.array([part.stiffness for _, part in parts]),
+        direction * contacts.gap[contact] + offset,
+        contact,
+    )
 
 
 def _balancing(normal: Floats, force: Floats, push: Floats) -> str:
@@ -113,8 +138,8 @@ def resolve_preloads(
     """Contacts whose gaps give the specified preloads (of the first of them) as contact forces at static equilibrium.
 
     At that equilibrium a preloaded snubber is a constant force s phi P, so the other contacts determine the shape; its
-    gap then follows from P = k (-gap - s w). A structure that floats between preloaded snubbers stays where it is
-    drawn: any rigid-body motion would only shift their gaps.
+    gap then follows from the penetration at which its law pushes with P, P / k of a spring. A structure that floats
+    between preloaded snubbers stays where it is drawn: any rigid-body motion would only shift their gaps.
 
     Raises
     ------
@@ -129,8 +154,8 @@ def resolve_preloads(
     given = np.append(given, np.zeros(others, dtype=bool))
     force = np.append([0.0 if p is None else p for p in preload], np.zeros(others))
     forces = (contacts.sign * force)[:, None] * contacts.shape
-    springs = springs_of(contacts)  # those of the snubbers come first
-    rest = springs.take(~np.append(given, np.zeros(springs.stiffness.size - given.size, dtype=bool)))
+    springs = springs_of(contacts)
+    rest = springs.take(~given[springs.contact])
     equilibrium = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, forces[given]]), cubic)
     q = equilibrium.one_of_many if equilibrium.q is None else equilibrium.q
     if q is None:
@@ -147,10 +172,7 @@ def resolve_preloads(
             ]
         )
     w = contacts.shape @ q
-    gap = np.where(
-        given,
-        -contacts.sign * w
-        - force / np.array([law.stiffness if p else 1.0 for law, p in zip(contacts.laws, given, strict=True)]),
-        contacts.gap,
+    pressed = np.array(
+        [law.static_penetration(p) if p > 0.0 else 0.0 for law, p in zip(contacts.laws, force, strict=True)]
     )
-    return replace(contacts, gap=gap)
+    return replace(contacts, gap=np.where(given, -contacts.sign * w - pressed, contacts.gap))

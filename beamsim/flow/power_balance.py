@@ -41,9 +41,9 @@ def power_forms(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
     gradient[n : 2 * n] = velocity
     form = velocity.T @ system.damping @ velocity + (rate.T * dashpot) @ rate
     if internal.size:
-        a = contacts.arrays
-        stored = np.concatenate([a.stored[j, phases[j], 1 : 1 + a.states[j]] for j in np.flatnonzero(a.states)])
-        gradient[2 * n :] = by_internal.T @ delta + stored[:, None] * state[2 * n :]
+        by_states, constant = contacts.energy_slopes(phases)
+        gradient[2 * n :] = by_internal.T @ delta + by_states @ state[2 * n :]
+        gradient[2 * n :, -1] += constant
         moved = _rows(flow.internal_rates(phases))
         form += (moved.T * internal) @ moved
     load = np.zeros_like(velocity)

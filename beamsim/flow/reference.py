@@ -44,9 +44,16 @@ class ReferenceTrajectory:
     processor_time_s: float
 
     @property
+    def touch_changes(self) -> Ints:
+        """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
+        return self.flow.system.contacts.touch_changes(
+            self.phases[:1].reshape(-1), self.event_time, self.event_contact, self.event_phase
+        )
+
+    @property
     def event_closing(self) -> Bools:
-        """(E,) whether the contact touches after the event."""
-        return np.asarray(self.flow.system.contacts.arrays.touching[self.event_contact, self.event_phase])
+        """(E,) whether contact is made at the event."""
+        return np.asarray(self.touch_changes > 0)
 
     def sample(self, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at the output times."""

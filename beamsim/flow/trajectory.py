@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,10 +53,17 @@ class Trajectory:
     outcome: Outcome
     processor_time_s: float
 
+    @cached_property
+    def touch_changes(self) -> Ints:
+        """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
+        return self.flow.system.contacts.touch_changes(
+            self.phases_of(self.state[:1]).reshape(-1), self.event_time, self.event_contact, self.event_phase
+        )
+
     @property
     def event_closing(self) -> Bools:
-        """(E,) whether the contact touches after the event."""
-        return np.asarray(self.flow.system.contacts.arrays.touching[self.event_contact, self.event_phase])
+        """(E,) whether contact is made at the event."""
+        return np.asarray(self.touch_changes > 0)
 
     def up_to_finite(self) -> Trajectory:
         """The motion up to the first segment that does not start from finite numbers, with an outcome that says so."""

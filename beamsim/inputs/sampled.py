@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.headings import axis_factor, split_heading, stated
 from beamsim.inputs.signal import Signal
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
@@ -163,53 +164,13 @@ def _reject(message: str, remedy: str, key: str = "file") -> NoReturn:
 
 
 def _from_csv(path: Path, excitation: SampledInput) -> _Columns:
-    lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
-    lines = [line for line in lines if not line.lstrip().startswith(("#", "%"))]
-    if not lines:
-        raise ValueError("the file is empty")
-    separator = next((mark for mark in (";", "\t", ",") if mark in lines[-1]), None)
-    rows = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines]
-    if separator != ",":  # then a comma is that of a decimal
-        rows = [
-            [cell.replace(",", ".") if _is_number(cell.replace(",", ".")) else cell for cell in row] for row in rows
-        ]
-    first = next((i for i, row in enumerate(rows) if _is_number(row[0])), None)
-    if first is None:
-        raise ValueError("no line starts with a number")
-    headings = rows[first - 1] if first else []
-    width = len(rows[first])
-    if separator == "," and headings and width == 2 * len(headings):
-        raise ValueError("it has decimal commas between commas; export it with decimal points")
-    ragged = next((i for i, row in enumerate(rows[first:]) if len(row) != width), None)
-    if ragged is not None:
-        raise ValueError(f"line {first + ragged + 1} has {len(rows[first + ragged])} columns instead of {width}")
-    table = np.array([[float(cell) if cell else np.nan for cell in row] for row in rows[first:]])
-    has_times = excitation.time_column is not None or (width > 1 and excitation.sample_rate is None)
-    time_at = _column(excitation.time_column, headings, width, 0) if has_times else None
-    column = _column(excitation.column, headings, width, 0 if time_at is None or width == 1 else 1)
-    units = [split_heading(heading)[1] for heading in headings] or [""] * width
-    time_unit = "" if time_at is None else units[time_at]
-    return _Columns(None if time_at is None else table[:, time_at], table[:, column], time_unit, units[column])
-
-
-def _column(name: str | None, headings: list[str], width: int, default: int) -> int:
-    if name is None:
-        return default
-    for names in (headings, [split_heading(heading)[0] for heading in headings]):
-        if name in names:
-            return names.index(name)
-    if name.isdigit() and 1 <= int(name) <= width:
-        return int(name) - 1
-    known = f"; headings are {', '.join(headings)}" if headings else ""
-    raise ValueError(f"there is no column {name} among {width}{known}")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    table = read_csv(path)
+    has_times = excitation.time_column is not None or (table.width > 1 and excitation.sample_rate is None)
+    time_at = table.column(excitation.time_column, 0) if has_times else None
+    column = table.column(excitation.column, 0 if time_at is None or table.width == 1 else 1)
+    time_unit = "" if time_at is None else table.units[time_at]
+    times = None if time_at is None else table.values[:, time_at]
+    return _Columns(times, table.values[:, column], time_unit, table.units[column])
 
 
 def _from_hdf5(path: Path, excitation: SampledInput) -> _Columns:

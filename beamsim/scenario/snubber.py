@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail
+from beamsim.scenario.force_table import ForceDeflection, MeasuredForces, as_measured, check_points
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import (
@@ -50,8 +51,11 @@ class SnubberBase(Named):
 
     name: Name = ""
     """Name, unique; snubber_1, snubber_2, ... by default."""
-    stiffness: Stiffness
-    """Stiffness while in contact."""
+    stiffness: Stiffness | None = None
+    """Stiffness while in contact; this or force_deflection is needed."""
+    force_deflection: ForceDeflection | None = None
+    """Force over penetration instead of the stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, or {file: pad.csv,
+    fit: {segments: 5}}; the last slope goes on."""
     damping: SnubberDamping | None = None
     """Dashpot parallel to the spring; none by default."""
     gap: Gap | None = None
@@ -62,7 +66,8 @@ class SnubberBase(Named):
     """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile."""
 
     def settle(self) -> None:
-        """Reject gap and preload together; the default gap is 0."""
+        """Demand a stiffness or a table; reject gap and preload together; the default gap is 0."""
+        self._check_force()
         if self.preload is None:
             if self.gap is None:
                 self.resolve("gap", 0.0)
@@ -70,6 +75,21 @@ class SnubberBase(Named):
             raise fail(
                 "and gap exclude each other", "keep one of the two; the gap follows from the preload", ("preload",)
             )
+
+    def _check_force(self) -> None:
+        if self.force_deflection is None:
+            if self.stiffness is None:
+                raise fail("is missing", "give for example stiffness: 151.1 kN/m, or force_deflection", ("stiffness",))
+            return
+        if self.stiffness is not None:
+            raise fail("and stiffness exclude each other", "keep one of the two", ("force_deflection",))
+        if isinstance(self.force_deflection, tuple):
+            check_points(self.force_deflection, ("force_deflection",))
+
+    @property
+    def table(self) -> MeasuredForces | None:
+        """The force-deflection curve, where one is given."""
+        return None if self.force_deflection is None else as_measured(self.force_deflection)
 
     @property
     def probed_places(self) -> tuple[AtPlace, ...]:

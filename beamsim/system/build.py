@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from beamsim.structures.reduction_bound import receptance_bound
 from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
 from beamsim.system.mechanisms import check_mechanisms, held_problems
@@ -35,7 +36,8 @@ from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, Structur
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
+    from beamsim.contacts.force_curve import ForceCurve
+    from beamsim.scenario import Located, Scenario
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
 
@@ -124,7 +126,9 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     damping = parts.reduced.damping
 
     snubbers = scenario.located_snubbers
-    stops = build_contacts(snubbers, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
+    tables = force_tables(scenario)
+    curves = [None if table is None else table.curve for table in tables]
+    stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
     nonlinear = scenario.nonlinear_springs
     springs = describe_springs(nonlinear, parts.shapes([snubber_site(spring) for spring in nonlinear]))
     cubic = cubic_springs(springs, basis.size)
@@ -137,10 +141,16 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     loads = constant_loads(parts)
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     if cubic.count:  # what integrates these in time knows one-sided springs alone
+        _refuse_tables(snubbers, curves)
         contacts = contacts.split()
     contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, loads, cubic)
     equilibrium = _equilibrium(parts, contacts, loads, cubic)
     initial, warnings = initial_state(parts, contacts, loads, cubic, equilibrium)
+    warnings += [
+        f"{path_text(path)}.force_deflection: {table.remark}"
+        for (path, _, _), table in zip(snubbers, tables, strict=True)
+        if table is not None and table.remark
+    ]
     motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
 
     corrections = None if motion is None else motion.corrections
@@ -168,7 +178,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
         base_displacement=motion.displacement if motion else None,
-        snubbers=_describe_snubbers(parts, contacts, equilibrium),
+        snubbers=_describe_snubbers(parts, contacts, equilibrium, tables),
         bodies=recoveries,
         modes=modes,
         static_equilibrium=equilibrium.q,
@@ -298,9 +308,26 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
         return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
 
 
-def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibrium) -> tuple[SnubberInfo, ...]:
+def _refuse_tables(snubbers: Sequence[Located], curves: Sequence[ForceCurve | None]) -> None:
+    problems = [
+        Problem(
+            f"{path_text(path)}.force_deflection", "cannot be combined with cubic springs",
+            "give the snubber a stiffness, or make the springs piecewise_linear",
+        )
+        for (path, _, _), curve in zip(snubbers, curves, strict=True)
+        if curve is not None and curve.slopes.size > 1
+    ]  # fmt: skip
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _describe_snubbers(
+    parts: Parts, contacts: Contacts, equilibrium: Equilibrium, tables: Sequence[TableOfStop | None]
+) -> tuple[SnubberInfo, ...]:
     described = []
-    for i, (site, (_, _, s)) in enumerate(zip(parts.snubber_sites, parts.scenario.located_snubbers, strict=True)):
+    force = springs_of(contacts).by_contact(equilibrium.force, contacts.sign)
+    located = parts.scenario.located_snubbers
+    for i, (site, (_, _, s), table) in enumerate(zip(parts.snubber_sites, located, tables, strict=True)):
         unit = parts.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness
         described.append(
@@ -312,8 +339,9 @@ def _describe_snubbers(parts: Parts, contacts: Contacts, equilibrium: Equilibriu
                 stiffness=stiffness,
                 dashpot=contacts.laws[i].dashpot,
                 gap=float(contacts.gap[i]),
-                preload=float(equilibrium.force[i]),
-                blocked_force=float(stiffness * max(-contacts.gap[i], 0.0)),
+                preload=float(force[i]),
+                blocked_force=float(contacts.laws[i].static_force(np.maximum(-contacts.gap[i], 0.0))),
+                table_misfit=None if table is None else table.misfit,
                 stiffness_ratio=stiffness / unit if unit > 0 else float("inf"),
                 shape=contacts.shape[i],
             )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.contacts.snubbers import build_contacts, resolve_preloads
+from beamsim.system.force_tables import curves_of
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -32,7 +33,7 @@ def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Sce
     omega = np.sqrt(dynamics.stiffness)
     rigid = int(np.sum(omega == 0))
     count = len(snubbers)
-    contacts = build_contacts(snubbers, dynamics.contacts.shape[:count], omega, rigid)
+    contacts = build_contacts(snubbers, curves_of(after), dynamics.contacts.shape[:count], omega, rigid)
     contacts = contacts.with_others(dynamics.contacts.take(slice(count, None)))
     contacts = resolve_preloads(
         contacts, snubbers, dynamics.stiffness, rigid, dynamics.constant_load[None, :], system.cubic

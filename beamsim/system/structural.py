@@ -34,11 +34,11 @@ class SnubberNumbers:
         "m", "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses"
     )
     side: str = attribute("", "below or above; between two masses approach or separation")
-    stiffness: float = attribute("N/m", "stiffness")
+    stiffness: float = attribute("N/m", "stiffness; of a force-deflection table its first slope")
     dashpot: float = attribute("N s/m", "damping constant")
     gap: float = attribute("m", "clearance, positive when open; resolved where a preload was given")
     preload: float = attribute("N", "contact force at static equilibrium; NaN where there is none")
-    blocked_force: float = attribute("N", "stiffness times max(-gap, 0): the force if the structure could not move")
+    blocked_force: float = attribute("N", "force at a penetration of max(-gap, 0): if the structure could not move")
     stiffness_ratio: float = attribute("1", "k L^3 / (E I); in a chain, over its largest spring stiffness")
 
 
@@ -48,6 +48,7 @@ class SnubberInfo(SnubberNumbers):
 
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
     across: float | None = None  # m, y on a plate
+    table_misfit: float | None = None  # N, root mean square of what a table leaves of the measured forces
 
 
 _MODE = (Counter("mode", "mode number"),)

@@ -34,11 +34,11 @@ def zener():
     recovery = ((KM / (K + KM) - 1.0) / TAU,)
     released = Phase(
         "released", (Guard(1, penetration=-(K + KM), internal=(KM,)),), touching=False, dynamics=(recovery,),
-        stored=(K * KM / (K + KM),), losses=(KM * TAU,),
+        stored=((K * KM / (K + KM),),), losses=(KM * TAU,),
     )  # fmt: skip
     touching = Phase(
         "touching", (Guard(0, penetration=K + KM, internal=(-KM,)),), touching=True, stiffness=K + KM, internal=(-KM,),
-        stored=(KM,), losses=(KM * TAU,), **relaxing,
+        stored=((KM,),), losses=(KM * TAU,), **relaxing,
     )  # fmt: skip
     return ContactLaw((released, touching), internal_states=1)
 

@@ -126,8 +126,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     time = np.linspace(0.0, period, SAMPLES + 1)
     states = flow.states_at(whole, time)
     q, v = states[:, :n], states[:, n : 2 * n]
-    stiffness = np.array([law.stiffness for law in flow.system.contacts.laws[: len(system.snubbers)]])
-    delta = np.maximum(flow.penetration(whole, time)[0][:, : stiffness.size], 0.0) * stiffness
+    delta = flow.penetration(whole, time)[0]
     probes = {p.name: p.shape for p in system.probes}
     harmonics = {}
     for name, shape in probes.items():
@@ -139,7 +138,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         time=time,
         displacement={name: q @ shape for name, shape in probes.items()},
         velocity={name: v @ shape for name, shape in probes.items()},
-        force={s.name: delta[:, i] for i, s in enumerate(system.snubbers)},
+        force={s.name: flow.system.contacts.laws[i].static_force(delta[:, i]) for i, s in enumerate(system.snubbers)},
         stations=q @ system.deflection.T,
         harmonics=harmonics,
         periods=PERIODS,

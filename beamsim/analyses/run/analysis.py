@@ -553,6 +553,7 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
             preload=s.preload,
             blocked_force=s.blocked_force,
             stiffness_ratio=s.stiffness_ratio,
+            table_misfit=s.table_misfit,
             force=motion.column("force", j),
             penetration=motion.column("penetration", j),
             closed=motion.histories.closed(j),
@@ -576,8 +577,9 @@ def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHi
 
 
 def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
-    """Events of the snubbers; contacts with higher numbers are breakpoints of piecewise-linear springs."""
-    of_snubber = trajectory.event_contact < len(system.snubbers)
+    """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers are
+    piecewise-linear springs."""
+    of_snubber = (trajectory.event_contact < len(system.snubbers)) & (trajectory.touch_changes != 0)
     times, snubbers, closing = trajectory.event_time, trajectory.event_contact, trajectory.event_closing
     return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
 

@@ -72,6 +72,9 @@ class SnubberHistory(SnubberNumbers):
     )
     velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base", along=_TIME)
     across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
+    table_misfit: float | None = attribute(
+        "N", "root mean square of what a force-deflection table leaves of the measured forces", default=None
+    )
     force_change: float | None = attribute(
         "1", f"of the peak force, {_WITH_FINER_MODEL}", name="relative_change", at="force", default=None
     )

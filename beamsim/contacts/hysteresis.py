@@ -1,0 +1,75 @@
+"""Measured loops of a pad: how far loading and unloading differ, and the Maxwell branch that would lose as much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamsim.contacts.force_curve import fit_curve, hinges
+from beamsim.typing import Floats
+
+SEGMENTS = 8  # of the curves that are compared
+TIMES = 60  # relaxation times that are tried
+REACH = 30.0  # beyond the record's longest and shortest times, over which they spread
+
+
+@dataclass(frozen=True)
+class BranchOfLoop:
+    """A branch beside a curve, fitted to a loop in time."""
+
+    stiffness: float  # N/m
+    relaxation_time: float  # s
+    misfit: float  # N, root mean square, of curve and branch together
+
+
+def loop_width(deflection: Floats, force: Floats) -> float:
+    """Mean difference between loading and unloading over the largest force; 0 where there is no unloading."""
+    step = np.diff(deflection)
+    middle, push = 0.5 * (deflection[1:] + deflection[:-1]), 0.5 * (force[1:] + force[:-1])
+    rising, falling = step > 0, step < 0
+    try:
+        up = fit_curve(middle[rising], push[rising], SEGMENTS).curve
+        down = fit_curve(middle[falling], push[falling], SEGMENTS).curve
+    except ValueError:
+        return 0.0
+    common = np.linspace(0.0, min(up.deflection[-1], down.deflection[-1]), 201)
+    return float(np.mean(np.abs(up.at(common) - down.at(common))) / np.abs(force).max())
+
+
+def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> BranchOfLoop:
+    """The Maxwell branch that, beside a curve with these knots, fits a record best; relaxed at its beginning.
+
+    For a given relaxation time the record is linear in the slopes and the branch's stiffness.
+    """
+    from scipy.optimize import minimize_scalar, nnls
+
+    table = hinges(deflection, knots)
+
+    def fitted(log_time: float) -> tuple[float, float]:
+        branch = deflection - relaxed_part(time, deflection, float(np.exp(log_time)))
+        matrix = np.column_stack([table, branch])
+        scale = np.linalg.norm(matrix, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        numbers, size = nnls(matrix / scale, force)
+        return float(size), float(numbers[-1] / scale[-1])
+
+    longest, shortest = time[-1] - time[0], float(np.median(np.diff(time)))
+    tried = np.linspace(np.log(shortest / REACH), np.log(longest * REACH), TIMES)
+    k = int(np.argmin([fitted(each)[0] for each in tried]))
+    bounds = (tried[max(k - 1, 0)], tried[min(k + 1, TIMES - 1)])
+    best = float(minimize_scalar(lambda each: fitted(each)[0], bounds=bounds, method="bounded").x)
+    size, stiffness = fitted(best)
+    return BranchOfLoop(stiffness, float(np.exp(best)), size / float(np.sqrt(time.size)))
+
+
+def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float) -> Floats:
+    """p of ``tau p' = delta - p`` with the deflection straight between its samples, p at rest at the first."""
+    p = np.empty(time.size)
+    p[0] = deflection[0]
+    h = np.diff(time) / relaxation_time
+    decay = np.exp(-h)
+    ramp = -np.expm1(-h) / h  # mean of the decay over the step
+    for i in range(h.size):
+        p[i + 1] = decay[i] * p[i] + (ramp[i] - decay[i]) * deflection[i] + (1.0 - ramp[i]) * deflection[i + 1]
+    return p

@@ -1,0 +1,160 @@
+"""Force-deflection curves of stops, from the scenario and its files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+from beamsim.contacts.force_curve import ForceCurve, fit_curve
+from beamsim.contacts.hysteresis import fit_branch, loop_width
+from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.csv_table import read_csv
+from beamsim.inputs.headings import TIME_NAMES, split_heading
+from beamsim.scenario import units
+from beamsim.scenario.base import path_text
+from beamsim.scenario.force_table import MeasuredForces, check_points
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+WIDE = 0.02  # of the largest force: loops wider than this are remarked on
+
+
+@dataclass(frozen=True)
+class TableOfStop:
+    """The curve of a stop and what there is to say about it."""
+
+    curve: ForceCurve
+    misfit: float  # N, root mean square; 0 where the points are the curve
+    remark: str = ""
+
+
+def curves_of(scenario: Scenario) -> tuple[ForceCurve | None, ...]:
+    """The curve of each snubber, None of one with a stiffness; raises as `force_tables`."""
+    return tuple(None if table is None else table.curve for table in force_tables(scenario))
+
+
+def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
+    """The table of each snubber, None of one with a stiffness.
+
+    Raises
+    ------
+    ScenarioError
+        For files that cannot be read and points that are no rising curve from zero.
+    """
+    tables: list[TableOfStop | None] = []
+    for path, _, snubber in scenario.located_snubbers:
+        if snubber.table is None:
+            tables.append(None)
+            continue
+        at = (*path, "force_deflection")
+        table = snubber.table
+        file, changed = None, 0
+        if table.file is not None:
+            file = _found(scenario.folder_of(*at, "file"), scenario.folder_of(*at), table.file)
+            if file is None:
+                remedy = "give its path, relative to the folder of the scenario"
+                raise ScenarioError(Problem(path_text(at), f"= {table.file} does not exist", remedy))
+            changed = file.stat().st_mtime_ns
+        try:
+            tables.append(_table(table, file, changed))
+        except PydanticCustomError as error:
+            context = error.context or {}
+            where = at if file is not None else (*at, *context["at"])
+            raise ScenarioError(
+                Problem(path_text(where), _of_file(file, context["at"]) + context["message"], context["remedy"])
+            ) from None
+        except (OSError, ValueError) as error:
+            raise ScenarioError(
+                Problem(path_text(at), f"{_of_file(file, ())}cannot be used: {str(error).splitlines()[0]}",
+                        "it needs a column of deflections and one of forces, from zero on")
+            ) from None  # fmt: skip
+    return tuple(tables)
+
+
+def _found(*folders_and_name: Path | str) -> Path | None:
+    *folders, name = folders_and_name
+    return next((path for folder in (*folders, ".") if (path := Path(folder) / name).is_file()), None)
+
+
+def _of_file(file: Path | None, at: Sequence[str | int]) -> str:
+    if file is None:
+        return ""
+    row = next((f", row {part + 1} of the numbers" for part in at if isinstance(part, int)), "")
+    return f"= {file.name}{row} "
+
+
+@lru_cache(maxsize=64)
+def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfStop:
+    """``changed`` is the time of the file's last change: it tells versions of a file apart."""
+    if file is None:
+        assert table.points is not None
+        deflection, force = np.array(table.points, dtype=float).T
+        time = None
+    else:
+        deflection, force, time = read_forces(file)
+    if table.fit is None:
+        check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
+        return TableOfStop(ForceCurve(deflection, force), 0.0)
+    fitted = fit_curve(deflection, force, table.fit.segments)
+    return TableOfStop(fitted.curve, fitted.misfit, _remark(deflection, force, time, fitted.curve))
+
+
+def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
+    """Deflections, m, forces, N, and times, s, where there is a column of them.
+
+    Columns are told apart by the dimension of their units, or else by their order after the times. Raises ValueError.
+    """
+    table = read_csv(file)
+    names = [split_heading(heading)[0].strip().lower() for heading in table.headings] or [""] * table.width
+    if len(names) != table.width:
+        raise ValueError(f"it has {len(names)} headings for {table.width} columns")
+    kinds: dict[str, int] = {}
+    factors = [1.0] * table.width
+    for column, (name, unit) in enumerate(zip(names, table.units, strict=True)):
+        if name in TIME_NAMES:
+            kinds["time"] = column
+        if not unit:
+            continue
+        for kind, dimension in (("deflection", units.LENGTH), ("force", units.FORCE), ("time", units.TIME)):
+            try:
+                factors[column] = units.read_quantity(f"1 {unit}", dimension)
+            except units.UnitError:
+                continue
+            kinds.setdefault(kind, column)
+            break
+        else:
+            raise ValueError(f"column {column + 1} is in {unit}, which is no unit of length, force or time")
+    others = iter(column for column in range(table.width) if column not in kinds.values())
+    try:
+        deflection, force = (kinds[kind] if kind in kinds else next(others) for kind in ("deflection", "force"))
+    except (StopIteration, RuntimeError):
+        raise ValueError(f"it has {table.width} columns") from None
+    values = table.values * factors
+    used = [deflection, force, *([kinds["time"]] if "time" in kinds else [])]
+    bad = np.flatnonzero(~np.isfinite(values[:, used]).all(axis=1))
+    if bad.size:
+        raise ValueError(f"row {bad[0] + 1} of the numbers is not complete")
+    return values[:, deflection], values[:, force], values[:, kinds["time"]] if "time" in kinds else None
+
+
+def _remark(deflection: Floats, force: Floats, time: Floats | None, curve: ForceCurve) -> str:
+    """What to say about a loop: the curve goes through its middle."""
+    width = loop_width(deflection, force)
+    if width <= WIDE:
+        return ""
+    remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
+    if time is None or np.any(np.diff(time) <= 0):
+        return f"{remark}; a Maxwell branch would lose that work: add a column of increasing times to have one fitted"
+    branch = fit_branch(time, deflection, force, curve.deflection[:-1])
+    return (
+        f"{remark}; beside a softer curve this branch fits the loop to {branch.misfit:.2g} N: "
+        f"maxwell: [{{stiffness: {branch.stiffness:.4g} N/m, relaxation_time: {branch.relaxation_time:.4g} s}}]"
+    )

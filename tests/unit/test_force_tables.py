@@ -1,0 +1,220 @@
+"""Force-deflection tables of stops: their law, files, fits, and what is refused."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.contacts.force_curve import _slopes, fit_curve
+from beamsim.contacts.hysteresis import fit_branch, loop_width, relaxed_part
+from beamsim.contacts.pads import table_law
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+POINTS = [[0, 0], [1e-4, 8], [2e-4, 22], [4e-4, 70]]
+CASE = {
+    "beam": {
+        "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700, "elements": 8,
+        "supports": {"left": "clamped", "right": "free"}, "damping": {"kind": "modal", "ratio": 0.01},
+    },
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": 65},
+    "probes": [{"name": "tip", "position": 0.27}],
+    "run": {"duration": 0.2, "sample_rate": 5000, "convergence": "off"},
+}  # fmt: skip
+
+
+def case(*stops, **sections):
+    stops = [{"position": 0.27, "side": "below", **stop} for stop in stops]
+    return load_scenario({**CASE, "snubbers": stops, **sections})
+
+
+def refused(stop):
+    with pytest.raises(ScenarioError) as caught:
+        build_system(case(stop))
+    (problem,) = caught.value.problems
+    assert problem.remedy
+    return str(problem)
+
+
+@pytest.mark.parametrize("gap", [-5e-5, 0.0, 3e-5])
+def test_a_table_is_a_stack_of_one_sided_springs(gap):
+    slopes = np.diff([f for _, f in POINTS]) / np.diff([x for x, _ in POINTS])
+    added = np.diff(slopes, prepend=0.0)
+    stack = [
+        {"name": f"s{i}", "stiffness": k, "gap": gap + POINTS[i][0]} for i, k in enumerate(added.tolist())
+    ]  # fmt: skip
+    one = beamsim.run(case({"name": "pad", "force_deflection": POINTS, "gap": gap}))
+    many = beamsim.run(case(*stack))
+    scale = np.abs(many.probes["tip"].displacement).max()
+    apart = one.probes["tip"].displacement - many.probes["tip"].displacement
+    assert np.abs(apart).max() <= 1e-12 * scale
+    together = sum(s.force for s in many.snubbers.values())
+    np.testing.assert_allclose(one.snubbers["pad"].force, together, atol=1e-12 * together.max() + 1e-11)
+    assert one.summary["contacts"]["pad"] == many.summary["contacts"]["s0"] >= 5
+    assert one.events.time.size == np.sum(many.events.snubber == 0)
+    assert one.summary["events"] < many.summary["events"]
+    assert one.snubbers["pad"].blocked_force == pytest.approx(np.interp(-gap, *np.array(POINTS).T) if gap < 0 else 0)
+    assert one.summary["energy_error"] < 1e-10
+
+
+def test_one_segment_is_a_stiffness():
+    table = beamsim.run(case({"name": "pad", "force_deflection": [[0, 0], [1e-3, 50]]}))
+    linear = beamsim.run(case({"name": "pad", "stiffness": 5e4}))
+    np.testing.assert_array_equal(table.probes["tip"].displacement, linear.probes["tip"].displacement)
+
+
+def test_a_preload_on_a_table():
+    run = beamsim.run(
+        case({"name": "pad", "force_deflection": POINTS, "preload": 0.4}, excitation={"kind": "none"})
+    )  # fmt: skip
+    pad = run.snubbers["pad"]
+    assert pad.preload == pytest.approx(0.4, rel=1e-10)
+    np.testing.assert_allclose(pad.force, 0.4, rtol=1e-8)
+
+
+@pytest.mark.parametrize("force", [3.0, 8.0, 15.0, 100.0])
+def test_penetration_of_a_static_force(force):
+    law = table_law(build_curve())
+    assert law.static_force(law.static_penetration(force)) == pytest.approx(force, rel=1e-14)
+
+
+def build_curve():
+    from beamsim.contacts.force_curve import ForceCurve
+
+    return ForceCurve(*np.array(POINTS, dtype=float).T)
+
+
+def test_the_fit_is_the_best_one():
+    """Against every choice of knots on a grid; slopes by another solver."""
+    rng = np.random.default_rng(3)
+    x = np.sort(rng.uniform(0.0, 1.0, 150))
+    y = 40 * x**2 + 30 * x**5 + rng.normal(0, 0.5, x.size)
+    for segments in (2, 3):
+        fitted = fit_curve(x, y, segments)
+        grid = np.linspace(0.0, 1.0, 50)[1:-1]
+        best = min(
+            np.sqrt(_slopes(x, y, np.array([0.0, *knots]))[1] / x.size)
+            for knots in itertools.combinations(grid, segments - 1)
+        )
+        assert fitted.misfit <= best * (1 + 1e-6)
+        assert fitted.misfit > 0.9 * best
+        assert np.all(fitted.curve.slopes >= 0)
+        assert fitted.curve.slopes.size == segments
+        assert fitted.misfit == pytest.approx(np.sqrt(np.mean((fitted.curve.at(x) - y) ** 2)), rel=1e-9)
+
+
+def test_a_curve_of_few_segments_is_found_again():
+    x = np.linspace(0, 4e-4, 301)
+    fitted = fit_curve(x, build_curve().at(x), 3)
+    np.testing.assert_allclose(fitted.curve.deflection, [p[0] for p in POINTS], rtol=1e-6, atol=1e-12)
+    assert fitted.misfit < 1e-6
+
+
+def test_a_table_from_a_file(tmp_path):
+    (tmp_path / "pad.csv").write_text("deflection (mm),force (kN)\n0,0\n0.1,0.008\n0.2,0.022\n0.4,0.07\n")
+    given = case({"name": "pad", "force_deflection": POINTS})
+    for form in (str(tmp_path / "pad.csv"), {"file": str(tmp_path / "pad.csv")}):
+        read = build_system(case({"name": "pad", "force_deflection": form}))
+        mine, other = read.dynamics.contacts.laws[0], build_system(given).dynamics.contacts.laws[0]
+        np.testing.assert_allclose([p.force for p in mine.phases], [p.force for p in other.phases], rtol=1e-12)
+    (tmp_path / "turned.csv").write_text("force [N];way [mm]\n0;0\n8;0,1\n")
+    law = build_system(case({"name": "pad", "force_deflection": str(tmp_path / "turned.csv")})).dynamics.contacts.laws[
+        0
+    ]
+    assert law.stiffness == pytest.approx(8e4)
+
+
+def loop(rate=20.0, noise=0.1):
+    """A cycle of a pad with a branch (2e4 N/m, 8 ms), starting relaxed."""
+    t = np.linspace(0.0, 1.0 / rate, 200)
+    x = 2e-4 * (1 - np.cos(2 * np.pi * rate * t))
+    force = build_curve().at(x) + 2e4 * (x - relaxed_part(t, x, 8e-3))
+    return t, x, force + np.random.default_rng(1).normal(0, noise, t.size)
+
+
+def written(path, header, *columns):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="")
+
+
+def test_a_loop_is_remarked_on_and_its_branch_is_offered(tmp_path):
+    t, x, force = loop()
+    assert loop_width(x, force) > 0.02
+    branch = fit_branch(t, x, force, build_curve().deflection[:-1])
+    assert branch.stiffness == pytest.approx(2e4, rel=0.05)
+    assert branch.relaxation_time == pytest.approx(8e-3, rel=0.1)
+    assert branch.misfit < 0.12
+    written(tmp_path / "loop.csv", "time (s),x (m),N (N)", t, x, force)
+    table = {"file": str(tmp_path / "loop.csv"), "fit": {"segments": 5}}
+    (warning,) = build_system(case({"name": "pad", "force_deflection": table})).warnings
+    assert "snubbers[0].force_deflection: loading and unloading differ" in warning
+    assert "maxwell: [{stiffness: " in warning
+    written(tmp_path / "loop.csv", "x (m),N (N)", x, force)
+    (warning,) = build_system(case({"name": "pad", "force_deflection": table})).warnings
+    assert "add a column of increasing times" in warning
+
+
+def test_a_curve_without_a_loop_is_not_remarked_on():
+    x = np.concatenate([np.linspace(0, 4e-4, 100), np.linspace(4e-4, 0, 100)])
+    force = build_curve().at(x) + np.random.default_rng(2).normal(0, 0.5, x.size)
+    assert loop_width(x, force) < 0.01
+    points = np.column_stack([x, force]).tolist()
+    system = build_system(case({"name": "pad", "force_deflection": {"points": points, "fit": {"segments": 3}}}))
+    assert system.warnings == ()
+    assert system.snubbers[0].table_misfit == pytest.approx(0.5, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("stop", "says"),
+    [
+        ({}, "stiffness is missing"),
+        ({"stiffness": 1e4, "force_deflection": POINTS}, "force_deflection and stiffness exclude each other"),
+        ({"force_deflection": [[0, 0], [1e-4, 8], [2e-4, 7]]}, "force_deflection[2][1] = 7 N falls below"),
+        ({"force_deflection": [[0, 0], [1e-4, 8], [1e-4, 9]]}, "force_deflection[2][0] = 0.0001 m does not lie above"),
+        ({"force_deflection": [[0, 2], [1e-4, 8]]}, "force_deflection[0] starts at 0 m, 2 N instead of zero"),
+        ({"force_deflection": [[1e-5, 0], [1e-4, 8]]}, "force_deflection[0] starts at 1e-05 m, 0 N instead of zero"),
+        ({"force_deflection": [[0, 0]]}, "force_deflection has 1 point"),
+        ({"force_deflection": [[0, 0], [1e-4, 0]]}, "force_deflection[1][1] has no force at all"),
+        ({"force_deflection": {"fit": {"segments": 3}}}, "force_deflection needs file or points"),
+        ({"force_deflection": {"points": POINTS, "fit": {"segments": 51}}}, "force_deflection.fit.segments = 51"),
+        ({"force_deflection": "nowhere.csv"}, "= nowhere.csv does not exist"),
+    ],
+)  # fmt: skip
+def test_bad_tables_are_refused(stop, says):
+    assert says in refused(stop)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("x (mm),N (N)\n0,0\n0.1,8\n0.2,7\n", "pad.csv, row 3 of the numbers = 7 N falls below"),
+        ("x (mm)\n0\n1\n", "pad.csv cannot be used: it has 1 columns"),
+        ("x (kg),N (N)\n0,0\n1,1\n", "column 1 is in kg"),
+        ("x,N\n", "no line starts with a number"),
+    ],
+)
+def test_bad_files_are_refused(text, says, tmp_path):
+    (tmp_path / "pad.csv").write_text(text)
+    assert says in refused({"force_deflection": str(tmp_path / "pad.csv")})
+
+
+def test_cubic_springs_beside_a_table_are_refused():
+    chain = {
+        "masses": [1, 1], "springs": [100, 100], "snubbers": [{"mass": 1, "side": "above", "force_deflection": POINTS}],
+        "springs_to_ground": [{"kind": "cubic", "mass": 2, "stiffness": 5}],
+    }  # fmt: skip
+    with pytest.raises(ScenarioError, match=r"force_deflection cannot be combined with cubic springs"):
+        build_system(load_scenario({"chain": chain}))
+
+
+def test_the_path_is_relative_to_the_scenario(tmp_path, monkeypatch):
+    import yaml
+
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "pad.csv").write_text("x (mm),N (N)\n0,0\n1,9\n")
+    scenario = {**CASE, "snubbers": [{"position": 0.27, "side": "below", "force_deflection": "data/pad.csv"}]}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(scenario))
+    monkeypatch.chdir(Path("/"))
+    assert build_system(load_scenario(tmp_path / "case.yaml")).snubbers[0].stiffness == pytest.approx(9000)
