@@ -88,6 +88,23 @@ class ContactState:
         np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
         return forced
 
+    def amplitude_map(self) -> Complexes:
+        """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary
+        part of each input in turn, and of each number of the state."""
+        F, N = self.basis_of_source.size, self.term_vector.shape[1]
+        forced = self.forced_at_start()
+        state = np.concatenate([-np.stack([forced.real, -forced.imag], axis=1).reshape(2 * F, N), np.eye(N)])
+        given = np.zeros((2 * F + N, F), dtype=complex)
+        given[np.arange(2 * F), np.arange(2 * F) // 2] = np.tile([1.0, 1j], F)
+        return np.concatenate([given, state @ self.projector.T], axis=1)
+
+    def of_amplitudes(self, of_terms: Complexes) -> Floats:
+        """(2 (F + Z), k) what terms (T, k) give for a unit of each amplitude's real and imaginary part in turn."""
+        out = np.zeros((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))
+        np.add.at(out[:, 0], self.term_source, of_terms.real)
+        np.add.at(out[:, 1], self.term_source, -of_terms.imag)
+        return out.reshape(-1, of_terms.shape[1])
+
     @cached_property
     def terms_of_sources(self) -> tuple[Ints, Ints]:
         """(F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)."""

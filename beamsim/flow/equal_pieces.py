@@ -123,11 +123,7 @@ def output_map(motion: Segments, state: int, basis: Complexes, table: Complexes)
     table : (T', k) of the contact state's terms, padded.
     """
     tables = motion.flow.states[state]
-    of_terms = basis[tables.term_basis, None] * table[: tables.term_basis.size]
-    out = np.zeros((motion.flow.sources.count + tables.projector.shape[0], 2, table.shape[1]))
-    np.add.at(out[:, 0], tables.term_source, of_terms.real)
-    np.add.at(out[:, 1], tables.term_source, -of_terms.imag)
-    return out.reshape(-1, table.shape[1])
+    return tables.of_amplitudes(basis[tables.term_basis, None] * table[: tables.term_basis.size])
 
 
 def _basis(motion: Segments, state: int, tau: float) -> Complexes:

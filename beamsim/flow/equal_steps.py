@@ -52,13 +52,13 @@ def round_off(sources: Sources) -> float:
 
 def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: Sources, length: float) -> PieceStep:
     """The step of a contact state; ``watch`` (T, g) and ``roughness`` (T, g) are those of its guards."""
-    F, (Z, N), of_term = sources.count, state.projector.shape, state.term_basis
+    F, Z, of_term = sources.count, state.projector.shape[0], state.term_basis
     start = basis_derivatives(state.exponent, state.power, 0.0, 2)[:, of_term, None]
     end = basis_derivatives(state.exponent, state.power, length, 1)[0, of_term, None]
-    free = np.concatenate([-state.forced_at_start().real @ state.projector.T, state.projector.T])  # (X, Z)
-    zeta = as_real(np.concatenate([np.eye(F + N, F), free], axis=1))  # (X, 2 (F + Z)) from the inputs and the state
+    amplitude = np.delete(state.amplitude_map(), np.arange(1, 2 * F, 2), axis=0)  # (X, F + Z): the inputs are real
+    free = amplitude[:, F:]
     outputs = (
-        zeta @ _of_amplitudes(state, F + Z, of_terms)
+        as_real(amplitude) @ state.of_amplitudes(of_terms)
         for of_terms in (end * state.term_vector, start[0] * watch, start[1] * watch, end * watch)
     )
     of_state, *of_watched = outputs
@@ -69,14 +69,6 @@ def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: S
     np.add.at(doubt, state.term_source, 8.0 * EPS * length**power * roughness + 16.0 * EPS * size * (power == 0))
     matrix = np.concatenate([of_state, free.real, free.imag, *of_watched], axis=1)
     return PieceStep(matrix, curvature, doubt, state.horizon >= length)
-
-
-def _of_amplitudes(state: ContactState, count: int, of_terms: Complexes) -> Floats:
-    """(2 count, k) for a unit of the real and of the imaginary part of each amplitude, in turn; ``of_terms`` (T, k)."""
-    out = np.zeros((count, 2, of_terms.shape[1]))
-    np.add.at(out[:, 0], state.term_source, of_terms.real)
-    np.add.at(out[:, 1], state.term_source, -of_terms.imag)
-    return out.reshape(2 * count, -1)
 
 
 def as_arrays(steps: list[PieceStep], sources: Sources, length: float) -> PieceSteps:

@@ -173,25 +173,17 @@ class MotionPart:
         return self.bounds[known]
 
     def _folded(self, step: float, reach: float, open_ends: bool) -> Floats:
-        from beamsim.flow.folding import folded_alike, runs
+        from beamsim.flow.folding import folded_by_products
         from beamsim.flow.fourier_kernels import ORDERS, folded
 
         m, out = self.motion, np.zeros(self.table.shape[2])
+        if many_pieces(m) and not m.flow.system.contacts.arrays.resets.any():
+            final = m.states_at(np.array([m.end]))[0]
+            return folded_by_products(m, final, self.table, self.dropped, step, reach, open_ends)
         before, beyond = np.zeros((out.size, ORDERS)), np.zeros(out.size)
-
-        def add(first: int, until: int, out: Floats) -> None:
+        for first, until in self._ranges(m.time.size + 1, 2 * ORDERS):
             folded(
                 m.flow.tables(), m.flow.inputs(), self.table, self.dropped, m.time, m.length, m.state, m.piece, m.y,
                 step, reach, open_ends, first, until, before, beyond, out,
             )  # fmt: skip
-
-        if not many_pieces(m):
-            for part in self._ranges(m.time.size + 1, 2 * ORDERS):
-                add(*part, out)
-            return out
-        for first, until in runs(folded_alike(m, self.table, self.dropped, step, reach, out)):
-            check_stop()
-            if first > 0:
-                add(first - 1, first, np.zeros_like(out))  # the segment before, whose own part is counted already
-            add(first, until, out)
         return out

@@ -33,6 +33,21 @@ class Sources:
         """F."""
         return int(self.exponent.size)
 
+    def amplitudes_at(self, time: Floats, piece: Ints) -> Complexes:
+        """(n, F) amplitudes in pieces (n,) about times (n,)."""
+        amplitude, shift = self.amplitude[piece], (time - self.start[piece])[:, None]
+        if not np.any(shift):
+            return amplitude
+        last, out = self.group_last(), amplitude.copy()
+        for f in range(self.count):
+            factor = np.ones(time.size)
+            for q in range(f + 1, last[f] + 1):
+                factor = factor * shift[:, 0] * ((self.power[f] + q - f) / (q - f))
+                out[:, f] += factor * amplitude[:, q]
+        if np.any(self.exponent):
+            out *= np.exp(self.exponent * shift)
+        return out
+
     def group_last(self) -> Ints:
         """Index of the last source of the run (same channel and exponent) that each source belongs to."""
         last = np.arange(self.count)

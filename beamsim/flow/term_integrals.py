@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.sources import Sources
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -121,12 +120,6 @@ def _ranges(count: int) -> Iterator[slice]:
     for first in range(0, count, AT_ONCE):
         check_stop()
         yield slice(first, first + AT_ONCE)
-
-
-def given_amplitudes(sources: Sources, time: Floats, piece: Ints) -> Complexes:
-    """(S, F) amplitudes of inputs without powers of time at times (S,), in pieces (S,)."""
-    turned = np.exp(sources.exponent * (time - sources.start[piece])[:, None])
-    return np.asarray(sources.amplitude[piece] * turned)
 
 
 def term_amplitudes(source: Ints, vector: Complexes, projector: Complexes, given: Complexes, y: Floats) -> Complexes:

@@ -16,7 +16,7 @@ from beamsim.flow.peak_bounds import candidates
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
-from beamsim.flow.term_integrals import IntegratedForm, given_amplitudes, summed_products, term_amplitudes
+from beamsim.flow.term_integrals import IntegratedForm, summed_products, term_amplitudes
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -367,7 +367,7 @@ class Trajectory:
 
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
-        given = given_amplitudes(self.flow.sources, self.time[segments], self.piece[segments])
+        given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return term_amplitudes(state.term_source, state.term_vector, state.projector, given, self.y[segments])
 
     def square_integrals(self, table: Complexes) -> Floats:
