@@ -1,0 +1,51 @@
+"""Impacts in result files and pictures."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import beamsim
+from beamsim.plots.impacts import plot_cycles, plot_impact_map, plot_peak_forces
+from beamsim.plots.run import run_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.fixture(scope="module")
+def result():
+    overrides = ["run.impacts={minimum_rest: 1 ms}", "run.duration=0.5", "run.spectrum.periods=7", "run.convergence=off"]
+    return beamsim.run(load_scenario(CONFIGS / "chain_bumpers.yaml", overrides))
+
+
+def test_the_file_gives_back_what_was_written(result, tmp_path):
+    write_result(result, tmp_path / "case.h5")
+    again = open_result(tmp_path / "case.h5", "run")
+    for field in fields(result.impacts):
+        if field.name != "snubbers":
+            np.testing.assert_array_equal(getattr(again.impacts, field.name), getattr(result.impacts, field.name))
+    assert again.summary["impacts"] == result.summary["impacts"]
+    assert again.impacts.summary() == result.impacts.summary()
+    assert again.impacts.total() == result.summary["impacts_total"]
+    for name, snubber in result.impacts.snubbers.items():
+        np.testing.assert_array_equal(again.impacts.snubbers[name].rainflow.range, snubber.rainflow.range)
+
+
+def test_every_impact_is_in_the_pictures(result):
+    impacts, (map_, histogram, cycles) = result.impacts, Figure().subplots(3)
+    plot_impact_map(impacts, map_)
+    drawn = np.concatenate([np.stack([line.get_xdata(), line.get_ydata()], axis=1) for line in map_.lines])
+    both = np.stack([impacts.peak_time, impacts.peak_force], axis=1)
+    np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(both, axis=0), rtol=1e-14)
+    plot_peak_forces(impacts, histogram)
+    assert sum(int(patch.get_data().values.sum()) for patch in histogram.patches) == impacts.begin.size
+    counted = {name: snubber.rainflow for name, snubber in impacts.snubbers.items()}
+    plot_cycles(counted, cycles, "Force range", "snubbers")
+    for line, rainflow in zip(cycles.lines, counted.values(), strict=True):
+        assert line.get_xdata()[-1] == rainflow.count.sum()
+        assert np.all(np.diff(line.get_ydata()) <= 0.0)
+    assert {"impact_map", "impact_histogram"} <= set(run_figures(result))
