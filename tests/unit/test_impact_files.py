@@ -18,7 +18,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 @pytest.fixture(scope="module")
 def result():
-    overrides = ["run.impacts={minimum_rest: 1 ms}", "run.duration=0.5", "run.spectrum.periods=7", "run.convergence=off"]
+    overrides = ["run.impacts={}", "run.duration=0.5", "run.spectrum.periods=7", "run.convergence=off"]
     return beamsim.run(load_scenario(CONFIGS / "chain_bumpers.yaml", overrides))
 
 
