@@ -17,6 +17,7 @@ from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.structures.matrices import structure_of
 from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.system.build import build_system
 
 BEAM = """
@@ -289,23 +290,27 @@ def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):
     )
 
 
-def pairs(count):
-    """Pairs of equal masses on equal springs that a soft spring couples, and K - k M of zero diagonal."""
-    pair = np.array([[1.0, 0.01], [0.01, 1.0]])
-    table = DofTable(tuple((node, "z") for node in range(2 * count)))
-    size = 2 * count
-    given = NamedMatrices(table, identity(size, format="csc"), csc_array(block_diag([pair] * count)), None, ())
-    return structure_of(given, name="pairs")
+TRIPLE = np.array([[1.0, 0.01, 0.02], [0.01, 1.0, 0.03], [0.02, 0.03, 1.0]])
+
+
+def triples(count):
+    """Triples of equal masses on equal springs that soft springs couple: K - k M has a diagonal of zeros."""
+    table, size = DofTable(tuple((node, "z") for node in range(3 * count))), 3 * count
+    stiffness = csc_array(block_diag([TRIPLE] * count))
+    return structure_of(NamedMatrices(table, identity(size, format="csc"), stiffness, None, ()), name="triples")
 
 
 def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
-    """Half of the frequencies lie below that of a mass on its spring; pivots off the diagonal counted none of them."""
-    structure = pairs(400)
-    assert structure.frequency_count(1.0 / structure.frequency_scale) == 400
+    """Two of three frequencies lie below that of a mass on its spring; the signs of exchanged pivots counted one."""
+    structure = triples(300)
+    limit = 1.0 / structure.frequency_scale
+    shifted = structure.stiffness - limit**2 * structure.mass
+    assert np.sum(symmetric_lu(shifted, definite=True).pivots < 0) == 300
+    assert structure.frequency_count(limit) == 300 * np.sum(np.linalg.eigvalsh(TRIPLE) < 1.0) == 600
 
 
 def test_modes_that_cannot_be_counted_are_said_with_a_remedy(monkeypatch):
     monkeypatch.setattr(sturm, "_DENSE", 10)
     monkeypatch.setattr(sturm, "_RESIDUAL", -1.0)
-    with pytest.raises(MethodError, match=r"modes of pairs below 0.1592 Hz cannot be counted; give reduction.modes"):
-        pairs(20).frequency_count(1.0 / pairs(20).frequency_scale)
+    with pytest.raises(MethodError, match=r"modes of triples below 0.1592 Hz cannot be counted; give reduction.modes"):
+        triples(20).frequency_count(1.0 / triples(20).frequency_scale)
