@@ -98,6 +98,12 @@ class ContactState:
         given[np.arange(2 * F), np.arange(2 * F) // 2] = np.tile([1.0, 1j], F)
         return np.concatenate([given, state @ self.projector.T], axis=1)
 
+    def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
+        """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
+        forced = self.forced_at_start()
+        free = y - (given.real @ forced.real - given.imag @ forced.imag)
+        return np.concatenate([given, free @ self.projector.T], axis=1)
+
     def of_amplitudes(self, of_terms: Complexes) -> Floats:
         """(2 (F + Z), k) what terms (T, k) give for a unit of each amplitude's real and imaginary part in turn."""
         out = np.zeros((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))

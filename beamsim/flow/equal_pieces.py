@@ -107,11 +107,8 @@ def blocks(group: Alike) -> Iterator[Ints]:
 
 def amplitudes(motion: Segments, state: int, segments: Ints) -> Complexes:
     """(n, Z) amplitudes on whole pieces of one contact state: of the inputs, then of the free motions."""
-    flow, tables = motion.flow, motion.flow.states[state]
-    given = flow.sources.amplitude[motion.piece[segments]]
-    forced = tables.forced_at_start()
-    free = motion.y[segments] - (given.real @ forced.real - given.imag @ forced.imag)
-    return np.concatenate([given, free @ tables.projector.T], axis=1)
+    flow = motion.flow
+    return flow.states[state].amplitudes(flow.sources.amplitude[motion.piece[segments]], motion.y[segments])
 
 
 def output_map(motion: Segments, state: int, basis: Complexes, table: Complexes) -> Floats:

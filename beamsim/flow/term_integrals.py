@@ -120,15 +120,3 @@ def _ranges(count: int) -> Iterator[slice]:
     for first in range(0, count, AT_ONCE):
         check_stop()
         yield slice(first, first + AT_ONCE)
-
-
-def term_amplitudes(source: Ints, vector: Complexes, projector: Complexes, given: Complexes, y: Floats) -> Complexes:
-    """(S, T) amplitudes of the terms of one contact state at states (S, N), the inputs' amplitudes (S, F) being given.
-
-    ``source`` (T,), ``vector`` (T, N) and ``projector`` (Z, N) are those of the contact state; no term has a power of
-    time.
-    """
-    driven = np.flatnonzero(source < given.shape[1])
-    of_driven, forced = given[:, source[driven]], vector[driven]
-    free = y - (of_driven.real @ forced.real - of_driven.imag @ forced.imag)
-    return np.concatenate([given, free @ projector.T], axis=1)[:, source]

@@ -16,7 +16,7 @@ from beamsim.flow.peak_bounds import candidates
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import check_stop
-from beamsim.flow.term_integrals import IntegratedForm, summed_products, term_amplitudes
+from beamsim.flow.term_integrals import IntegratedForm, summed_products
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -368,7 +368,7 @@ class Trajectory:
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
-        return term_amplitudes(state.term_source, state.term_vector, state.projector, given, self.y[segments])
+        return state.amplitudes(given, self.y[segments])[:, state.term_source]
 
     def square_integrals(self, table: Complexes) -> Floats:
         """(k,) integrals over the whole motion of the squares of outputs (S, T, k); without powers of time."""
