@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
     from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
     from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
+    from beamsim.scenario.excitation import Sawtooth, Trapezoid
 
-    Driven = Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput
+    Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,15 @@ def step(level: float, time: float) -> Signal:
     if time <= 0:
         return Signal.polynomial_pieces([0.0], [[level]])
     return Signal.polynomial_pieces([0.0, time], [[0.0], [level]])
+
+
+def linear_pieces(time: float, *pieces: tuple[float, float, float]) -> Signal:
+    """A pulse of (duration, value at the begin, value at the end) each, from ``time`` on; 0 before and after."""
+    pieces = tuple(piece for piece in pieces if piece[0] > 0)
+    before = [(time, 0.0, 0.0)] if time > 0 else []
+    start = np.cumsum([0.0, *(piece[0] for piece in (*before, *pieces))])
+    coefficient = [[first, (last - first) / duration] for duration, first, last in (*before, *pieces)]
+    return Signal.polynomial_pieces(start, [*coefficient, [0.0, 0.0]])
 
 
 def half_sine(level: float, duration: float, time: float) -> Signal:
@@ -65,9 +75,18 @@ def level_signal(excitation: Driven, duration: float | None = None, folder: Path
             [2 * np.pi * tone.frequency for tone in tones],
             [tone.phase for tone in tones],
         )
+    level = excitation.level
     if excitation.kind == "step":
-        return step(excitation.level, excitation.time)
-    return half_sine(excitation.level, excitation.duration, excitation.time)
+        if excitation.duration is None:
+            return step(level, excitation.time)
+        return linear_pieces(excitation.time, (excitation.duration, level, level))
+    if excitation.kind == "sawtooth":
+        return linear_pieces(excitation.time, (excitation.duration, 0.0, level))
+    if excitation.kind == "trapezoid":
+        rise, fall = float(excitation.rise or 0.0), float(excitation.fall or 0.0)
+        flat = max(excitation.duration - rise - fall, 0.0)
+        return linear_pieces(excitation.time, (rise, 0.0, level), (flat, level, level), (fall, level, 0.0))
+    return half_sine(level, excitation.duration, excitation.time)
 
 
 def _without_drift(signal: Signal) -> Signal:

@@ -103,14 +103,16 @@ class Shock(Driven):
 
 
 class Step(Shock):
-    """Zero before `time`, `level` after it."""
+    """Zero before `time`, `level` after it; with a duration a rectangular pulse."""
 
     kind: Literal["step"] = "step"
-    """A step."""
+    """A step, or a rectangular pulse."""
     level: Level
     """Value after the step; for the base only an acceleration."""
     time: Time = 0.0
     """When it steps."""
+    duration: Duration | None = None
+    """Duration of a rectangular pulse; by default the level stays."""
 
     def settle(self) -> None:
         """Reject steps that need an infinite acceleration."""
@@ -121,6 +123,11 @@ class Step(Shock):
                 "step the acceleration (level: 2 g), or use a half_sine pulse of the base's velocity",
                 ("level",),
             )
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """Half the inverse of the duration, Hz; 0 of a step."""
+        return 0.0 if self.duration is None else 0.5 / self.duration
 
 
 class HalfSine(Shock):
@@ -138,12 +145,7 @@ class HalfSine(Shock):
     def settle(self) -> None:
         """Reject pulses that need an infinite acceleration."""
         super().settle()
-        if self.quantity == "displacement":
-            raise fail(
-                "is a half-sine pulse of the base's displacement, whose velocity jumps: an infinite acceleration",
-                "give the pulse as acceleration (level: 20 g) or velocity (level: 0.5 m/s)",
-                ("level",),
-            )
+        _refuse_displacement(self, "half-sine")
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -151,7 +153,82 @@ class HalfSine(Shock):
         return 0.5 / self.duration
 
 
-OneForce = Annotated[Harmonic | MultiTone | Step | HalfSine, BY_KIND]
+class Trapezoid(Shock):
+    """A pulse that rises and falls linearly, zero before and after."""
+
+    kind: Literal["trapezoid"] = "trapezoid"
+    """A trapezoidal pulse."""
+    level: Level
+    """Peak of the pulse; for the base an acceleration or a velocity."""
+    duration: Duration
+    """Duration of the pulse, rise and fall included."""
+    rise: Duration | None = None
+    """Duration of the rise; by default a tenth of that of the pulse (IEC 60068-2-27)."""
+    fall: Duration | None = None
+    """Duration of the fall; by default a tenth of that of the pulse."""
+    time: Time = 0.0
+    """Start of the pulse."""
+
+    def settle(self) -> None:
+        """Settle rise and fall; reject those longer than the pulse, and pulses that need an infinite acceleration."""
+        super().settle()
+        _refuse_displacement(self, "trapezoidal")
+        for name in ("rise", "fall"):
+            if getattr(self, name) is None:
+                self.resolve(name, 0.1 * self.duration)
+        assert self.rise is not None
+        assert self.fall is not None
+        if self.rise + self.fall > self.duration * (1 + 1e-12):
+            raise fail(
+                f"= {self.rise:g} s and fall = {self.fall:g} s are longer than the pulse of {self.duration:g} s",
+                "shorten them, or give a longer duration",
+                ("rise",),
+            )
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """Half the inverse of the duration, Hz."""
+        return 0.5 / self.duration
+
+
+class Sawtooth(Shock):
+    """A pulse that rises linearly and drops from its peak at once (final peak, IEC 60068-2-27)."""
+
+    kind: Literal["sawtooth"] = "sawtooth"
+    """A final-peak sawtooth pulse."""
+    level: Level
+    """Peak of the pulse; for the base only an acceleration."""
+    duration: Duration
+    """Duration of the pulse."""
+    time: Time = 0.0
+    """Start of the pulse."""
+
+    def settle(self) -> None:
+        """Reject pulses that need an infinite acceleration."""
+        super().settle()
+        if self.quantity in ("velocity", "displacement"):
+            raise fail(
+                f"is a sawtooth of the base's {self.quantity}, whose drop needs an infinite acceleration",
+                "give the pulse as acceleration (level: 20 g)",
+                ("level",),
+            )
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """Half the inverse of the duration, Hz."""
+        return 0.5 / self.duration
+
+
+def _refuse_displacement(pulse: Shock, called: str) -> None:
+    if pulse.quantity == "displacement":
+        raise fail(
+            f"is a {called} pulse of the base's displacement, whose velocity jumps: an infinite acceleration",
+            "give the pulse as acceleration (level: 20 g) or velocity (level: 0.5 m/s)",
+            ("level",),
+        )
+
+
+OneForce = Annotated[Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth, BY_KIND]
 
 
 class Forces(Schema):
@@ -160,8 +237,8 @@ class Forces(Schema):
     kind: Literal["forces"] = "forces"
     """Several forces."""
     forces: Annotated[tuple[OneForce, ...], Field(min_length=1)]
-    """The forces: each a harmonic, multi_tone, step or half_sine excitation that is applied to a point, a line of a
-    beam, or an area of a plate."""
+    """The forces: each a harmonic, multi_tone, step, half_sine, trapezoid or sawtooth excitation that is applied to a
+    point, a line of a beam, or an area of a plate."""
 
     def settle(self) -> None:
         """Reject what moves the base."""
@@ -191,7 +268,17 @@ class Forces(Schema):
 
 
 Excitation = Annotated[
-    NoExcitation | Harmonic | MultiTone | Step | HalfSine | SweptSineInput | SampledInput | RandomInput | Forces,
+    NoExcitation
+    | Harmonic
+    | MultiTone
+    | Step
+    | HalfSine
+    | Trapezoid
+    | Sawtooth
+    | SweptSineInput
+    | SampledInput
+    | RandomInput
+    | Forces,
     BY_KIND,
 ]
 

@@ -33,7 +33,7 @@ snubbers:                            # one-sided springs, any number of them
 gravity: 0 m/s^2                     # 1 g acts downwards, towards w < 0
 
 excitation:
-  kind: harmonic                     # or multi_tone, step, half_sine, forces, none
+  kind: harmonic                     # or multi_tone, step, half_sine, trapezoid, sawtooth, forces, none
   applied_to: base                   # or {position: 270 mm} for a force
   level: 2 g                         # zero to peak; for the base also 0.2 m/s or 0.1 mm
   frequency: 65 Hz

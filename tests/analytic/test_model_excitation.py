@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.scenario import Scenario
+from beamsim.errors import ScenarioError
+from beamsim.scenario import Scenario, load_scenario
 from beamsim.system.build import build_system
 
 BEAM = {"length": 0.5, "width": 0.02, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700.0}
@@ -75,6 +76,61 @@ def test_half_sine_of_base_velocity():
     w, inside = np.pi / 0.04, (T >= 0.01) & (T < 0.05)
     np.testing.assert_allclose(s.base_acceleration(T), 0.5 * w * np.cos(w * (T - 0.01)) * inside, atol=1e-12)
     assert s.base_displacement(T)[-1] == pytest.approx(2 * 0.5 / w)
+
+
+PULSES = {  # share of the duration, where the pulse has which share of its level; the velocity it leaves
+    "step": (([0.0, 1.0], [1.0, 1.0]), {}, 1.0),
+    "sawtooth": (([0.0, 1.0], [0.0, 1.0]), {}, 0.5),
+    "trapezoid": (([0.0, 0.1, 0.9, 1.0], [0.0, 1.0, 1.0, 0.0]), {}, 0.9),
+    "trapezoid, given": (([0.0, 0.25, 0.5, 1.0], [0.0, 1.0, 1.0, 0.0]), {"rise": 0.005, "fall": 0.01}, 0.625),
+    "trapezoid, triangle": (([0.0, 0.5, 1.0], [0.0, 1.0, 0.0]), {"rise": 0.01, "fall": 0.01}, 0.5),
+}
+
+
+@pytest.mark.parametrize("time", [0.0, 0.1])
+@pytest.mark.parametrize("name", PULSES)
+def test_pulses_of_straight_pieces(name, time):
+    (share, height), more, area = PULSES[name]
+    kind = name.split(",")[0]
+    s = system({"kind": kind, "applied_to": "base", "level": 4.0, "duration": 0.02, "time": time, **more})
+    t = time + 0.02 * np.linspace(-0.4, 1.4, 1201)
+    t = t[t >= 0]
+    inside = (t >= time) & (t < time + 0.02)
+    expected = 4.0 * np.interp((t - time) / 0.02, share, height) * inside
+    away = np.abs((t - time) / 0.02 - 1.0) > 1e-9  # where a pulse may jump
+    np.testing.assert_allclose(s.base_acceleration(t)[away], expected[away], atol=1e-12)
+    assert s.base_velocity(np.array([time + 0.05]))[0] == pytest.approx(4.0 * area * 0.02)
+
+
+def test_trapezoid_of_base_velocity():
+    pulse = {
+        "kind": "trapezoid",
+        "applied_to": "base",
+        "level": "0.5 m/s",
+        "duration": 0.04,
+        "rise": 0.01,
+        "fall": 0.02,
+    }
+    s = system(pulse)
+    at = np.array([0.005, 0.015, 0.03, 0.05])
+    np.testing.assert_allclose(s.base_acceleration(at), [50.0, 0.0, -25.0, 0.0], atol=1e-12)
+    assert s.base_displacement(np.array([0.1]))[0] == pytest.approx(0.5 * (0.04 - 0.015))
+
+
+@pytest.mark.parametrize(
+    ("pulse", "said"),
+    [
+        ({"kind": "sawtooth", "level": "1 m/s"}, "is a sawtooth of the base's velocity"),
+        ({"kind": "trapezoid", "level": "1 mm"}, "is a trapezoidal pulse of the base's displacement"),
+        ({"kind": "step", "level": "1 m/s"}, "is a step of the base's velocity"),
+        ({"kind": "trapezoid", "level": 1.0, "rise": 0.015, "fall": 0.01}, "are longer than the pulse of 0.02 s"),
+    ],
+)
+def test_pulses_that_cannot_be(pulse, said):
+    beam = {"length": 0.5, "bending_stiffness": EI, "mass_per_length": LINE}
+    with pytest.raises(ScenarioError) as raised:
+        load_scenario({"beam": beam, "excitation": {"applied_to": "base", "duration": 0.02, **pulse}})
+    assert said in str(raised.value)
 
 
 def test_steady_base_acceleration_bends_like_gravity():

@@ -67,7 +67,10 @@ def excitations(point):
                 phase=phase, quantity=maybe(base))
         | section(kind=st.just("multi_tone"), applied_to=st.just("base"), tones=st.lists(tone, min_size=1, max_size=3),
                   quantity=maybe(base))
-        | section(kind=st.just("step"), applied_to=st.just("base"), level=anything, time=maybe(numbers))
+        | section(kind=st.just("step"), applied_to=st.just("base"), level=anything, time=maybe(numbers),
+                  duration=maybe(durations))
+        | section(kind=st.sampled_from(["sawtooth", "trapezoid"]), applied_to=st.just("base"), level=anything,
+                  duration=durations)
         | section(kind=st.just("half_sine"), applied_to=st.just("base"), level=anything, duration=durations,
                   quantity=maybe(st.sampled_from(["acceleration", "velocity"])))
     )  # fmt: skip
