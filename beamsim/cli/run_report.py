@@ -50,6 +50,17 @@ def _spring_force(result: RunResult, forces: Mapping[str, float]) -> dict[str, s
     return {name: f"{si(force, 'N')} at an elongation of {si(stretch[name], 'm')}" for name, force in forces.items()}
 
 
+def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
+    """By output its peak and range, what it is and where."""
+    low, high, units = (result.summary[name] for name in ("min_output", "max_output", "output_unit"))
+    texts = {}
+    for name, output in result.outputs.items():
+        unit = units[name]
+        ends = f"{si(low[name], unit)} to {si(high[name], unit)}"
+        texts[name] = f"{si(peaks[name], unit)} (from {ends}), {output.quantity.replace('_', ' ')}, {output.at}"
+    return texts
+
+
 def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
     s = result.summary
     texts = {}
@@ -79,7 +90,7 @@ def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> di
     moves = first and result.summary["max_displacement_m"][first] > result.summary["min_displacement_m"][first]
     without = "no distinct line: a continuous spectrum" if moves else "no motion"
     texts = {}
-    for quantity in dict.fromkeys(line["quantity"] for line in lines):
+    for quantity in dict.fromkeys(line["quantity"] for line in lines if line["probe"] == first):
         name = f"{first} {quantity}"
         text = ", ".join(_strongest(lines, first, quantity))
         if text and name in changes:
@@ -109,10 +120,13 @@ def _order(line: Mapping[str, Any]) -> str:
 def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """By signal the RMS with its interval, crest factor and kurtosis, each with its change if it is doubtful."""
     s = result.summary
-    changes, units = s.get("convergence", {}).get("random", {}), {"force": "N", "displacement": "m"}
+    changes = s.get("convergence", {}).get("random", {})
+    units = (
+        {} if result.random is None else {f"{each.name} {each.quantity}": each.unit for each in result.random.recorded}
+    )
     texts = {}
     for name, figures in signals.items():
-        unit = units.get(name.rpartition(" ")[2], "m/s^2")
+        unit = units[name]
         low, high = figures.get("rms_low"), figures.get("rms_high")
         interval = f" ({si(low, unit)} to {si(high, unit)}, 95 %)" if low is not None and high is not None else ""
         parts = {
@@ -242,6 +256,7 @@ TEXTS: Texts = {
     "peak_displacement_m": _displacement,
     "contact_share": _contact,
     "peak_spring_force_n": _spring_force,
+    "peak_output": _outputs,
     "gap_m": _preload,
     "largest_bending_stress_pa": _stress,
     "largest_von_mises_stress_pa": lambda _, stress: f"{si(stress, 'Pa')} at the surface of a plate",

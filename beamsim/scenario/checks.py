@@ -143,9 +143,8 @@ def _place(scenario: _Checked, path: Path, part: Schema) -> Problems:
     elif place.position is not None:
         if path[0] == "snubbers" and where == ("chain",):  # see `_structure`
             return
-        yield from body.position_problems(
-            where, (*path, "position"), place.position, _SITED.get(str(path[0]), "a force")
-        )
+        sited = "" if path[:2] == ("run", "outputs") else _SITED.get(str(path[0]), "a force")
+        yield from body.position_problems(where, (*path, "position"), place.position, sited)
 
 
 _SITED = {
@@ -190,7 +189,8 @@ def _names(scenario: _Checked) -> Problems:
     for name, body in scenario.all_bodies.items():
         shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]
     yield from _guarded(_unique(shared))
-    yield from _guarded(_unique([(("probes",), scenario.probes)]))
+    outputs = () if scenario.run is None else scenario.run.outputs
+    yield from _guarded(_unique([(("probes",), scenario.probes), (("run", "outputs"), outputs)]))
     yield from _guarded(_unique([(("joints",), scenario.joints)]))
 
 
@@ -214,6 +214,10 @@ def _run(scenario: _Checked) -> Problems:
     yield from _guarded(_sampling(scenario, run))
     yield from _guarded(_spectrum(scenario, run))
     yield from impact_problems(scenario, run.impacts, run.fatigue, stepped=run.method == "reference")
+    joined = (*scenario.joints, *scenario.springs_between, *scenario.springs_to_ground)
+    for index, output in enumerate(run.outputs):
+        at = ("run", "outputs", index)
+        yield from _guarded(output.problems(at, scenario.all_bodies, scenario.default_body, joined))
 
 
 def _sampling(scenario: _Checked, run: Run) -> Problems:

@@ -8,6 +8,7 @@ from pydantic import Field, Tag
 
 from beamsim.scenario.base import Schema, Variants, fail
 from beamsim.scenario.impacts import ImpactSettings, StressLife
+from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import PlacedForce
 from beamsim.scenario.quantities import (
     Amplitude,
@@ -172,6 +173,8 @@ class Run(Schema):
     """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"
     """Initial state: static_equilibrium, rest, polynomials, a mode, a force released, or a point of a continuation."""
+    outputs: tuple[AnyOutput, ...] = ()
+    """Further quantities: motion, moments, stresses and strains at points, reactions, forces of joints, energies."""
     spectrum: SpectrumSettings = SpectrumSettings()
     """Settings of the spectra."""
     srs: ShockSpectrumSettings | None = None

@@ -15,11 +15,12 @@ from beamsim.structures.damping import damping_matrix
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
-from beamsim.structures.places import Place, Site, SpringEnd
+from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site, SpringEnd
 from beamsim.structures.recovery import beam_recovery
 from beamsim.structures.rigid_motion import allowed_rigid_modes
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import MemberBody, Path
+from beamsim.structures.supports import HeldMatrices, Support, spring_support
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -96,6 +97,29 @@ class BeamStructure(BeamModel):
     def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
         """Deflection, bending moment and stress along the beam."""
         return beam_recovery(self, member, basis, sites, base_moves)
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """Force and moment of each end that is held, or on springs."""
+        mass, factor, damping = self.unsupported
+        size, scales = mass.shape[0], (self.mass_scale, self.stiffness_scale)
+        translation = _rigid_motions(self.mesh)[:, 0]
+        matrices = HeldMatrices(mass, factor, damping, scales, self.free, translation, self.unsupported_row)
+        springs = _EndSprings.of(self.beam, self.mesh.nodes.size)
+        number = {int(dof): i for i, dof in enumerate(self.free)}
+        supports = []
+        for name, first in (("left", 0), ("right", size - 2)):
+            for dof, direction, unit in ((first, DEFLECTION, 1.0), (first + 1, SLOPE, self.beam.length)):
+                motion = np.zeros(size)
+                motion[dof] = unit
+                acting = springs.dofs == dof
+                if dof not in number:
+                    supports.append(matrices.support(name, direction, motion, self.name))
+                elif np.any(acting & ((springs.stiffness > 0) | (springs.dashpot > 0))):
+                    force, rate = springs.stiffness[acting].sum(), springs.dashpot[acting].sum()
+                    unit_motion = motion[self.free]
+                    supports.append(spring_support(name, direction, unit_motion, force, rate, self.name))
+        return tuple(supports)
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), also between the nodes."""
@@ -177,14 +201,15 @@ def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = (
     springs = _EndSprings.of(beam, mesh.nodes.size)
     if springs.stiffness.any():
         factor = vstack([factor, springs.rows(springs.stiffness / stiffness_scale, size)], format="csr")
-    damping = None
+    damping = drag = None
     if springs.dashpot.any():
         dashpots = springs.rows(springs.dashpot, size)[:, free]
         damping = (dashpots.T @ dashpots).tocsc()
     if beam.damping is not None and beam.damping.kind == "viscous":
         # xi * integral of N N^T dx: the mass matrix of a uniform beam over its mass per length, point masses left out.
         uniform = _scatter(mass_matrix(mesh.lengths), dofs, dofs, (size, size))
-        viscous = (uniform * (beam.damping.coefficient * length))[free][:, free].tocsc()
+        drag = uniform * (beam.damping.coefficient * length)
+        viscous = drag[free][:, free].tocsc()
         damping = viscous if damping is None else damping + viscous
 
     return BeamStructure(
@@ -206,6 +231,7 @@ def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = (
         stretch_of=stretch_of,
         bending=bending,
         line_mass=line_mass,
+        unsupported=(mass, factor, drag),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class BeamModel(BodyStructure, ABC):
     stretch_of: Ints  # (elements,) which of the beam's stretches each element belongs to
     bending: Floats  # (elements,) bending stiffness, in the largest of the beam
     line_mass: Floats  # (elements,) mass per length, in the mean of the beam
+    unsupported: tuple[Any, Any, Any]  # mass and factor of all dofs, scaled, and their damping, N s/m, or None
 
     @property
     def most_modes(self) -> int:
@@ -71,10 +72,16 @@ class BeamModel(BodyStructure, ABC):
 
     def place_row(self, place: Place) -> Floats:
         """(N,) deflection or slope at a place for a unit of each degree of freedom."""
+        return self.unsupported_row(place)[self.free]
+
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(all dofs,) row of a place or load vector, those that the supports hold included."""
+        if isinstance(place, Distributed):
+            return self._distributed_on_all(place)
         if place.direction not in _DERIVATIVE:
             raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
         derivative = _DERIVATIVE[place.direction]
-        row = deflection_row(self.mesh, place.coordinate / self.beam.length, derivative)[self.free]
+        row = deflection_row(self.mesh, place.coordinate / self.beam.length, derivative)
         return row / self.beam.length if derivative else row
 
     def point_forces(self, load: Distributed, cuts: Floats) -> tuple[Floats, Floats]:
@@ -89,8 +96,11 @@ class BeamModel(BodyStructure, ABC):
 
     def distributed_row(self, load: Distributed) -> Floats:
         """(N,) consistent load vector of a distributed load of unit level."""
+        return self.unsupported_row(load)[self.free]
+
+    def _distributed_on_all(self, load: Distributed) -> Floats:
         x, force = self.point_forces(load, np.zeros(0))
-        return np.asarray((line_rows(self.mesh, x).T @ force)[self.free])
+        return np.asarray(line_rows(self.mesh, x).T @ force)
 
     def _mode_at(self, mode: int, points: Floats) -> Floats:
         return np.asarray(

@@ -12,6 +12,7 @@ from beamsim.structures.damping import damping_matrix
 from beamsim.structures.places import DEFLECTION, Place, Site, SpringEnd, site_of
 from beamsim.structures.stations import MASSES, Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody, Path
+from beamsim.structures.supports import Support, spring_support
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -113,6 +114,24 @@ class ChainStructure(BodyStructure):
         """The displacements of all masses."""
         shapes = member.field(basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """The walls, and the ground at springs to it."""
+        chain, unit = self.chain, np.eye(self.size)
+        walls = []
+        for name, link, mass in (("left", 0, 0), ("right", self.size, -1)):
+            spring, dashpot = (
+                numbers[link] if link < len(numbers) else 0.0 for numbers in (chain.springs, chain.dashpots)
+            )
+            if spring or dashpot:
+                walls.append(spring_support(name, DEFLECTION, unit[mass], spring, dashpot, self.name))
+        springs = [
+            spring_support(s.name, DEFLECTION, unit[s.mass - 1], linear_stiffness(s), 0.0, self.name, to_ground=True)
+            for s in chain.springs_to_ground
+            if linear_stiffness(s)
+        ]
+        return (*walls, *springs)
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute displacement of a mass."""

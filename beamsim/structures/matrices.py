@@ -28,6 +28,7 @@ from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
 from beamsim.structures.sturm import negative_eigenvalues
+from beamsim.structures.supports import Support
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats, Ints
 
@@ -144,6 +145,32 @@ class MatricesStructure(BodyStructure):
                 "give the node a mass in the model that writes the matrices, or act on a node with mass",
             )  # fmt: skip
         return None
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """Every direction of every node that the base holds."""
+        given = self.given
+        held = _held_rows(given)
+        free = np.setdiff1d(np.arange(len(given.table.dofs)), held)
+        motion = given.table.of_direction(given.direction)
+        motion[free] = self.influence
+        inertia = given.mass[held] @ motion
+
+        def on_dofs(matrix: Any) -> Floats:
+            return (
+                np.zeros((held.size, self.size))
+                if matrix is None
+                else (self.expansion.T @ matrix[free][:, held]).toarray().T
+            )
+
+        rows = (on_dofs(given.stiffness), on_dofs(given.mass), on_dofs(given.damping))
+        return tuple(
+            Support(
+                f"node {given.table.dofs[row][0]}", given.table.dofs[row][1], stiffness, mass, damping,
+                inertia=float(inertia[k]), base_motion=float(motion[row]), body=self.name,
+            )
+            for k, (row, stiffness, mass, damping) in enumerate(zip(held, *rows, strict=True))
+        )  # fmt: skip
 
     @property
     def named_matrices(self) -> NamedMatrices:

@@ -18,14 +18,15 @@ import numpy as np
 
 from beamsim.structures.beam import supported_dofs
 from beamsim.structures.damping import damping_matrix
-from beamsim.structures.places import Place, SpringEnd
+from beamsim.structures.places import DEFLECTION, SLOPE, Place, SpringEnd
 from beamsim.structures.plate_mesh import PlateMesh, graded_mesh, integration_rows
 from beamsim.structures.plate_model import PlateModel, energy_coefficients
 from beamsim.structures.plate_recovery import plate_recovery
 from beamsim.structures.plate_sensitivity import plate_sensitivities
 from beamsim.structures.rigid_motion import allowed_rigid_modes
 from beamsim.structures.structure import GivenField, MemberBody, Path
-from beamsim.typing import Floats, Ints
+from beamsim.structures.supports import HeldMatrices, Support
+from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.plate import PlateBody, Stiffener
@@ -55,6 +56,31 @@ class PlateStructure(PlateModel):
     def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
         """Deflection, moments and stresses at the nodes."""
         return plate_recovery(self, member, basis, base_moves)
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """The force of every edge and point that is held, and the moment of edges about themselves.
+
+        A corner between two held edges belongs to the first of left, right, bottom and top.
+        """
+        plate, motions = self.plate, _rigid_motions(self.mesh)
+        scales, translation = (self.mass_scale, self.stiffness_scale), motions[:, 0]
+        matrices = HeldMatrices(*self.unsupported, None, scales, self.free, translation, self.unsupported_row)
+        about = {
+            "left": motions[:, 1] * plate.length,
+            "right": (motions[:, 1] - translation) * plate.length,
+            "bottom": motions[:, 2] * plate.width,
+            "top": (motions[:, 2] - translation) * plate.width,
+        }
+        taken = np.zeros(self.mesh.size, dtype=bool)
+        supports = []
+        for name, held in _held_by(plate, self.mesh).items():
+            for direction, motion in ((DEFLECTION, translation), (SLOPE, about.get(name))):
+                moved = None if motion is None else np.where(held & ~taken, motion, 0.0)
+                if moved is not None and np.any(np.abs(moved) > 1e-12):
+                    supports.append(matrices.support(name, direction, moved, self.name))
+            taken |= held
+        return tuple(supports)
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """None: the scenario refuses it."""
@@ -104,13 +130,14 @@ def assemble_plate(
     moving = vstack(inertia, format="csr")
     mass = (moving.T @ moving).tocsr()
 
-    held = _held(plate, mesh)
+    all_factor = vstack(factor, format="csr")
+    held = np.flatnonzero(np.any(list(_held_by(plate, mesh).values()), axis=0))
     free = np.setdiff1d(np.arange(mesh.size), held)
     motions = _rigid_motions(mesh)
     return PlateStructure(
         name=name,
         mass=mass[free][:, free].tocsc(),
-        factor=vstack(factor, format="csr")[:, free].tocsr(),
+        factor=all_factor[:, free].tocsr(),
         damping=None,
         inertia=(mass @ motions[:, 0])[free],
         ground=np.zeros(free.size),
@@ -121,6 +148,7 @@ def assemble_plate(
         plate=plate,
         mesh=mesh,
         free=free,
+        unsupported=(mass, all_factor),
     )
 
 
@@ -137,20 +165,26 @@ def _mesh(plate: PlateBody, nodes: Sequence[Any]) -> PlateMesh:
     return PlateMesh(*lines)
 
 
-def _held(plate: PlateBody, mesh: PlateMesh) -> Ints:
-    """Degrees of freedom that edges and point supports hold; a support is at the node next to it."""
+def _held_by(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
+    """(size,) by edge or point support the dofs that it holds; a point support is at the node next to it."""
     supports = plate.supports
     along_y = 2 * mesh.y.nodes.size
-    held_x = supported_dofs(supports.left, supports.right, mesh.x.nodes.size)
-    held_y = supported_dofs(supports.bottom, supports.top, mesh.y.nodes.size)
     dofs = np.arange(mesh.size)
-    held = np.isin(dofs // along_y, held_x) | np.isin(dofs % along_y, held_y)
-    for point in supports.points:
+    held = {}
+    for edges, along, nodes in (
+        (("left", "right"), dofs // along_y, mesh.x.nodes.size),
+        (("bottom", "top"), dofs % along_y, mesh.y.nodes.size),
+    ):
+        for free in (1, 0):
+            kinds = [getattr(supports, edge) for edge in edges]
+            kinds[free] = "free"
+            held[edges[1 - free]] = np.isin(along, supported_dofs(kinds[0], kinds[1], nodes))
+    for number, point in enumerate(supports.points, start=1):
         x, y = point.position
         i = int(np.abs(mesh.x.nodes - x / plate.length).argmin())
         j = int(np.abs(mesh.y.nodes - y / plate.width).argmin())
-        held[2 * i * along_y + 2 * j] = True
-    return np.flatnonzero(held)
+        held[f"point {number}"] = dofs == 2 * i * along_y + 2 * j
+    return held
 
 
 def _rigid_motions(mesh: PlateMesh) -> Floats:

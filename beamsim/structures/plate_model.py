@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class PlateModel(BodyStructure, ABC):
     plate: PlateBody
     mesh: PlateMesh
     free: Ints  # (N,) which of the unsupported plate's dofs are left
+    unsupported: tuple[Any, Any]  # scaled mass and factor of all of them
 
     @property
     def most_modes(self) -> int:
@@ -64,18 +65,27 @@ class PlateModel(BodyStructure, ABC):
 
     def place_row(self, place: Place) -> Floats:
         """(N,) deflection at a place for a unit of each degree of freedom."""
+        return self.unsupported_row(place)[self.free]
+
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(all dofs,) row of a place or load vector, those that the supports hold included."""
+        if isinstance(place, Distributed):
+            return self._distributed_on_all(place)
         if place.direction != DEFLECTION or place.across is None:
             raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
         point = self.nondimensional(np.array([[place.coordinate, place.across]]))
-        return np.asarray(self.mesh.rows(point).toarray()[0, self.free])
+        return np.asarray(self.mesh.rows(point).toarray()[0])
 
     def distributed_row(self, load: Distributed) -> Floats:
         """(N,) consistent load vector of a pressure of unit level."""
+        return self.unsupported_row(load)[self.free]
+
+    def _distributed_on_all(self, load: Distributed) -> Floats:
         size = (self.plate.length, self.plate.width)
         lines = (self.mesh.x.nodes * size[0], self.mesh.y.nodes * size[1])
         points, weights = load.quadrature(size, lines)
         force = weights * load.intensity(points, size, self._mode_at)
-        return np.asarray((self.mesh.rows(self.nondimensional(points)).T @ force)[self.free])
+        return np.asarray(self.mesh.rows(self.nondimensional(points)).T @ force)
 
     def _mode_at(self, mode: int, points: Floats) -> Floats:
         return np.asarray(

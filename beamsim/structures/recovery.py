@@ -8,9 +8,9 @@ so that a station under a point load shows the peak.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -66,14 +66,20 @@ def beam_recovery(
         position=x * length,
         deflection=deflection_rows(model.mesh, x, model.whole_field(member.field(basis.vectors))) * scale,
         bending_moment=moment * (scale * beam.bending_stiffness / length**2),
-        stress_per_moment=_stress_per_moment(model, x),
+        stress_per_moment=_per_moment(model, x, lambda bending: bending.stress_per_moment),
+        strain_per_moment=_per_moment(model, x, _strain_per_moment),
         base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
     )
 
 
-def _stress_per_moment(model: BeamModel, x: Floats) -> Floats | None:
-    """(nx,) stress per moment at stations, Pa per N m, where segments meet the larger one; None where unknown."""
-    by_stretch = [stretch.bending.stress_per_moment for stretch in model.beam.stretches]
+def _strain_per_moment(bending: Any) -> float | None:
+    """Strain of the outermost fibre, 1/(N m); None where that is unknown."""
+    return None if bending.depth is None else float(bending.depth / 2 / bending.bending_stiffness)
+
+
+def _per_moment(model: BeamModel, x: Floats, of: Callable[[Any], float | None]) -> Floats | None:
+    """(nx,) stress or strain per moment at stations, where segments meet the larger one; None where unknown."""
+    by_stretch = [of(stretch.bending) for stretch in model.beam.stretches]
     known = [value for value in by_stretch if value is not None]
     if len(known) < len(by_stretch):
         return None

@@ -131,10 +131,18 @@ class Recovery:
     # (moments nx, n) N m, of a plate N; E I w'', positive where the top is in compression
     bending_moment: Floats | None = None
     stress_per_moment: Floats | None = None  # (moments nx,) extreme_fibre / I, Pa per N m; None where no fibre is known
+    strain_per_moment: Floats | None = None  # (nx,) extreme_fibre / (E I), 1/(N m), of a beam
     # (moments nx,) of base_moment: per m/s^2 of base acceleration, the static share of the modes left out
     base_moment: Floats | None = None
     across: Floats | None = None  # (nx,) m, y on a plate
     moments: int = 1  # at a station
+
+    def moment_weights(self, x: float, y: float | None, component: str) -> Floats:
+        """(moments nx,) weights of moments at a point: 1 at a beam's station, linear between the nodes of a plate."""
+        if self.across is None or y is None:
+            return np.asarray(np.arange(self.position.size) == np.abs(self.position - x).argmin(), dtype=float)
+        along = _linear(self.position, x) * _linear(self.across, y)
+        return np.concatenate([along if each == component else np.zeros(along.size) for each in ("x", "y", "xy")])
 
     @property
     def of_moments(self) -> Recovery:
@@ -143,6 +151,14 @@ class Recovery:
             return self
         across = None if self.across is None else np.tile(self.across, self.moments)
         return replace(self, position=np.tile(self.position, self.moments), across=across, moments=1)
+
+
+def _linear(nodes: Floats, at: float) -> Floats:
+    """(nx,) weights of nodes whose values are interpolated, in one direction of a grid."""
+    lines = np.unique(nodes)
+    i = int(np.clip(np.searchsorted(lines, at), 1, lines.size - 1))
+    share = float(np.clip((at - lines[i - 1]) / (lines[i] - lines[i - 1]), 0.0, 1.0))
+    return np.where(nodes == lines[i - 1], 1.0 - share, np.where(nodes == lines[i], share, 0.0))
 
 
 @dataclass(frozen=True)

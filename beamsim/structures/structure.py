@@ -23,6 +23,7 @@ from beamsim.typing import Floats, Ints
 if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.stations import Recovery
+    from beamsim.structures.supports import Support
 
 Path = tuple[str | int, ...]
 
@@ -273,6 +274,11 @@ class BodyStructure(Structure, ABC):
             self.named_dofs, self.mass_scale * self.mass, self.stiffness_scale * self.stiffness, self.damping,
             self.mass_scale * self.inertia, self.total_mass,
         )  # fmt: skip
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """What holds the body, direction by direction; none where it is free."""
+        return ()
 
     def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""

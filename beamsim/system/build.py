@@ -30,6 +30,7 @@ from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
 from beamsim.system.mechanisms import check_mechanisms, held_problems
+from beamsim.system.outputs import output_rows, output_sites
 from beamsim.system.parts import Parts, exciting_forces, force_sites, reduced_parts, start_of
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
@@ -140,6 +141,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     _check_base_directions(parts)
     loads = constant_loads(parts)
     contacts = stops.with_others(spring_contacts(springs, basis.size))
+    contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
     if cubic.count:  # what integrates these in time knows one-sided springs alone
         _refuse_tables(snubbers, curves)
         contacts = contacts.split()
@@ -156,7 +158,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
     on_base = scenario.excitation.kind != "none" and not exciting_forces(scenario)
-    sites = [*parts.snubber_sites, *force_sites(scenario)]
+    sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
     recoveries = parts.reduced.recoveries(sites, on_base) if recovered else ()
     modes = _mode_table(parts, stops, damping, recoveries, assessed)
     if assessed and not modes.reduction_error <= DOUBTFUL_REDUCTION:
@@ -186,6 +188,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
         springs=springs,
+        outputs=output_rows(parts, recoveries, contact_sites, contacts, forcing) if recovered else (),
         warnings=(*parts.structure.remarks, *free, *warnings, *(correction.warnings() if correction else ())),
         base_correction=correction,
     )
@@ -201,6 +204,17 @@ def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     return acting + [
         ((*path, "applied_to"), load_site_in(scenario, force.applied_to), "a force")
         for path, force in exciting_forces(scenario)
+    ]
+
+
+def _contact_sites(parts: Parts, contacts: Contacts, *, split: bool) -> list[Site]:
+    """(m,) where each contact acts: snubbers, then piecewise-linear springs, each part of them where they are split."""
+    scenario = parts.scenario
+    piecewise = [snubber_site(spring) for spring in scenario.nonlinear_springs if spring.item.kind != "cubic"]
+    return [
+        site
+        for site, law in zip([*parts.snubber_sites, *piecewise], contacts.laws, strict=True)
+        for _ in range(len(law.parts) if split and law.family is None and law.parts is not None else 1)
     ]
 
 

@@ -12,6 +12,7 @@ from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.system.outputs import OutputRows
 from beamsim.typing import Floats
 
 
@@ -112,6 +113,7 @@ class StructuralSystem:
     excitation_frequency_hz: float  # nan where there is none, or several
     cubic: CubicSprings
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
+    outputs: tuple[OutputRows, ...] = ()  # that the run asks for
     warnings: tuple[str, ...] = ()
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
 
@@ -124,6 +126,16 @@ class StructuralSystem:
     def deflection(self) -> Floats:
         """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
         return self.modes.shapes.T
+
+    @property
+    def linear_outputs(self) -> tuple[OutputRows, ...]:
+        """The outputs but for energies."""
+        return tuple(output for output in self.outputs if not output.squared)
+
+    @property
+    def energy_outputs(self) -> tuple[OutputRows, ...]:
+        """Those that are energies."""
+        return tuple(output for output in self.outputs if output.squared)
 
     @cached_property
     def stress(self) -> StressRows | None:

@@ -27,10 +27,12 @@ from beamsim.analyses.run.figures import (
     Extreme,
     Extremes,
     by_name,
+    energy_extremes,
     largest,
     largest_pulls,
     motion_figures,
     refine_extremes,
+    sampled_extremes,
     static_figures,
 )
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace, Histories, SampledHistories
@@ -40,6 +42,7 @@ from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import (
     OutputSet,
     bending_stress,
+    energies_of_rows,
     events_in_memory,
     exact_flow,
     in_every_state,
@@ -51,6 +54,7 @@ from beamsim.analyses.run.result import (
     BodyResult,
     EnergyHistory,
     EventLog,
+    OutputHistory,
     ProbeHistory,
     RunResult,
     SnubberHistory,
@@ -58,7 +62,13 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.run.spectra import QUANTITIES, finer_rate, folding_doubts, spectra_of_motion, spectra_of_samples
+from beamsim.analyses.run.spectra import (
+    SPECTRAL_GROUPS,
+    finer_rate,
+    folding_doubts,
+    spectra_of_motion,
+    spectra_of_samples,
+)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed, later
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
@@ -130,6 +140,7 @@ def run(
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),
         springs=_springs(system, motion),
+        outputs=_outputs(system, motion),
         base_acceleration=motion.histories.signal(partial(_signal, system.base_acceleration)),
         base_displacement=motion.histories.signal(partial(_signal, system.base_displacement)),
         events=motion.events,
@@ -162,7 +173,8 @@ def run(
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
     sampled_at = np.zeros(0) if result.random is None else result.time
-    derived = DerivedFigures(scenario, spectra, result.random, sampled_at, result.srs)
+    of_probes = {key: spectra[key] for key in spectra if key[0] in result.probes}
+    derived = DerivedFigures(scenario, of_probes, result.random, sampled_at, result.srs)
     checked = _checked(scenario, system, motion, summary, derived, stop)
     if checked is not None:
         result = with_convergence(result, checked)
@@ -358,6 +370,8 @@ def _exact(
             balance = energy_of_segments(trajectory)
             outcome = balance.checked(outcome)
             extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS))
+            if system.energy_outputs:
+                extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
             if acceleration is not None and settings.low_pass is not None:
                 low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times.all)
     except Stopped:
@@ -371,6 +385,9 @@ def _exact(
         if outcome.complete:
             outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
         extremes = histories.extremes(searched)
+        if system.energy_outputs:
+            energies = energies_of_rows(system.energy_outputs, histories.values["energy"])
+            extremes["energy"] = sampled_extremes(histories.time, energies)
     if filtered_acceleration is not None:
         extremes["acceleration"] = filtered_acceleration
     extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
@@ -576,6 +593,25 @@ def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHi
     }
 
 
+def _outputs(system: StructuralSystem, motion: _RunMotion) -> dict[str, OutputHistory]:
+    """The outputs that the run asks for, in its order."""
+    number = {output.name: i for i, output in enumerate(system.linear_outputs)}
+    energies = {output.name: i for i, output in enumerate(system.energy_outputs)}
+
+    def energy(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        return energies_of_rows(system.energy_outputs, values["energy"])[:, i]
+
+    return {
+        output.name: OutputHistory(
+            output.name, output.kind, output.unit, output.at,
+            motion.histories.history(partial(energy, energies[output.name]))
+            if output.squared
+            else motion.column("output", number[output.name]),
+        )
+        for output in system.outputs
+    }  # fmt: skip
+
+
 def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
     """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers are
     piecewise-linear springs."""
@@ -618,7 +654,7 @@ def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
         return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values, motion.finer)
     groups = output_groups(system, motion.trajectory.flow).groups
-    outputs = OutputSet({name: groups[name] for name in QUANTITIES})
+    outputs = OutputSet({name: groups[name] for name in SPECTRAL_GROUPS if name in groups})
     return spectra_of_motion(scenario, system, motion.trajectory, outputs)
 
 
@@ -658,6 +694,9 @@ def _summary(
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
     }
+    if system.outputs:
+        summary["rms_output"] = {o.name: spectra[o.name, o.kind].rms for o in system.linear_outputs}
+        summary["output_unit"] = {output.name: output.unit for output in system.outputs}
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
     if system.springs:

@@ -22,13 +22,14 @@ from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples,
 from beamsim.analyses.run.figures import (
     SEEDS,
     Extremes,
+    energy_extremes,
     motion_figures,
     refine_extremes,
     sampled_extremes,
     static_figures,
 )
 from beamsim.analyses.run.low_pass import filtered
-from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
+from beamsim.analyses.run.outputs import bending_stress, energies_of_rows, exact_flow, in_every_state, output_groups
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed
@@ -50,7 +51,7 @@ WINDOWS = 8  # parts of the motion after the sequences have parted
 SAMPLES = 512  # in each of them
 FREQUENCIES = 6  # natural frequencies that are compared
 ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is compared with
-SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch")  # for their extremes
+SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch", "output")  # for their extremes
 
 Changes = Figures  # relative, by entry of the summary
 
@@ -191,6 +192,8 @@ def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajec
     extremes = refine_extremes(trajectory, searched, times)
     if settings.low_pass is not None:
         _, extremes["acceleration"] = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
+    if system.energy_outputs:
+        extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
     figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory))
     return {**figures, **static_figures(system)}
 
@@ -224,7 +227,10 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
         )
         for key, s in result.spectra.items()
     }
-    result = changed(result, probes=probes, snubbers=snubbers, spectra=spectra)
+    outputs = {
+        name: changed(output, value_change=change("peak_output", name)) for name, output in result.outputs.items()
+    }
+    result = changed(result, probes=probes, snubbers=snubbers, spectra=spectra, outputs=outputs)
     if not checked.doubtful:
         return result
     sizes = {name: change(*name.partition(".")[::2]) or 0.0 for name in checked.doubtful}
@@ -317,6 +323,8 @@ def _windows(
         values["stress"] = trajectory.sample(times, in_every_state(bending_stress(flow, system.stress)))
     if settings.low_pass is not None:
         values["acceleration"], _ = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
+    if system.energy_outputs:
+        values["energy"] = energies_of_rows(system.energy_outputs, values["energy"])
     closing = trajectory.event_closing
     bounds = np.linspace(begin, end, WINDOWS + 1)
     in_contact = np.array([time * trajectory.until(time).contact_share() for time in bounds])  # s, from the start
@@ -359,14 +367,15 @@ def _changes(
         places = list(value) if isinstance(value, dict) else [""]
         one, other = (np.array([_row(part[name], places) for part in parts]) for parts in (first, second))
         of_scale = (one, other)
-        if name in ("min_displacement_m", "max_displacement_m"):  # either may be zero
-            peaks = [[_row(part["peak_displacement_m"], places) for part in parts] for parts in (first, second)]
+        if name.startswith(("min_", "max_")):  # either may be zero
+            peaks = [[_row(part[f"peak{name[3:]}"], places) for part in parts] for parts in (first, second)]
             of_scale = (np.array(peaks[0]), np.array(peaks[1]))
         scale = np.maximum(*(np.abs(x).mean(axis=0) for x in of_scale))
         if whole is not None:
-            of_whole = whole["peak_displacement_m" if name.endswith("displacement_m") else name]
+            of_whole = whole[f"peak{name[3:]}" if name.startswith(("min_", "max_")) else name]
             scale = np.maximum(scale, np.abs(_row(of_whole, places)))
-        scale = np.maximum(scale, ROUND_OFF * np.nanmax(scale, initial=0.0))
+        if not name.endswith("_output"):  # which have units of their own
+            scale = np.maximum(scale, ROUND_OFF * np.nanmax(scale, initial=0.0))
         difference = one - other
         size = np.abs(difference.mean(axis=0))
         if scatter:

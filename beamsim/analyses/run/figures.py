@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.outputs import OutputOf, OutputSet
+from beamsim.analyses.run.outputs import OutputOf, OutputSet, energies_of_rows
 from beamsim.flow.trajectory import Trajectory
+from beamsim.system.outputs import OutputRows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
 Extremes = dict[str, Extreme]  # by output group
 SEEDS = 512  # evenly spaced times from which the search for extremes starts
+ENERGY_SAMPLES, REFINEMENTS = 4097, 8  # of the search for extremes of energies
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 
 
@@ -60,6 +62,29 @@ def refine_extremes(
     return {name: (part[0], part[1], part[2], part[3]) for name, part in zip(searched, parts, strict=True)}
 
 
+def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows_of: OutputOf) -> Extreme:
+    """Extremes of energies: those of samples at many times, then of finer and finer ones about the best."""
+
+    def values(times: Floats) -> Floats:
+        return energies_of_rows(energies, trajectory.sample(times, rows_of))
+
+    times = np.linspace(0.0, trajectory.end, ENERGY_SAMPLES)
+    step = times[1] if times.size > 1 else 0.0
+    sampled = sampled_extremes(times, values(times))
+    best = [np.array(part) for part in sampled]
+    for k in range(len(energies)):
+        for value, when, sign in ((0, 1, -1.0), (2, 3, 1.0)):
+            width = step
+            for _ in range(REFINEMENTS):
+                near = np.clip(best[when][k] + width * np.linspace(-1.0, 1.0, 9), 0.0, trajectory.end)
+                at = values(np.unique(near))[:, k]
+                i = int(np.argmax(sign * at))
+                if sign * at[i] > sign * best[value][k]:
+                    best[value][k], best[when][k] = at[i], np.unique(near)[i]
+                width /= 4.0
+    return best[0], best[1], best[2], best[3]
+
+
 def motion_figures(
     system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints
 ) -> dict[str, Any]:
@@ -85,6 +110,15 @@ def motion_figures(
         "contact_share": by_name(snubbers, contact_share[:count]),
         "contacts": {name: int(number) for name, number in zip(snubbers, closings[:count], strict=True)},
     }
+    if system.outputs:
+        low, _, high, _ = (
+            np.concatenate([extremes[group][k] for group in ("output", "energy") if group in extremes])
+            for k in range(4)
+        )
+        ordered = [output.name for output in (*system.linear_outputs, *system.energy_outputs)]
+        for name, values in (("peak", np.maximum(np.abs(low), np.abs(high))), ("min", low), ("max", high)):
+            by_output = by_name(ordered, values)
+            figures[f"{name}_output"] = {output.name: by_output[output.name] for output in system.outputs}
     if system.springs:
         ends = np.array(extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
         springs = [s.name for s in system.springs]

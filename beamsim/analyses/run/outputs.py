@@ -11,6 +11,7 @@ from beamsim.contacts.springs import SpringInfo
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.structures.stations import StressRows
+from beamsim.system.outputs import OutputRows
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
@@ -79,6 +80,34 @@ def bending_stress(flow: ExactFlow, stress: StressRows) -> LinearOutput:
     return output
 
 
+def asked_for(flow: ExactFlow, rows: Sequence[OutputRows], phases: Ints) -> LinearOutput:
+    """The outputs that a run asks for, all rows of one after those of the other."""
+    n, forces = flow.system.size, flow.contact_forces(phases)
+    displacement, velocity, acceleration, contact, load = (
+        np.vstack([getattr(each, name) for each in rows])
+        for name in ("displacement", "velocity", "acceleration", "contact", "load")
+    )
+    output = accelerations(flow, acceleration, phases, absolute=False)
+    output.row[:] += contact @ forces.row
+    output.direct[:] += contact @ forces.direct
+    output.direct_slope[:] += contact @ forces.direct_slope
+    output.row[:, :n] += displacement
+    output.row[:, n : 2 * n] += velocity
+    output.direct[:, 0] += np.concatenate([each.constant for each in rows])
+    for signal in range(load.shape[1]):
+        output.direct[:, flow.sources.channel == signal] += load[:, signal : signal + 1]
+    if flow.observers:
+        base = np.concatenate([each.base_acceleration for each in rows])
+        output.direct[:, flow.sources.channel == flow.first_observer] += base[:, None]
+    return output
+
+
+def energies_of_rows(rows: Sequence[OutputRows], values: Floats) -> Floats:
+    """(nt, outputs) energies from the values (nt, k) of all of their rows: half the sums of their squares."""
+    ends = np.cumsum([each.count for each in rows])[:-1]
+    return np.column_stack([0.5 * np.sum(part**2, axis=1) for part in np.split(values, ends, axis=1)])
+
+
 def stack(*outputs: LinearOutput) -> LinearOutput:
     """One output with the rows of several."""
     return LinearOutput(
@@ -135,6 +164,10 @@ def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
     groups = {name: in_every_state(output) for name, output in fixed.items()}
     groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, absolute=True)
     groups["force"] = flow.contact_forces
+    if system.linear_outputs:
+        groups["output"] = lambda phases: asked_for(flow, system.linear_outputs, phases)
+    if system.energy_outputs:
+        groups["energy"] = lambda phases: asked_for(flow, system.energy_outputs, phases)
     return OutputSet(groups)
 
 

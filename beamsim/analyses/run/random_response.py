@@ -72,6 +72,7 @@ def random_response(
             transmissibility[probe.name] = np.asarray(cross / sxx)
             coherence[probe.name] = np.asarray(np.abs(cross) ** 2 / (sxx * syy))
     signals += [statistics(snubber.name, "force", "N", snubber.force) for snubber in result.snubbers.values()]
+    signals += [statistics(o.name, o.quantity, o.unit, o.value) for o in result.outputs.values()]
     quantity = "acceleration" if force is None else str(getattr(result.scenario.excitation, "quantity", "force"))
     unit = amplitude_unit(quantity)
     entered = statistics("input", quantity, unit, given)

@@ -61,6 +61,20 @@ class ProbeHistory:
 
 
 @declared
+class OutputHistory:
+    """One quantity of `run.outputs` at the output times."""
+
+    name: str = key("name of the output")
+    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
+    unit: str = attribute("", "unit of the quantity")
+    at: str = attribute("", "where it is: a place, a support, a joint or a body")
+    value: Floats = dataset("{unit}", "{quantity:words}", along=_TIME)
+    value_change: float | None = attribute(
+        "1", f"of the peak, {_WITH_FINER_MODEL}", name="relative_change", at="value", default=None
+    )
+
+
+@declared
 class SnubberHistory(SnubberNumbers):
     """One snubber at the output times; between two masses the displacement is the stretch."""
 
@@ -129,8 +143,8 @@ class SpectralLine:
 class Spectrum:
     """Single-sided spectrum of one quantity of one probe, and its lines."""
 
-    probe: str = attribute("", "name of the probe")
-    quantity: str = attribute("", "absolute_acceleration or displacement")
+    probe: str = attribute("", "name of the probe or output")
+    quantity: str = attribute("", "absolute_acceleration or displacement; of an output what it is")
     unit: str = attribute("", "unit of the quantity")
     frequency_hz: Floats = axis("Hz", "frequency")
     amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity:words}", along=_FREQUENCY)
@@ -334,8 +348,8 @@ def _spectrum_group(spectrum: Spectrum) -> tuple[str, ...]:
 
 
 def _spectrum_rank(result: Mapping[str, Any], spectrum: Spectrum) -> tuple[int, str]:
-    """Spectra in the order of the probes."""
-    names = list(result["probes"])
+    """Spectra in the order of the probes, then of the outputs."""
+    names = [*result["probes"], *result.get("outputs", ())]
     return (names.index(spectrum.probe) if spectrum.probe in names else len(names), spectrum.quantity)
 
 
@@ -361,6 +375,11 @@ _SUMMARY = (
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
     Entry("peak_spring_force_n", "N", "largest magnitude of a spring's force", "peak spring force"),
     Entry("peak_stretch_m", "m", "largest magnitude of a spring's stretch"),
+    Entry("peak_output", "", "largest magnitude of an output of run.outputs, in its output_unit", "outputs"),
+    Entry("min_output", "", "its smallest value"),
+    Entry("max_output", "", "its largest value"),
+    Entry("rms_output", "", "its rms over the part of the spectra; energies have none"),
+    Entry("output_unit", "", "units of the outputs"),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
     Entry("static_force_n", "N", "contact force of a snubber at static equilibrium"),
     Entry("blocked_force_n", "N", "force of a snubber if the structure could not move"),
@@ -414,7 +433,7 @@ class RunResult(Result):
     base_acceleration: Floats = dataset("m/s^2", "acceleration of the base", along=_TIME, name="base/acceleration")
     base_displacement: Floats = dataset("m", "displacement of the base", along=_TIME, name="base/displacement")
     events: EventLog = group("events")
-    spectra: dict[tuple[str, str], Spectrum] = keyed(  # by probe and quantity
+    spectra: dict[tuple[str, str], Spectrum] = keyed(  # by probe or output and quantity
         folder="spectra", parts=_spectrum_group, called="<probe>[/displacement]",
         having="window", key=lambda s: (s.probe, s.quantity),
         order=_spectrum_rank,
@@ -427,6 +446,7 @@ class RunResult(Result):
     srs: ShockResponse | None = group("srs", default=None)  # where shock response spectra were asked for
     against: Against | None = group("against", default=None)  # where a time stepper was asked for
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
+    outputs: dict[str, OutputHistory] = named("outputs", default_factory=dict)  # that the run asks for
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
 
     impacts: Impacts | None = group("impacts", default=None)  # where run.impacts asks for them

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario, SpectrumSettings
 
 QUANTITIES = {"acceleration": ("absolute_acceleration", "m/s^2"), "displacement": ("displacement", "m")}
+SPECTRAL_GROUPS = (*QUANTITIES, "output")
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
@@ -41,7 +42,7 @@ def spectra_of_samples(
 
     Parameters
     ----------
-    values : by group of outputs, (nt, probes).
+    values : by group of outputs, (nt, probes), and (nt, outputs).
     finer : the same with a whole number of samples for each, from which follows what the samples fold.
     """
     assert scenario.run is not None
@@ -52,6 +53,11 @@ def spectra_of_samples(
                 time, values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz, probe.name, quantity,
                 unit, None if finer is None else finer[group][:, i],
             )  # fmt: skip
+    for i, output in enumerate(system.linear_outputs):
+        spectra[output.name, output.kind] = spectrum(
+            time, values["output"][:, i], scenario.run.spectrum, system.excitation_frequency_hz, output.name,
+            output.kind, output.unit, None if finer is None else finer["output"][:, i],
+        )  # fmt: skip
     return spectra
 
 
@@ -78,7 +84,7 @@ def spectra_of_motion(
 
     Parameters
     ----------
-    outputs : the groups ``acceleration`` and ``displacement``, a row for each probe.
+    outputs : the groups ``acceleration`` and ``displacement``, a row for each probe, then those of `run.outputs`.
     """
     assert scenario.run is not None
     settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
@@ -87,6 +93,7 @@ def spectra_of_motion(
     residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
     spectra = {}
     columns = [(probe.name, *of) for of in QUANTITIES.values() for probe in system.probes]
+    columns += [(output.name, output.kind, output.unit) for output in system.linear_outputs]
     records = records_of(scenario, system, trajectory, outputs, begin, trajectory.end)
     for (probe, quantity, unit), (record, at_end) in zip(columns, records, strict=True):
         window = settings.window or _suited_window(scenario, record.x)

@@ -9,8 +9,8 @@ import numpy as np
 from beamsim.analyses.run.convergence import SEARCHED
 from beamsim.analyses.run.figures import Extremes, sampled_extremes
 from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.run.outputs import bending_stress, in_every_state, output_groups
-from beamsim.analyses.run.spectra import QUANTITIES
+from beamsim.analyses.run.outputs import bending_stress, energies_of_rows, in_every_state, output_groups
+from beamsim.analyses.run.spectra import SPECTRAL_GROUPS
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, sampled
@@ -39,6 +39,8 @@ class SteppedOutputs:
         self.groups = output_groups(system, flow)
         self.stress = None if system.stress is None else in_every_state(bending_stress(flow, system.stress))
         self.probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
+        self.spectral = [group for group in SPECTRAL_GROUPS if group in self.groups.groups]
+        self.energies: list[tuple[Floats, Floats]] = []  # times (k,) and energies (k, outputs) then
         self.dense = DenseExtremes()
         self.filter = None if low_pass is None else LowPassFilter(low_pass, len(system.probes))
         self.low_passed = None if low_pass is None else np.zeros((times.size, len(system.probes)))  # at the times
@@ -55,12 +57,21 @@ class SteppedOutputs:
         cubic = self.system.cubic
         return np.asarray((cubic.stiffness * self.cubic_stretch(times, y) ** 3) @ (cubic.shape @ self.probe_shapes.T))
 
+    def _cubic_outputs(self, times: Floats, y: Floats) -> Floats:
+        """(nt, outputs) what the pull of the cubic springs adds, and the acceleration that it takes away."""
+        cubic, rows = self.system.cubic, self.system.linear_outputs
+        pull = cubic.stiffness * self.cubic_stretch(times, y) ** 3
+        shares = np.vstack([each.cubic - each.acceleration @ cubic.shape.T for each in rows])
+        return np.asarray(pull @ shares.T)
+
     def at(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
         """Values (nt, k) by group; see :func:`beamsim.flow.reference.sampled`."""
         system, flow = self.system, self.flow
         values = self.groups.split(sampled(flow, times, y, phases, self.groups, since), flow.system.contacts.start)
         if system.cubic.count:
             values["acceleration"] = values["acceleration"] - self._cubic_acceleration(times, y)
+            if system.linear_outputs:
+                values["output"] = values["output"] + self._cubic_outputs(times, y)
         for i, spring in enumerate(system.springs):
             if spring.on_ground and flow.base_channel < 0 and system.base_displacement is not None:
                 values["stretch"][:, i] += system.base_displacement(times)  # which no contact feels
@@ -68,7 +79,10 @@ class SteppedOutputs:
 
     def searched(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
         """The groups whose extremes are reported."""
-        values = {name: x for name, x in self.at(times, y, phases, since).items() if name in SEARCHED}
+        known = self.at(times, y, phases, since)
+        if self.system.energy_outputs:
+            self._keep_energies(times, known["energy"])
+        values = {name: x for name, x in known.items() if name in SEARCHED}
         if self.stress is not None:
             values["stress"] = sampled(self.flow, times, y, phases, self.stress, since)
         return values
@@ -87,7 +101,7 @@ class SteppedOutputs:
             times = np.minimum(np.arange(first, min(first + AT_ONCE, until)) * self.step, end)
             each = np.broadcast_to(phases, (times.size, phases.size))
             values = self.at(times, solution.sol(times)[: self.flow.size].T, each, begin)
-            self.parts.append({group: values[group] for group in QUANTITIES})
+            self.parts.append({group: values[group] for group in self.spectral})
         self.samples = max(self.samples, until)
         if self.filter is not None and self.low_passed is not None:
             self._filter_piece(self.filter, self.low_passed, solution, phases)
@@ -101,7 +115,7 @@ class SteppedOutputs:
         """The first ``count`` finer samples by group, the last one repeated where the motion ends; None without any."""
         if not self.parts:
             return None
-        whole = {group: np.concatenate([part[group] for part in self.parts])[:count] for group in QUANTITIES}
+        whole = {group: np.concatenate([part[group] for part in self.parts])[:count] for group in self.spectral}
         return {group: np.pad(x, ((0, count - x.shape[0]), (0, 0)), mode="edge") for group, x in whole.items()}
 
     def _filter_piece(self, low_pass: LowPassFilter, out: Floats, solution: Any, phases: Ints) -> None:
@@ -127,4 +141,13 @@ class SteppedOutputs:
         else:
             values = self.searched(trajectory.time, trajectory.y, trajectory.phases)
             extremes = {name: sampled_extremes(trajectory.time, x) for name, x in values.items()}
+        if self.system.energy_outputs:
+            times, energies = (np.concatenate(parts) for parts in zip(*self.energies, strict=True))
+            extremes["energy"] = sampled_extremes(times, energies)
         return extremes if self.filter is None else extremes | {"acceleration": self.filter.extremes}
+
+    def _keep_energies(self, times: Floats, values: Floats) -> None:
+        """Of a piece of the motion the times of the extremes of energies, and all energies then."""
+        energies = energies_of_rows(self.system.energy_outputs, values)
+        kept = np.unique(np.concatenate([energies.argmin(axis=0), energies.argmax(axis=0)]))
+        self.energies.append((times[kept], energies[kept]))

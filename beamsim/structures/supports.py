@@ -1,0 +1,94 @@
+"""What supports, joints and springs hold, as forces on the degrees of freedom of a structure.
+
+What they exert in a motion follows in `beamsim.structures.support_forces`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from beamsim.structures.distributed import Distributed
+from beamsim.structures.places import DEFLECTION, Link, Place, Site
+from beamsim.typing import Floats, Ints
+
+Share = Callable[[Place | Distributed], float]
+
+
+def _none(place: Place | Distributed) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True)
+class Support:
+    """What a unit motion of the place that holds a structure does to its degrees of freedom while they stay at zero."""
+
+    name: str  # left, right, bottom, top, point 1, node 3, wall; of a joint or spring its own
+    direction: str  # of the motion: a force of a displacement, a moment of a rotation
+    stiffness: Floats  # (N,) N/m, force that holds the degrees of freedom
+    mass: Floats  # (N,) kg
+    damping: Floats  # (N,) N s/m
+    inertia: float = 0.0  # kg, force on the support itself under a unit acceleration of the base
+    direct: Share = field(default=_none)  # share of a unit load that goes to it with all dofs at zero
+    base_motion: float = 1.0  # how far it moves with a unit displacement of the base
+    body: str = ""  # that it holds; empty for joints and springs
+    at: Site | None = None  # of a joint or spring
+    determined: bool = True  # whether nothing else holds the same
+    to_ground: bool = False  # whether it is the ground that holds, not the base or another body
+    base_displacement: float = 0.0  # N/m, force on the support itself for a unit displacement of the base
+
+    @property
+    def on_base(self) -> bool:
+        """Whether it is the base that holds the structure there."""
+        return not self.to_ground and not isinstance(self.at, Link)
+
+    def mapped(self, expansion: Callable[[Floats], Floats]) -> Support:
+        """The same on the degrees of freedom of a larger structure."""
+        return replace(
+            self,
+            stiffness=expansion(self.stiffness),
+            mass=expansion(self.mass),
+            damping=expansion(self.damping),
+        )
+
+
+@dataclass(frozen=True)
+class HeldMatrices:
+    """Matrices of a body before its supports hold degrees of freedom of it."""
+
+    mass: Any  # (A, A) sparse, scaled as that of the body
+    factor: Any  # (p, A) sparse B with K = B^T B, likewise
+    damping: Any  # (A, A) sparse, N s/m; None without
+    scales: tuple[float, float]  # kg, N/m
+    free: Ints  # (N,) which of the A are left
+    translation: Floats  # (A,) motion of the base
+    row: Callable[[Place | Distributed], Floats]  # (A,) deflection at a place, or load vector
+
+    def support(self, name: str, direction: str, motion: Floats, body: str) -> Support:
+        """The support that moves all held degrees of freedom by ``motion`` (A,), which is zero on the free ones."""
+        moved = self.scales[0] * (self.mass @ motion)
+        force = self.scales[1] * (self.factor.T @ (self.factor @ motion))
+        damping = np.zeros(motion.size) if self.damping is None else self.damping @ motion
+
+        def direct(place: Place | Distributed) -> float:
+            return float(self.row(place) @ motion)
+
+        return Support(
+            name, direction, force[self.free], moved[self.free], damping[self.free],
+            inertia=float(moved @ self.translation), direct=direct,
+            base_motion=1.0 if direction == DEFLECTION else 0.0, body=body,
+        )  # fmt: skip
+
+
+def spring_support(
+    name: str, direction: str, motion: Floats, stiffness: float, dashpot: float, body: str, *, to_ground: bool = False
+) -> Support:
+    """A spring and dashpot (N/m, N s/m) that stretch by the motion (N,) for a unit of each degree of freedom."""
+    return Support(
+        name, direction, -stiffness * motion, np.zeros(motion.size), -dashpot * motion,
+        base_motion=1.0 if direction == DEFLECTION and not to_ground else 0.0, body=body,
+        to_ground=to_ground, base_displacement=-stiffness if to_ground else 0.0,
+    )  # fmt: skip

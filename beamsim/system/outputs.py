@@ -1,0 +1,264 @@
+"""Quantities that a run reports, as linear functions of the motion and of what acts on the structure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.base import path_text, suggestion
+from beamsim.structures.assembly import load_site_in, site_in, snubber_site
+from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
+from beamsim.structures.support_forces import SupportForce, supports_of
+from beamsim.structures.supports import Support
+from beamsim.system.parts import Parts, exciting_forces
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.contacts.contacts import Contacts
+    from beamsim.scenario.base import Path
+    from beamsim.structures.stations import Recovery
+    from beamsim.system.equations import Forcing
+
+UNITS = {
+    "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "rotation": "rad", "bending_moment": "N m",
+    "stress": "Pa", "strain": "1", "reaction_force": "N", "reaction_moment": "N m", "joint_force": "N",
+    "joint_moment": "N m", "kinetic_energy": "J", "strain_energy": "J",
+}  # fmt: skip
+"""By kind of output."""
+NEGLIGIBLE = 1e-14  # of the largest eigenvalue of a body's mass or stiffness in reduced coordinates
+
+
+@dataclass(frozen=True)
+class OutputRows:
+    """k linear functions of the motion relative to the base, of the forces of contacts, and of the loads.
+
+    Of an output that is half the sum of their squares, an energy, there are several.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    at: str  # for people
+    displacement: Floats  # (k, n) for a unit of each coordinate
+    velocity: Floats  # (k, n)
+    acceleration: Floats  # (k, n)
+    base_acceleration: Floats  # (k,) for m/s^2 of the base
+    contact: Floats  # (k, m) for the force of each contact
+    load: Floats  # (k, L) for each signal of the forcing
+    constant: Floats  # (k,)
+    cubic: Floats  # (k, c) for the pull of each cubic spring, beside what that does to the acceleration
+    squared: bool = False
+
+    @property
+    def count(self) -> int:
+        """k."""
+        return self.constant.size
+
+
+def output_rows(
+    parts: Parts,
+    recoveries: Sequence[Recovery],
+    contact_sites: Sequence[Site],
+    contacts: Contacts,
+    forcing: Forcing,
+) -> tuple[OutputRows, ...]:
+    """The outputs that a run asks for.
+
+    Parameters
+    ----------
+    recoveries : of the bodies, with stations at `output_sites`.
+    contact_sites : (m,) where the contacts act.
+    contacts, forcing : of the system.
+    """
+    run = parts.scenario.run
+    if run is None or not run.outputs:
+        return ()
+    asked = _Asked(parts, recoveries, contact_sites, contacts, forcing)
+    return tuple(asked.rows(("run", "outputs", k), output) for k, output in enumerate(run.outputs))
+
+
+def output_sites(parts: Parts) -> list[Site]:
+    """Places at which moments are asked for."""
+    run = parts.scenario.run
+    return [site_in(parts.scenario, each) for each in (() if run is None else run.outputs) if each.kind in _BENDING]
+
+
+_BENDING = ("bending_moment", "stress", "strain")
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What the outputs of one scenario share."""
+
+    parts: Parts
+    recoveries: Sequence[Recovery]
+    contact_sites: Sequence[Site]
+    contacts: Contacts
+    forcing: Forcing
+
+    @cached_property
+    def supports(self) -> tuple[Support, ...]:
+        """All of the structure."""
+        return supports_of(self.parts.structure)
+
+    @cached_property
+    def force_sites(self) -> list[LoadSite]:
+        """Where the forces of the excitation act, in the order of the signals; none of base motion."""
+        return [
+            load_site_in(self.parts.scenario, force.applied_to) for _, force in exciting_forces(self.parts.scenario)
+        ]
+
+    @cached_property
+    def cubic_sites(self) -> list[Site]:
+        """Where cubic springs act."""
+        return [snubber_site(s) for s in self.parts.scenario.nonlinear_springs if s.item.kind == "cubic"]
+
+    def rows(self, path: Path, output: Any) -> OutputRows:
+        """Those of one output."""
+        kind = output.kind
+        if kind.startswith("reaction"):
+            return self._reaction(path, output)
+        if kind.startswith("joint"):
+            return self._of_joint(path, output)
+        if kind.endswith("energy"):
+            return self._energy(output)
+        place = site_in(self.parts.scenario, output)
+        assert isinstance(place, Place)
+        if kind in _BENDING:
+            return self._bending(output, place)
+        shape: Any = self.parts.shapes([replace(place, direction=SLOPE) if kind == "rotation" else place])
+        moved = self.parts.structure.member(place.body).body.base_motion_of(place) if kind == "acceleration" else 0.0
+        quantity = "displacement" if kind == "rotation" else kind
+        return self._zero(output, place.label, base_acceleration=np.array([moved]), **{quantity: shape})
+
+    def _zero(self, output: Any, at: str, count: int = 1, **given: Any) -> OutputRows:
+        n = self.parts.basis.size
+        sizes = {
+            "displacement": (count, n), "velocity": (count, n), "acceleration": (count, n),
+            "base_acceleration": (count,), "contact": (count, len(self.contact_sites)),
+            "load": (count, len(self.forcing.signal)), "constant": (count,), "cubic": (count, len(self.cubic_sites)),
+        }  # fmt: skip
+        rows = {name: given.pop(name, np.zeros(size)) for name, size in sizes.items()}
+        return OutputRows(
+            **{"name": output.name, "kind": output.kind, "unit": UNITS[output.kind], "at": at, **rows, **given}
+        )
+
+    def _bending(self, output: Any, place: Place) -> OutputRows:
+        recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
+        weights = recovery.moment_weights(place.coordinate, place.across, output.component or "x")
+        plate = place.across is not None
+        unit = "N m/m" if plate and output.kind == "bending_moment" else UNITS[output.kind]
+        if output.kind != "bending_moment":
+            factor = recovery.stress_per_moment if output.kind == "stress" else recovery.strain_per_moment
+            assert factor is not None  # the scenario has seen to it
+            weights = weights * factor * (-1.0 if output.surface == "top" else 1.0)
+        assert recovery.bending_moment is not None
+        assert recovery.base_moment is not None
+        return self._zero(
+            output, place.label, unit=unit, displacement=(weights @ recovery.bending_moment)[None],
+            base_acceleration=np.array([weights @ recovery.base_moment]),
+        )  # fmt: skip
+
+    def _reaction(self, path: Path, output: Any) -> OutputRows:
+        moment = output.kind == "reaction_moment"
+        if output.support == "base":
+            if moment:
+                raise _refused(
+                    (*path, "support"), "= base has no moment: bodies have no common point", "name a support"
+                )
+            return self._of_base(output)
+        body = output.body or self.parts.scenario.default_body
+        held = [each for each in self.supports if each.body == body]
+        direction = output.direction or ("ry" if moment else DEFLECTION)
+        wanted = (direction, SLOPE) if moment and output.direction is None else (direction,)
+        fits = [each for each in held if each.name == output.support and each.direction in wanted]
+        if not fits:
+            names = list(dict.fromkeys(each.name for each in held))
+            if output.support in names:
+                raise _refused((*path, "kind"), f"= {output.kind}: {output.support} exerts no such reaction in "
+                               f"{direction}", "ask for what it holds")  # fmt: skip
+            remedy = suggestion(output.support, names, "its supports are") if names else "it is free"
+            raise _refused((*path, "support"), f"= {output.support} is no support of {body}", remedy)
+        return self._summed(output, f"{body} {output.support}", [(1.0, fits[0])])
+
+    def _of_joint(self, path: Path, output: Any) -> OutputRows:
+        joined = [each for each in self.supports if each.at is not None and each.name == output.joint]
+        direction = SLOPE if output.kind == "joint_moment" else DEFLECTION
+        fits = [each for each in joined if each.direction == direction]
+        if not fits:
+            raise _refused((*path, "joint"), f"= {output.joint} transmits no moment", "ask for kind: joint_force")
+        if not fits[0].determined:
+            raise _refused(
+                (*path, "joint"), f"= {output.joint} holds what others hold already: its force is not determined",
+                "leave out the joint that is too many, or give it a stiffness",
+            )  # fmt: skip
+        return self._summed(output, output.joint, [(1.0, fits[0])])
+
+    def _of_base(self, output: Any) -> OutputRows:
+        """All supports and joints that move with the base, and the contacts on it."""
+        holding = [(each.base_motion, each) for each in self.supports if each.on_base and each.base_motion]
+        rows = self._summed(output, "base", holding)
+        pushing = [
+            not ground and isinstance(site, Place)
+            for site, ground in zip(self.contact_sites, self.contacts.on_ground, strict=True)
+        ]
+        return replace(rows, contact=rows.contact + np.where(pushing, self.contacts.sign, 0.0))
+
+    def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> OutputRows:
+        """The sum of the forces of supports, each with a factor."""
+        scenario, structure = self.parts.scenario, self.parts.structure
+        vectors = self.parts.basis.vectors / np.sqrt(structure.mass_scale)
+        forces = [(factor, SupportForce.of(structure, support)) for factor, support in supports]
+
+        def total(of: Callable[[SupportForce], Any]) -> Any:
+            return sum((factor * of(force) for factor, force in forces), 0.0)
+
+        def share(site: LoadSite) -> float:
+            return float(sum(factor * force.share(site) for factor, force in forces))
+
+        def shares(sites: Sequence[LoadSite]) -> Floats:
+            return np.array([share(site) for site in sites]).reshape(len(sites))
+
+        if not forces:
+            return self._zero(output, at)
+        base = total(lambda force: force.base_acceleration)
+        load = np.zeros(len(self.forcing.signal))
+        if self.force_sites:
+            load = -shares(self.force_sites)
+        elif load.size > 1:  # beside the base's acceleration its displacement, which springs to the ground feel
+            load[1] = total(lambda force: force.base_displacement)
+        dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
+        return self._zero(
+            output, at,
+            acceleration=np.atleast_2d(total(lambda force: force.acceleration @ vectors)),
+            velocity=np.atleast_2d(total(lambda force: force.velocity @ vectors)),
+            base_acceleration=np.array([base], dtype=float),
+            contact=-(shares(self.contact_sites) * self.contacts.sign)[None],
+            load=load[None],
+            constant=np.array([base * scenario.gravity - dead]),
+            cubic=shares(self.cubic_sites)[None],
+        )  # fmt: skip
+
+    def _energy(self, output: Any) -> OutputRows:
+        member = self.parts.structure.member(output.body or self.parts.scenario.default_body)
+        body, whole = member.body, member.whole
+        fields = member.field(self.parts.basis.vectors)
+        if output.kind == "kinetic_energy":
+            form = fields.T @ (body.mass @ fields) * member.mass_ratio
+        else:
+            stretched = np.asarray(body.factor @ fields)
+            form = stretched.T @ stretched * (body.stiffness_scale / whole.mass_scale)
+        values, vectors = np.linalg.eigh((form + form.T) / 2)
+        kept = values > NEGLIGIBLE * values[-1]
+        rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+        quantity = "velocity" if output.kind == "kinetic_energy" else "displacement"
+        return self._zero(output, body.name, rows.shape[0], squared=True, **{quantity: rows})
+
+
+def _refused(path: Path, message: str, remedy: str) -> ScenarioError:
+    return ScenarioError(Problem(path_text(path), message, remedy))

@@ -1,0 +1,415 @@
+"""Reactions, joint forces, moments, strains and energies of a run: closed forms, balances, independent integration."""
+
+import json
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run.outputs import accelerations, exact_flow
+from beamsim.errors import ScenarioError
+from beamsim.flow.transient import simulate
+from beamsim.matrix_files.op4 import write_op4
+from beamsim.scenario import load_scenario
+from beamsim.store.results import open_run, write_result
+from beamsim.structures.assembly import assemble
+from beamsim.structures.dof_table import write_dof_table
+from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
+from tests.helpers.independent import Beam, Stop, Structure, integrate
+
+BEAM = {"length": 0.8, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
+EI, LINE = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
+QUIET = {"duration": 0.01, "sample_rate": 2000.0, "convergence": "off"}
+SHAKEN = {"kind": "harmonic", "applied_to": "base", "level": 30.0, "frequency": 31.0}
+
+
+def held(left, right, **more):
+    return {**BEAM, "supports": {"left": left, "right": right}, **more}
+
+
+def support(kind, name, **more):
+    return {"name": f"{kind}_{name}", "kind": f"reaction_{kind}", "support": name, **more}
+
+
+def run(case, outputs, **settings):
+    return beamsim.run(load_scenario({**case, "run": {**QUIET, **settings, "outputs": outputs}}))
+
+
+def values(result):
+    return {name: output.value[:] for name, output in result.outputs.items()}
+
+
+def test_static_reactions_of_a_cantilever():
+    force, x, mass = 20.0, 0.3, LINE * BEAM["length"]
+    case = {"beam": held("clamped", "free"), "gravity": 9.81, "constant_forces": [{"position": x, "force": force}]}
+    result = run(case, [support("force", "left"), support("moment", "left"), support("force", "base")])
+    expected = mass * 9.81 - force
+    assert result.summary["max_output"]["force_left"] == pytest.approx(expected, rel=1e-10)
+    assert result.summary["min_output"]["force_base"] == pytest.approx(expected, rel=1e-10)
+    # the clamp turns the beam up against its weight
+    moment = mass * 9.81 * BEAM["length"] / 2 - force * x
+    np.testing.assert_allclose(result.outputs["moment_left"].value[:], moment, rtol=1e-10)
+    assert result.outputs["moment_left"].unit == "N m"
+
+
+@pytest.mark.parametrize("modes", ["all", 4])
+def test_static_reactions_of_a_beam_clamped_at_both_ends(modes):
+    """R = P b^2 (3 a + b) / L^3 and M = P a b^2 / L^2, also where the force acts within the element at the support."""
+    length, force = BEAM["length"], 50.0
+    for a in (0.05, 0.5):
+        b = length - a
+        case = {
+            "beam": held("clamped", "clamped"),
+            "constant_forces": [{"position": a, "force": -force}],
+            "reduction": {"modes": modes},
+        }
+        names = [support(kind, end) for kind in ("force", "moment") for end in ("left", "right")]
+        found = values(run(case, names))
+        assert found["force_left"][0] == pytest.approx(force * b**2 * (3 * a + b) / length**3, rel=1e-9)
+        assert found["force_right"][0] == pytest.approx(force * a**2 * (a + 3 * b) / length**3, rel=1e-9)
+        assert found["moment_left"][0] == pytest.approx(force * a * b**2 / length**2, rel=1e-9)
+        assert found["moment_right"][0] == pytest.approx(-force * a**2 * b / length**2, rel=1e-9)
+
+
+CONTACT = {
+    "bodies": {
+        "inner": {"kind": "beam", **held("clamped", "free", damping={"kind": "modal", "ratio": 0.02})},
+        "outer": {"kind": "beam", **held("free", {"stiffness": 4e4, "dashpot": 3.0}, length=0.5)},
+    },
+    "joints": [
+        {
+            "name": "hinge", "kind": "hinge", "rotational_stiffness": 30.0, "rotational_dashpot": 0.02,
+            "between": [{"body": "inner", "position": 0.8}, {"body": "outer", "position": 0.0}],
+        },
+        {"name": "strut", "kind": "spring", "stiffness": 2e3, "dashpot": 1.0,
+         "between": ["base", {"body": "inner", "position": 0.5}]},
+    ],
+    "snubbers": [
+        {"name": "stop", "at": {"body": "outer", "position": 0.2}, "side": "both", "stiffness": 1e5, "gap": 2e-4,
+         "damping": {"kind": "viscous", "coefficient": 5.0}},
+        {"name": "earth", "at": {"body": "inner", "position": 0.7}, "side": "below", "stiffness": 1e5, "gap": 3e-4,
+         "mounted_on": "ground"},
+    ],
+    "springs_to_ground": [
+        {"name": "soft", "at": {"body": "outer", "position": 0.4}, "kind": "linear", "stiffness": 500.0}
+    ],
+    "constant_forces": [{"at": {"body": "outer", "position": 0.3}, "force": 4.0}],
+    "gravity": 9.81,
+    "excitation": SHAKEN,
+    "reduction": {"modes": 8},
+}  # fmt: skip
+HOLDING = [
+    support("force", "left", body="inner"),
+    support("force", "right", body="outer"),
+    {"name": "strut", "kind": "joint_force", "joint": "strut"},
+    {"name": "soft", "kind": "joint_force", "joint": "soft"},
+]
+
+
+def test_sum_of_reactions_is_inertia_and_loads_with_contact():
+    settings = {"duration": 0.2, "sample_rate": 4000.0, "outputs": [*HOLDING, support("force", "base")]}
+    scenario = load_scenario({**CONTACT, "run": {**QUIET, **settings}})
+    result = beamsim.run(scenario)
+    found = values(result)
+    assert result.summary["events"] > 20
+    pushed = {"stop.below": 1.0, "stop.above": -1.0, "earth": 1.0}
+    push = {name: sign * result.snubbers[name].force[:] for name, sign in pushed.items()}
+    parts, system = reduced_parts(scenario), build_system(scenario)
+    flow = exact_flow(system, 0.2)
+    trajectory = simulate(flow, system.initial_state)
+    inertia = trajectory.sample(
+        result.time[:], lambda phases: accelerations(flow, parts.inertia[None], phases, absolute=False)
+    )[:, 0]
+    mass = LINE * 1.3
+    total = inertia + mass * (system.base_acceleration(result.time[:]) + 9.81) - 4.0
+    holding = sum(found[name] for name in ("force_left", "force_right", "strut", "soft")) + sum(push.values())
+    scale = np.abs(total).max()
+    np.testing.assert_allclose(holding, total, atol=1e-10 * scale)
+    base = found["force_left"] + found["force_right"] + found["strut"] + push["stop.below"] + push["stop.above"]
+    np.testing.assert_allclose(found["force_base"], base, atol=1e-10 * scale)
+
+
+def test_spring_support_and_spring_joint_pull_by_their_stretch():
+    """With all modes the force that follows from equilibrium is that of stiffness and dashpot."""
+    at = {"body": "outer", "position": 0.5}
+    more = [
+        {"name": "w", "kind": "displacement", "at": at}, {"name": "v", "kind": "velocity", "at": at},
+        {"name": "s", "kind": "displacement", "at": {"body": "inner", "position": 0.5}},
+        {"name": "r", "kind": "velocity", "at": {"body": "inner", "position": 0.5}},
+        {"name": "slope_in", "kind": "rotation", "at": {"body": "inner", "position": 0.8}},
+        {"name": "slope_out", "kind": "rotation", "at": {"body": "outer", "position": 0.0}},
+        {"name": "moment", "kind": "joint_moment", "joint": "hinge"},
+    ]  # fmt: skip
+    case = {**CONTACT, "reduction": {"modes": "all"}}
+    case["bodies"] = {
+        name: {k: v for k, v in body.items() if k != "damping"} for name, body in CONTACT["bodies"].items()
+    }
+    found = values(run(case, [*HOLDING, *more], duration=0.05))
+    pull = -4e4 * found["w"] - 3.0 * found["v"]
+    np.testing.assert_allclose(found["force_right"], pull, atol=1e-8 * np.abs(pull).max())
+    pull = -2e3 * found["s"] - found["r"]
+    np.testing.assert_allclose(found["strut"], pull, atol=1e-7 * np.abs(pull).max())
+    # without its dashpot, whose rate of rotation is no output
+    turned = 30.0 * (found["slope_out"] - found["slope_in"])
+    rate = np.gradient(turned / 30.0, 1 / 2000.0)
+    assert np.abs(found["moment"] + turned + 0.02 * rate)[2:-2].max() < 0.2 * np.abs(0.02 * rate).max()
+
+
+@pytest.mark.parametrize("modes", ["all", 6])
+def test_joint_of_a_cut_beam_carries_shear_and_moment_of_the_uncut_one(modes):
+    length, cut = 0.8, 0.32
+    common = {"excitation": SHAKEN, "gravity": 9.81, "reduction": {"modes": modes}}
+    stop = {"name": "s", "side": "below", "stiffness": 2e5, "gap": 1e-4}
+    points, weights = np.polynomial.legendre.leggauss(4)
+    x = (cut + (length - cut) / 12 * (np.arange(12)[:, None] + (points + 1) / 2)).ravel()
+    uncut = held("clamped", "free", elements=20, nodes=[cut])
+    outputs = [{"name": f"a{k}", "kind": "acceleration", "position": float(at)} for k, at in enumerate(x)]
+    outputs.append({"name": "moment", "kind": "bending_moment", "position": cut})
+    whole = run({**common, "beam": uncut, "snubbers": [{**stop, "position": length}]}, outputs, duration=0.1)
+    halves = {
+        "inner": {"kind": "beam", **held("clamped", "free", length=cut, elements=8)},
+        "outer": {"kind": "beam", **held("free", "free", length=length - cut, elements=12)},
+    }
+    joint = {
+        "name": "cut",
+        "kind": "rigid",
+        "between": [{"body": "inner", "position": cut}, {"body": "outer", "position": 0}],
+    }
+    asked = [
+        {"name": "force", "kind": "joint_force", "joint": "cut"},
+        {"name": "moment", "kind": "joint_moment", "joint": "cut"},
+    ]
+    stops = [{**stop, "at": {"body": "outer", "position": length - cut}}]
+    two = run({**common, "bodies": halves, "joints": [joint], "snubbers": stops}, asked, duration=0.1)
+    found, one = values(two), values(whole)
+    assert two.summary["events"] == whole.summary["events"] > 4
+    weight = np.tile(weights, 12) * (length - cut) / 24
+    outboard = LINE * sum(w * one[f"a{k}"] for k, w in enumerate(weight)) + LINE * (length - cut) * 9.81
+    shear = outboard - whole.snubbers["s"].force[:]
+    np.testing.assert_allclose(found["force"], shear, atol=1e-8 * np.abs(shear).max())
+    if modes == "all":  # else moments are recovered from displacements of few modes, forces from accelerations
+        # the moment on the outer half's left end is -E I w''
+        np.testing.assert_allclose(found["moment"], -one["moment"], atol=2e-6 * np.abs(one["moment"]).max())
+
+
+def test_base_reaction_against_independent_integration():
+    """Rows of the held degrees of freedom of matrices that are assembled and integrated apart."""
+    beta, omega, level, duration = 2e-5, 2 * np.pi * 31.0, 30.0, 0.06
+    other = Beam(0.8, 0.05, 0.01, 70e9, 2700.0, 6, "clamped", right="pinned")
+    whole = Beam(0.8, 0.05, 0.01, 70e9, 2700.0, 6, "free")
+    assert whole.free.size == 14
+    stop = Stop(other.row(0.55), 3e5, 0.0, 5e-5)
+    times = np.arange(0, duration + 1e-9, 5e-4)
+    structure = Structure(other.M, beta * other.K, other.K, other.inertia)
+    rest = np.zeros(2 * other.inertia.size)
+    motion = integrate(
+        structure, [stop], lambda t: -other.inertia * level * np.sin(omega * t), rest, times, most_step=1e-4
+    )
+    n = other.inertia.size
+    u, v = motion.state[:, :n].T, motion.state[:, n:].T
+    delta = np.maximum(-5e-5 - stop.row @ u, 0.0)
+    a = level * np.sin(omega * times)
+    force = 3e5 * delta
+    acceleration = np.linalg.solve(
+        other.M, -other.inertia[:, None] * a + stop.row[:, None] * force - other.K @ (u + beta * v)
+    )
+    free, lift = other.free, np.tile([1.0, 0.0], 7)
+    reaction = (
+        whole.K[:, free] @ (u + beta * v) + whole.M[:, free] @ acceleration + (whole.M @ lift)[:, None] * a
+        - whole.whole_row(0.55)[:, None] * force
+    )  # fmt: skip
+    case = {
+        "beam": held("clamped", "pinned", damping={"kind": "rayleigh", "stiffness": beta}),
+        "snubbers": [{"name": "s", "position": 0.55, "side": "below", "stiffness": 3e5, "gap": 5e-5}],
+        "excitation": SHAKEN, "reduction": {"modes": "all"},
+    }  # fmt: skip
+    outputs = [support("force", "left"), support("moment", "left"), support("force", "right")]
+    result = run(case, outputs, duration=duration, sample_rate=2000.0, start="rest")
+    assert result.summary["events"] == motion.event_time.size > 4
+    for name, row in (("force_left", 0), ("moment_left", 1), ("force_right", 12)):
+        expected = reaction[row]
+        np.testing.assert_allclose(result.outputs[name].value[:], expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_energies_of_bodies_add_up_to_what_is_stored():
+    case = {key: value for key, value in CONTACT.items() if key not in ("springs_to_ground", "snubbers")}
+    case["joints"] = [{**CONTACT["joints"][0], "rotational_stiffness": 0.0, "rotational_dashpot": 0.0}]
+    names = [{"name": f"{kind}_{body}", "kind": f"{kind}_energy", "body": body}
+             for kind in ("kinetic", "strain") for body in ("inner", "outer")]  # fmt: skip
+    result = run(case, names, duration=0.1)
+    found = values(result)
+    stored = result.energy.stored[:]
+    np.testing.assert_allclose(sum(found.values()), stored, rtol=1e-10)
+    for name, history in found.items():
+        assert result.summary["max_output"][name] >= history.max() * (1 - 1e-12)
+        assert result.summary["max_output"][name] <= history.max() * 1.01
+    assert "kinetic_inner" not in result.summary["rms_output"]
+
+
+def test_strain_and_stress_at_the_surfaces():
+    case = {"beam": held("clamped", "free"), "gravity": 9.81}
+    outputs = [
+        {"name": "moment", "kind": "bending_moment", "position": 0.1},
+        {"name": "top", "kind": "stress", "position": 0.1},
+        {"name": "gauge", "kind": "strain", "position": 0.1, "surface": "bottom"},
+    ]
+    found = values(run(case, outputs))
+    moment = -LINE * 9.81 * 0.7**2 / 2
+    np.testing.assert_allclose(found["moment"], moment, rtol=1e-9)
+    np.testing.assert_allclose(found["top"], -moment * 0.005 / (EI / 70e9), rtol=1e-9)  # tension on top as it hangs
+    np.testing.assert_allclose(found["gauge"], moment * 0.005 / EI, rtol=1e-9)
+
+
+def test_plate_carries_its_weight_to_edges_and_points():
+    plate = {
+        "kind": "plate", "length": 0.4, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9, "poissons_ratio": 0.3,
+        "density": 2700.0, "elements": [6, 6],
+        "supports": {"left": "clamped", "bottom": "pinned", "points": [{"position": [0.4, 0.3]}]},
+    }  # fmt: skip
+    names = ["left", "bottom", "point 1"]
+    found = values(
+        run({"bodies": {"panel": plate}, "gravity": 9.81}, [support("force", name) for name in [*names, "base"]])
+    )
+    weight = 0.4 * 0.3 * 0.003 * 2700 * 9.81
+    assert sum(found[f"force_{name}"][0] for name in names) == pytest.approx(weight, rel=1e-10)
+    assert found["force_base"][0] == pytest.approx(weight, rel=1e-10)
+    assert min(found[f"force_{name}"][0] for name in names) > 0.05 * weight
+
+
+def test_walls_of_a_chain_pull_by_their_springs():
+    case = {
+        "chain": {"masses": [1.0, 2.0], "springs": [100.0, 50.0, 80.0], "dashpots": [1.0, 0.0, 0.5]},
+        "excitation": {**SHAKEN, "frequency": 1.0},
+        "probes": [{"name": "one", "mass": 1}, {"name": "two", "mass": 2}],
+    }
+    result = run(case, [support("force", "left"), support("force", "right")], duration=3.0, sample_rate=100.0)
+    one, two = result.probes["one"], result.probes["two"]
+    expected = -100.0 * one.displacement[:] - one.velocity[:]
+    np.testing.assert_allclose(result.outputs["force_left"].value[:], expected, atol=1e-10 * np.abs(expected).max())
+    expected = -80.0 * two.displacement[:] - 0.5 * two.velocity[:]
+    np.testing.assert_allclose(result.outputs["force_right"].value[:], expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_imported_body_rests_on_its_nodes_as_the_beam_that_it_came_from(tmp_path):
+    """Force and moment of the clamp by rows of K and M of the held node, in a run with contact and few modes."""
+    stop = {"name": "s", "side": "below", "stiffness": 2e5, "gap": 1e-4}
+    common = {"excitation": SHAKEN, "reduction": {"modes": 4}}
+    built = {**common, "beam": held("clamped", "free"), "snubbers": [{**stop, "position": 0.8}]}
+    one = values(run(built, [support("force", "left"), support("moment", "left")], duration=0.1))
+    free = assemble(load_scenario({"beam": held("free", "free")}))
+    table = free.named_dofs
+    scale = 1 / table.scale
+    mass, stiffness = (
+        scale[:, None] * matrix.toarray() * scale
+        for matrix in (free.mass_scale * free.mass, free.stiffness_scale * free.stiffness)
+    )
+    write_op4(tmp_path / "m.op4", {"mxx": mass, "kxx": stiffness})
+    write_dof_table(tmp_path / "dofs.csv", table.table)
+    body = {
+        "kind": "matrices", "mass": {"file": "m.op4", "name": "mxx"}, "stiffness": {"file": "m.op4", "name": "kxx"},
+        "dofs": "dofs.csv", "base": {"nodes": [1], "direction": "z"},
+    }  # fmt: skip
+    case = {
+        **common,
+        "bodies": {"panel": body},
+        "snubbers": [{**stop, "at": {"body": "panel", "node": 7, "direction": "z"}}],
+        "run": {**QUIET, "duration": 0.1, "outputs": [
+            {"name": "force", "kind": "reaction_force", "support": "node 1"},
+            {"name": "moment", "kind": "reaction_moment", "support": "node 1"},
+        ]},
+    }  # fmt: skip
+    path = tmp_path / "case.yaml"
+    path.write_text(json.dumps(case))
+    two = values(beamsim.run(load_scenario(path)))
+    np.testing.assert_allclose(two["force"], one["force_left"], atol=1e-8 * np.abs(one["force_left"]).max())
+    # ry tilts the beam down
+    np.testing.assert_allclose(two["moment"], -one["moment_left"], atol=1e-8 * np.abs(one["moment_left"]).max())
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+def test_time_stepping_gives_the_same_outputs(cubic):
+    case = {**CONTACT, "excitation": {**SHAKEN, "frequency": 60.0}}
+    outputs = [*HOLDING, support("force", "base"), {"name": "T", "kind": "kinetic_energy", "body": "outer"}]
+    if not cubic:
+        settings = {"duration": 0.02, "sample_rate": 4000.0}
+        exact, stepped = (run(case, outputs, **settings, **more) for more in (
+            {}, {"method": "reference", "integrator": "DOP853", "rtol": 1e-10}))  # fmt: skip
+        for name, value in values(exact).items():
+            np.testing.assert_allclose(stepped.outputs[name].value[:], value, atol=1e-6 * np.abs(value).max())
+            assert stepped.summary["peak_output"][name] == pytest.approx(exact.summary["peak_output"][name], rel=1e-4)
+        return
+    # of a spring as stiff as a linear one at rest, the pull goes to the supports beside
+    chain = {
+        "chain": {"masses": [1.0, 2.0], "springs": [100.0, 50.0, 80.0],
+                  "springs_to_ground": [{"mass": 2, "kind": "cubic", "stiffness": 4e3}]},
+        "excitation": {**SHAKEN, "applied_to": {"mass": 1}, "level": 20.0, "frequency": 1.0},
+        "probes": [{"name": "one", "mass": 1}, {"name": "two", "mass": 2}],
+    }  # fmt: skip
+    result = run(chain, [support("force", "left"), support("force", "right")], duration=2.0, sample_rate=100.0)
+    one, two = result.probes["one"].displacement[:], result.probes["two"].displacement[:]
+    np.testing.assert_allclose(result.outputs["force_left"].value[:], -100.0 * one, atol=1e-8 * 100 * np.abs(one).max())
+    np.testing.assert_allclose(result.outputs["force_right"].value[:], -80.0 * two, atol=1e-8 * 80 * np.abs(two).max())
+
+
+def test_extremes_are_those_of_the_continuous_motion():
+    outputs = [support("force", "left", body="inner")]
+    coarse, fine = (run(CONTACT, outputs, duration=0.1, sample_rate=rate) for rate in (500.0, 50000.0))
+    peak = coarse.summary["peak_output"]["force_left"]
+    assert peak == pytest.approx(fine.summary["peak_output"]["force_left"], rel=1e-9)
+    assert (
+        peak >= np.abs(fine.outputs["force_left"].value[:]).max() > np.abs(coarse.outputs["force_left"].value[:]).max()
+    )
+
+
+def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
+    case = dict(CONTACT)
+    case["excitation"] = {
+        "kind": "random",
+        "applied_to": "base",
+        "psd": [{"frequency": f, "density": 0.5} for f in (10.0, 100.0)],
+        "seed": 1,
+    }
+    outputs = [support("force", "left", body="inner"), {"name": "T", "kind": "kinetic_energy", "body": "outer"}]
+    result = run(case, outputs, duration=0.5, sample_rate=2000.0)
+    write_result(result, tmp_path / "r.h5")
+    read = open_run(tmp_path / "r.h5")
+    for name in ("force_left", "T"):
+        np.testing.assert_array_equal(read.outputs[name].value[:], result.outputs[name].value[:])
+        assert read.outputs[name].unit == result.outputs[name].unit
+    spectrum = read.spectra["force_left", "reaction_force"]
+    assert spectrum.rms == result.summary["rms_output"]["force_left"]
+    densities = {(each.name, each.quantity): each for each in read.random.signals}
+    assert densities["force_left", "reaction_force"].unit == "N"
+    assert densities["T", "kinetic_energy"].density.size == read.random.frequency_hz.size
+
+
+@pytest.mark.parametrize(
+    ("output", "path", "message", "remedy"),
+    [
+        ({"kind": "reaction_force", "body": "iner", "support": "left"}, "body", "unknown body", "inner"),
+        ({"kind": "reaction_force", "body": "inner", "support": "lft"}, "support", "no support", "left"),
+        ({"kind": "reaction_force", "body": "inner", "support": "right"}, "support", "no support", "left"),
+        ({"kind": "reaction_force", "support": "left"}, "", "names no body", "inner"),
+        ({"kind": "reaction_moment", "support": "base"}, "support", "no moment", "support"),
+        ({"kind": "joint_force", "joint": "hing"}, "joint", "unknown joint", "hinge"),
+        ({"kind": "joint_moment", "joint": "soft"}, "joint", "no moment", "joint_force"),
+        ({"kind": "strain_energy", "body": "x"}, "body", "unknown body", "bodies are"),
+        ({"kind": "bending_moment", "at": {"body": "inner", "position": 0.9}}, "at.position", "beyond", ""),
+        ({"kind": "stress", "at": {"body": "inner", "position": 0.1}, "component": "x"}, "component", "plate", "leave"),
+    ],
+)
+def test_bad_outputs_are_located(output, path, message, remedy):
+    with pytest.raises(ScenarioError) as caught:
+        run(CONTACT, [{"name": "o", **output}])
+    problem = caught.value.problems[0]
+    assert problem.path == ".".join(part for part in ("run.outputs[0]", path) if part)
+    assert message in problem.message
+    assert remedy in problem.remedy
+
+
+def test_a_joint_too_many_has_no_force_of_its_own():
+    again = {**CONTACT["joints"][0], "name": "again"}
+    case = {**CONTACT, "joints": [*CONTACT["joints"], again]}
+    with pytest.raises(ScenarioError, match="not determined"):
+        run(case, [{"name": "o", "kind": "joint_force", "joint": "hinge"}])
