@@ -205,6 +205,10 @@ def export(
 
 
 for module in dict.fromkeys(
-    [*(kind.commands for kind in KINDS.values() if kind.commands != __name__), "beamsim.cli.structures"]
+    [
+        *(kind.commands for kind in KINDS.values() if kind.commands != __name__),
+        "beamsim.cli.structures",
+        "beamsim.cli.pad",
+    ]
 ):
     named(f"{module}:register")(app)
