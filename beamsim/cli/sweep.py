@@ -53,7 +53,7 @@ def sweep(
     workers: Annotated[
         int | None,
         typer.Option(
-            "--workers", min=1, help="Number of threads (of processes for sweeps) for vary; by default one a core."
+            "--workers", min=1, help="Number of threads (of processes for sweeps) for vary; by default one per core."
         ),
     ] = None,
     scheduler: Annotated[

@@ -35,7 +35,7 @@ def read_abaqus(path: Path) -> FileMatrix:
         except ValueError:
             raise MethodError(
                 "file",
-                f"has a line {line} that is no entry of an Abaqus matrix",
+                f"has a line {line} that is not an entry of an Abaqus matrix",
                 "lines have row node, its degree of freedom, column node, its degree of freedom, and the number; "
                 "or row, column and number",
             ) from None

@@ -73,7 +73,7 @@ def read_op4(path: Path) -> list[FileMatrix]:
         matrices = list(_read_ascii(data.decode("latin-1")) if layout is None else _read_binary(data, *layout))
     except (ValueError, IndexError, struct.error, StopIteration) as error:
         raise MethodError(
-            "file", f"is no OP4 file that can be read ({error})", "write it again: ASSIGN OUTPUT4, OUTPUT4 in DMAP"
+            "file", f"cannot be read as OP4 ({error})", "write it again: ASSIGN OUTPUT4, OUTPUT4 in DMAP"
         ) from None
     return [entries.matrix() for entries in matrices]
 

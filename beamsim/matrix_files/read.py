@@ -38,7 +38,7 @@ def read_matrix(path: Path, name: str | None) -> FileMatrix:
     for matrix in matrices:
         if matrix.name.lower() == name.lower():
             return matrix
-    raise MethodError("name", f"= {name} is no matrix of {path.name}", f"it holds {known or 'none'}")
+    raise MethodError("name", f"= {name} is not a matrix of {path.name}", f"it holds {known or 'none'}")
 
 
 def read_matrices(path: Path) -> Sequence[FileMatrix]:
@@ -67,7 +67,7 @@ def read_matrices(path: Path) -> Sequence[FileMatrix]:
     except OSError as error:
         raise MethodError("file", f"= {path} cannot be read ({error.strerror or error})", "check the path") from None
     except (ValueError, KeyError, NotImplementedError, EOFError) as error:
-        raise MethodError("file", f"= {path.name} is no {FORMATS[ending]} file that can be read ({error})") from None
+        raise MethodError("file", f"= {path.name} cannot be read as {FORMATS[ending]} ({error})") from None
 
 
 def _matrix(name: str, values: Any) -> FileMatrix:

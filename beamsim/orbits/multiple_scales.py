@@ -263,7 +263,7 @@ def expand_mode_at_energy(
     belongs to the factor.
     """
     if energy <= 0:
-        raise MethodError("energy", f"= {energy:g} J is no motion", "give a positive energy")
+        raise MethodError("energy", f"= {energy:g} J has no motion", "give a positive energy")
     omega = float(family.omega[mode]) or 1.0
     amplitude = sign * np.sqrt(2.0 * energy) / omega
     for _ in range(50):

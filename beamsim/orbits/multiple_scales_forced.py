@@ -86,7 +86,7 @@ class ResonantForcing:
 
     def __post_init__(self) -> None:
         if not 0 <= self.mode < self.system.size or self.system.stiffness[self.mode] <= 0:
-            raise MethodError("mode", f"= {self.mode + 1} is no flexible mode of the model", "ask for another")
+            raise MethodError("mode", f"= {self.mode + 1} is not a flexible mode of the model", "ask for another")
         self.omega = float(np.sqrt(self.system.stiffness[self.mode]))
         self.load = np.asarray(self.load, dtype=complex)
         _, self.gap = rest_clearances(self.system)

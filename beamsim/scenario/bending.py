@@ -128,11 +128,14 @@ class SolidBending(Bending):
         at = path_text(where)
         if not 1e5 <= self.youngs_modulus <= 2e12:
             yield (
-                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is that of no solid: "
+                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is outside the range of solids: "
                 "a unit such as GPa may be missing"
             )
         if not 1.0 <= self.density <= 25_000.0:
-            yield (f"{at}.density = {self.density:g} kg/m^3 is that of no solid: a unit such as g/cm^3 may be missing")
+            yield (
+                f"{at}.density = {self.density:g} kg/m^3 is outside the range of solids: "
+                "a unit such as g/cm^3 may be missing"
+            )
 
 
 class SandwichBending(Bending):

@@ -76,5 +76,5 @@ AnyBody = Annotated[
     | NamedMatricesBody
     | Plate
     | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
-    Variants(_choose, "has no kind of body", "give kind: beam, chain, plate or matrices"),
+    Variants(_choose, "does not say which kind of body it is", "give kind: beam, chain, plate or matrices"),
 ]

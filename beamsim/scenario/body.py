@@ -118,7 +118,7 @@ class Body(Schema):
         )  # fmt: skip
 
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
-        """Why a node is no place of the body."""
+        """Why a node is not a place of the body."""
         yield Problem(
             path_text(at), f"applies to imported matrices, but {_this(where)} is a {self.body_kind}",
             "give position: 270 mm on a beam, or mass: 2 on a chain",

@@ -98,7 +98,7 @@ def _structure(scenario: _Checked) -> Problems:
         yield from _guarded(body.problems(scenario.body_path(name)))
         if not (body.has_default_probe or scenario.probes or scenario.snubbers):
             remedy = f"give probes: [{{name: corner, at: {{body: {name}, node: 24, direction: z}}}}]"
-            yield _problem(("probes",), f"are missing: {name} has no place that stands out", remedy)
+            yield _problem(("probes",), f"are missing: {name} has no default place for a probe", remedy)
 
 
 def _places(scenario: _Checked) -> Problems:
@@ -228,7 +228,7 @@ def _sampling(scenario: _Checked, run: Run) -> Problems:
     if rate * run.duration < 1.0:
         yield _problem(
             at,
-            f"= {rate:g} Hz gives no second sample in run.duration = {run.duration:g} s",
+            f"= {rate:g} Hz gives only one sample in run.duration = {run.duration:g} s",
             "use a higher sample rate, or a longer run",
         )
     elif rate * run.duration > MOST_SAMPLES:
@@ -284,7 +284,7 @@ def _chosen_frequencies(scenario: _Checked, run: Run) -> Problems:
         if abs(near - frequency) * duration < 1.0:
             yield _problem(
                 at,
-                f"= {frequency:g} Hz cannot be told from {near:g} Hz in the {duration:g} s that are analysed",
+                f"= {frequency:g} Hz cannot be distinguished from {near:g} Hz in the {duration:g} s that are analysed",
                 f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
             )
         if stepped and run.sample_rate is not None and frequency >= 0.5 * run.sample_rate:

@@ -51,7 +51,9 @@ class LevelPath(_Path[Level]):
         for name, value in (("from", self.from_), ("to", self.to)):
             if not value > 0:
                 raise fail(
-                    f"= {value:g} excites nothing" if value == 0 else f"= {value:g} is a level with another phase",
+                    f"= {value:g} excites nothing"
+                    if value == 0
+                    else f"= {value:g} is negative, which only turns the phase",
                     "give a positive level",
                     (name,),
                 )
@@ -117,7 +119,9 @@ class HarmonicBalance(Schema):
 MethodName = Literal["shooting", "harmonic_balance"]
 Method = Annotated[
     MethodName | Shooting | HarmonicBalance,
-    word_or_kind(get_args(MethodName), "is no method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"),
+    word_or_kind(
+        get_args(MethodName), "is not a known method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"
+    ),
 ]
 
 

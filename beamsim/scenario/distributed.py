@@ -25,7 +25,7 @@ def _row_or_grid(value: Any) -> str | None:
 
 Numbers = Annotated[
     Annotated[Row, Tag("<row>")] | Annotated[Grid, Tag("<grid>")],
-    Variants(_row_or_grid, "is no list of numbers", "write [0, 1] along a beam, [[0, 0], [1, 1]] on a plate"),
+    Variants(_row_or_grid, "is not a list of numbers", "write [0, 1] along a beam, [[0, 0], [1, 1]] on a plate"),
 ]
 """Numbers along a beam, or on a plate a list for each step in x of the numbers along y."""
 
@@ -207,7 +207,7 @@ class LineLoad(DistributedLoad):
     acts_on: ClassVar[str] = "beam"
 
     line: Annotated[_WHOLE | Annotated[_Span, Tag("<list>")], Variants(
-        _whole_or_list, "is no part of a beam", "write whole, or both ends: [100 mm, 60 %]"
+        _whole_or_list, "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
     )]  # fmt: skip
     """The loaded part of the beam: whole, or where it begins and ends, [100 mm, 60 %]."""
 
@@ -224,7 +224,7 @@ class AreaLoad(DistributedLoad):
     acts_on: ClassVar[str] = "plate"
 
     area: Annotated[_WHOLE | Annotated[tuple[_Corner, _Corner], Tag("<list>")], Variants(
-        _whole_or_list, "is no part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
+        _whole_or_list, "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
     )]  # fmt: skip
     """The loaded part of the plate: whole, or its lower left and upper right corner, [[0, 0], [100 mm, 50 %]]."""
 

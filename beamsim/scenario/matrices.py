@@ -115,6 +115,6 @@ class MatricesBody(Body):
 
 def _give_a_node(where: Path, at: Path) -> Problem:
     return Problem(
-        path_text(at), f"is no place of {path_text(where)}, which has imported matrices",
+        path_text(at), f"is not a place of {path_text(where)}, which has imported matrices",
         "name a node: {node: 24, direction: z}",
     )  # fmt: skip

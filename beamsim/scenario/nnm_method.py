@@ -89,7 +89,7 @@ Method = Annotated[
     Literal["shooting", "full_period", "multiple_scales", "relaxed_minimisation"] | Solver,
     word_or_kind(
         _SOLVERS,
-        "is no method",
+        "is not a known method",
         "write shooting, full_period, multiple_scales or relaxed_minimisation, or a mapping such as "
         "{kind: relaxed_minimisation, steps: 75, tolerance: 1e-5}",
     ),

@@ -158,7 +158,7 @@ class ShockSpectrumSettings(FrequencyRange):
             raise fail(f"= {self.to:g} Hz lies below from = {self.from_:g} Hz", "exchange the two", ("to",))
         if self.quality <= LEAST_QUALITY:
             raise fail(
-                f"= {self.quality:g} is an oscillator that does not oscillate",
+                f"= {self.quality:g} leaves the oscillator without oscillation (damping ratio of 1 or more)",
                 "give more than 0.5; 10 (a damping ratio of 5 %) is usual",
                 ("quality",),
             )

@@ -88,7 +88,7 @@ def _read(key: str, source: Any) -> FileMatrix:
         rows, columns = matrix.values.shape
         raise MethodError(key, f"has {rows} rows and {columns} columns", "give a square matrix")
     if not np.all(np.isfinite(matrix.values.data)):
-        raise MethodError(key, "has entries that are no finite numbers", "check the analysis that wrote the file")
+        raise MethodError(key, "has entries that are not finite", "check the analysis that wrote the file")
     return matrix
 
 

@@ -134,9 +134,9 @@ class MatricesStructure(BodyStructure):
             known = any(each == node for each, _ in self.table.dofs)
             return (
                 "direction" if known else "node",
-                f"= {place.direction} is no direction of node {node}"
+                f"= {place.direction} is not a direction of node {node}"
                 if known
-                else f"= {node} is no node of {self.name}",
+                else f"= {node} is not a node of {self.name}",
                 self.table.remedy(node),
             )
         if acts and self.massless[number] > 1e-6:
@@ -309,7 +309,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
 def _held_rows(given: NamedMatrices) -> Ints:
     for k, node in enumerate(given.base):
         if not given.table.rows_of([node]).size:
-            raise MethodError(f"base.nodes[{k}]", f"= {node} is no node of the matrices", given.table.remedy(node))
+            raise MethodError(f"base.nodes[{k}]", f"= {node} is not a node of the matrices", given.table.remedy(node))
     return given.table.rows_of(given.base)
 
 
@@ -346,7 +346,7 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
     if lowest.size and lowest[0] <= 0:
         node, direction = table.dofs[int(np.argmax(np.abs(expansion @ vectors[:, rigid])))]
         raise MethodError(
-            "stiffness", f"is not positive semidefinite: a motion largest at node {node} {direction} frees energy",
+            "stiffness", f"is not positive semidefinite: a motion largest at node {node} {direction} releases energy",
             _SOFT,
         )  # fmt: skip
     null = vectors[:, :rigid]

@@ -131,7 +131,7 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
             kinds.setdefault(kind, column)
             break
         else:
-            raise ValueError(f"column {column + 1} is in {unit}, which is no unit of length, force or time")
+            raise ValueError(f"column {column + 1} is in {unit}, which is not a unit of length, force or time")
     others = iter(column for column in range(table.width) if column not in kinds.values())
     try:
         deflection, force = (kinds[kind] if kind in kinds else next(others) for kind in ("deflection", "force"))

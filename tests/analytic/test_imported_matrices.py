@@ -202,12 +202,12 @@ def test_a_spring_to_ground_in_the_matrices_is_refused_where_the_base_moves(tmp_
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"base": "{nodes: [31], direction: z}"}, "base.nodes[0] = 31 is no node of the matrices; the nearest nodes"),
+        ({"base": "{nodes: [31], direction: z}"}, "base.nodes[0] = 31 is not a node of the matrices; the nearest"),
         ({"base": "{nodes: [10], direction: x}"}, "bodies.panel.base moves in x, but none of its nodes"),
-        ({"case": CASE.replace("{place}", "node: 24")}, "at.node = 24 is no node of panel; the nearest nodes are"),
-        ({"case": CASE.replace("{place}", "node: 9, direction: x")}, "= x is no direction of node 9; node 9 has z, ry"),
+        ({"case": CASE.replace("{place}", "node: 24")}, "at.node = 24 is not a node of panel; the nearest nodes are"),
+        ({"case": CASE.replace("{place}", "node: 9, direction: x")}, "= x is not a direction of node 9; node 9 has z"),
         ({"case": CASE.replace("{place}", "node: 10")}, "snubbers[0].at.node = 10 moves with the base"),
-        ({"body": BODY.replace("name: kxx", "name: kgg")}, "stiffness.name = kgg is no matrix of panel.op4"),
+        ({"body": BODY.replace("name: kxx", "name: kgg")}, "stiffness.name = kgg is not a matrix of panel.op4"),
         ({"body": BODY.replace("dofs: {folder}/dofs.csv", "dofs: {folder}/none.csv")}, "bodies.panel.dofs = "),
         ({"body": BODY.replace("    dofs: {folder}/dofs.csv\n", "")}, "bodies.panel.dofs is missing"),
     ],

@@ -159,7 +159,10 @@ def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
     [
         ({"from": 100, "to": 10}, "run.srs.to = 10 Hz lies below from = 100 Hz"),
         ({"from": 100, "to": 100}, "run.srs.to = 100 Hz equals the start of the spectrum"),
-        ({"from": 10, "to": 100, "quality": 0.5}, "run.srs.quality = 0.5 is an oscillator that does not oscillate"),
+        (
+            {"from": 10, "to": 100, "quality": 0.5},
+            "run.srs.quality = 0.5 leaves the oscillator without oscillation (damping ratio of 1 or more)",
+        ),
     ],
 )
 def test_errors(srs, said):

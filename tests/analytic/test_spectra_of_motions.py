@@ -226,7 +226,7 @@ def test_a_chosen_order_of_the_excitation_is_that_line_and_others_are_found_besi
 @pytest.mark.parametrize(
     ("chosen", "more", "said"),
     [
-        ([20, 21], {}, "cannot be told from"),
+        ([20, 21], {}, "cannot be distinguished from"),
         ([20, 20], {}, "given twice"),
         ([900], {"run__method": "reference", "run__sample_rate": 1000}, "not below half"),
     ],

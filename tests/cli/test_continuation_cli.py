@@ -300,7 +300,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, "sweep={kind: continuation, continue_in: {kind: stiffness, from: 0, to: 1}}", "must be positive"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: colour}}", "is not one of frequency, level, gap"),
         (BEAM, "sweep={kind: continuation, from: 20, to: 30, levels: [0 g]}", "sweep.levels[0] = 0 excites nothing"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 30, method: guess}", "sweep.method = guess is no method"),
+        (BEAM, "sweep={kind: continuation, from: 20, to: 30, method: guess}", "method = guess is not a known method"),
         (BEAM, f"sweep={{{GAP}, method: harmonic_balance}}", "not the gap"),
         (BEAM, f"sweep={{{GAP}, overlay: {{rate: 1 Hz/s}}}}", "in gap"),
         (BEAM, f"sweep={{{SHORT}, follow_folds_in: {{kind: level, from: 3 g, to: 4 g}}}}", "widen"),

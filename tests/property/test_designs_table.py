@@ -84,7 +84,7 @@ def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
         np.testing.assert_allclose(response.values, grid.responses[name].values, rtol=1e-10)
     np.testing.assert_allclose(result.margins["peak_force"].values, grid.margins["peak_force"].values, rtol=1e-9)
     with pytest.raises(
-        ScenarioError, match=r"vary.responses\[1\] = peak_forse is no response; did you mean peak_force"
+        ScenarioError, match=r"vary.responses\[1\] = peak_forse is not a response; did you mean peak_force"
     ):
         plan_designs(load_scenario(BASE + GRID, {"vary.responses": ["contacts", "peak_forse"]}))
 

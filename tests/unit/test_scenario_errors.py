@@ -318,7 +318,7 @@ def test_on_a_beam(override, says):
         ("run.start={mode: 4, amplitude: 1}", "run.start.mode = 4, but a chain of 3 masses has 3 modes"),
         ("run.start={released_force: {mass: 5, force: 1}}", "run.start.released_force.mass = 5, but"),
         ("nnm.mode=4", "nnm.mode = 4, but a chain of 3 masses has 3 modes"),
-        ("run.sample_rate=0.05", "run.sample_rate = 0.05 Hz gives no second sample"),
+        ("run.sample_rate=0.05", "run.sample_rate = 0.05 Hz gives only one sample"),
         (
             "chain.snubbers=[{mass: 1, side: above, stiffness: 1}, "
             "{mass: 2, side: above, stiffness: 1, name: snubber_1}]",

@@ -146,7 +146,7 @@ def _asked(scenario: Scenario, responses: Sequence[str], where: str) -> tuple[st
     for k, name in enumerate(responses):
         if name.rpartition("/")[2] not in QUANTITIES:
             remedy = suggestion(name.rpartition("/")[2], QUANTITIES, "the quantities are")
-            raise scenario.located(ScenarioError(Problem(f"{where}[{k}]", f"= {name} is no response", remedy)))
+            raise scenario.located(ScenarioError(Problem(f"{where}[{k}]", f"= {name} is not a response", remedy)))
     if not responses:
         return ()
     limits = () if scenario.limits is None else scenario.limits.given

@@ -304,7 +304,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
     rising = sorted((p for p in exact if p is not None), key=lambda p: p.parameter)
     points = [p for p in (linear, *rising) if p is not None]
     if not points:
-        raise ScenarioError(Problem("nnm.mode", f"= {job.mode + 1} gives no motion to begin with", "ask for another"))
+        raise ScenarioError(Problem("nnm.mode", f"= {job.mode + 1} gives no motion to start from", "ask for another"))
     small = path.factor <= path.small  # beyond, that no exact motion is near is no surprise
     missed = [float(f) for f, p, s in zip(path.factor, exact, small, strict=True) if p is None and s]
     outcome = COMPLETE

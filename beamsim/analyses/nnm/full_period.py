@@ -67,7 +67,7 @@ def follow_full_period(
     if not reached and stop():
         raise Stopped
     if not reached:
-        raise NotTrustedError(f"full-period shooting found no motion to begin with: {path.outcome}")
+        raise NotTrustedError(f"full-period shooting found no motion to start from: {path.outcome}")
     breakings = list(until(_breakings(branches, gaps), stop)) if settings.branches and not stop() else []
     low, high = sorted((points[0].parameter, points[-1].parameter))
     non_brake: list[OrbitBranch] = []

@@ -32,7 +32,7 @@ MOST_POINTS = 3000  # in frequency
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
 _BESIDE = {  # ways to a motion beyond a tongue that do not lead through it
-    "stiffness_factor": "use another energy (nnm.energy), or ask for another mode",
+    "stiffness_factor": "use another energy (nnm.energy), or another mode",
     "energy": "use continue_in: {kind: stiffness_factor} with nnm.energy beyond it, or ask for another mode",
 }
 START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
@@ -107,7 +107,7 @@ class ModePath:
         start = solve_at(orbits, linear_mode(orbits, self.mode, 0.0, self.away_from), Settings(), 0.0)
         if start is None:
             raise ScenarioError(
-                Problem("nnm.mode", f"= {self.mode + 1} gives no motion to begin with", "ask for another")
+                Problem("nnm.mode", f"= {self.mode + 1} gives no motion to start from", "ask for another")
             )
         if self.first != 0.0:
             lead_in = Backbone(orbits, start, self.first, self.mode, points=1)
@@ -142,7 +142,7 @@ class ModePath:
         raise ScenarioError(
             Problem(
                 "nnm.continue_in.from",
-                f"= {self.first:g} has no nearly linear motion below it to begin with",
+                f"= {self.first:g} has no nearly linear motion below it to start from",
                 "give a lower energy, or a gap or preload that leaves small motions linear",
             )
         )

@@ -89,8 +89,8 @@ class HeldMotion:
         "1", "largest distance from the mode in a period, in energy", along=(Counter("period", "number of the period"),)
     )
     instants: Floats = axis("s", "instants in the last period at which the mode is at rest")  # (2,)
-    shapes: Floats = dataset("m", "deflection of the held structure then", along=_STATIONS)
-    mode_shapes: Floats = dataset("m", "deflection of the mode then", along=_STATIONS)
+    shapes: Floats = dataset("m", "deflection of the held structure at that instant", along=_STATIONS)
+    mode_shapes: Floats = dataset("m", "deflection of the mode at that instant", along=_STATIONS)
 
 
 @declared
@@ -101,13 +101,15 @@ class ResonantMotion:
     predicted_frequency_hz: float = attribute("Hz", "frequency of the motion predicted")
     predicted_energy: float = attribute("J", "its energy")
     predicted_amplitude: dict[str, float] = per_probe("m", "its largest deflection")
-    found: bool = attribute("", "whether the exact motion was found; what follows of it is NaN where not")
+    found: bool = attribute(
+        "", "whether the exact motion was found; the fields that derive from it are NaN where it was not"
+    )
     frequency_hz: float = attribute("Hz", "frequency of the exact motion")
     amplitude: dict[str, float] = per_probe("m", "its largest deflection")
     level_for_amplitude: float = attribute("{unit}", "level predicted for the amplitude found at the probe")
     stable: bool = attribute("", "whether it is stable")
     floquet_multipliers: Complexes = dataset("1", "Floquet multipliers", along=(Counter("multiplier", "number", 0),))
-    residual: float = attribute("1", "largest miss of periodicity, against the motion's size")
+    residual: float = attribute("1", "largest periodicity error, relative to the size of the motion")
     quadrature: float = attribute("1", "cosine of the lag between force and deflection")
     curve: ResponseAboutResonance | None = group("curve")
     held: HeldMotion | None = group("held")
@@ -180,7 +182,7 @@ class ExactModes:
     frequency_hz: Floats = dataset("Hz", "frequency by shooting", along=_FACTOR)
     coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
     initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
-    residual: Floats = dataset("1", "largest miss of periodicity, against the motion's size", along=_FACTOR)
+    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion", along=_FACTOR)
 
 
 @declared
@@ -189,17 +191,23 @@ class ExpansionComparison:
 
     path: ExpansionPath = group("")
     exact: ExactModes = group("exact")
-    frequency_difference: Floats = dataset("1", "of the frequency to each order, relative", along=_ORDER)
+    frequency_difference: Floats = dataset("1", "relative error of the frequency to each order", along=_ORDER)
     initial_difference: Floats = dataset(
-        "1", "of the initial vector to each order, in the norm of the linear strain energy", along=_ORDER
+        "1", "error of the initial vector to each order, in the norm of the linear strain energy", along=_ORDER
     )
     frequency_orders: Floats = dataset(
         "1", "observed orders of the frequency's difference between neighbouring factors", along=_STEP
     )
-    initial_orders: Floats = dataset("1", "the same of the initial vector", along=_STEP)
-    expected_orders: Floats = dataset("1", "those of the initial vector against the uniform expansion", along=_STEP)
-    uniform_difference: Floats = dataset("1", "of the uniform expansion's initial vector to each order", along=_ORDER)
-    uniform_orders: Floats = dataset("1", "those of the uniform expansion's initial vector", along=_STEP)
+    initial_orders: Floats = dataset(
+        "1", "observed orders of the initial vector's difference between neighbouring factors", along=_STEP
+    )
+    expected_orders: Floats = dataset(
+        "1", "expected orders of the initial vector, by the uniform expansion", along=_STEP
+    )
+    uniform_difference: Floats = dataset(
+        "1", "error of the uniform expansion's initial vector to each order", along=_ORDER
+    )
+    uniform_orders: Floats = dataset("1", "observed orders of the uniform expansion's initial vector", along=_STEP)
 
 
 @declared
@@ -207,7 +215,7 @@ class RelaxedComparison:
     """A path of relaxed minimisation, step by step, and the exact motions at the same factors."""
 
     steps: int = attribute("1", "steps asked for")
-    tolerance: float = attribute("1", "of the functional")
+    tolerance: float = attribute("1", "tolerance of the functional")
     outcome: Outcome = ending("how the path ended")
     factor: Floats = axis("1", "stiffness factor")  # (S,) of the steps taken; the last may not have been reached
     frequency_hz: Floats = dataset("Hz", "frequency", along=_FACTOR)
@@ -219,11 +227,15 @@ class RelaxedComparison:
     initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
     # nan where a tongue cuts it
     exact_frequency_hz: Floats = dataset("Hz", "frequency of the backbone by shooting", along=_FACTOR)
-    frequency_difference: Floats = dataset("1", "from the backbone, relative", along=_FACTOR)
-    shape_difference: Floats = dataset(
-        "1", "from the backbone, relative, in the norm of the linear strain energy", along=_FACTOR
+    frequency_difference: Floats = dataset(
+        "1", "difference of the frequency from the backbone, relative", along=_FACTOR
     )
-    fate: tuple[str, ...] = dataset("1", "same, other, none or between: what exact motion it is beside", along=_FACTOR)
+    shape_difference: Floats = dataset(
+        "1",
+        "difference of the shape from the backbone, relative, in the norm of the linear strain energy",
+        along=_FACTOR,
+    )
+    fate: tuple[str, ...] = dataset("1", "exact motion near it: same, other, none or between", along=_FACTOR)
     jumped: Bools = dataset(
         "1", "whether the step left the motion that the one before was on", along=_FACTOR, flags=("no", "yes")
     )

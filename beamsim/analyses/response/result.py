@@ -64,7 +64,7 @@ class ForcedExpansionComparison:
     # the detuning shrinks with the factor
     factor_frequency_hz: Floats = dataset("Hz", "excitation frequency at the factor", along=("factor",))
     difference: Floats = dataset(  # (E, 2) largest of a period; nan: no exact motion near
-        "1", "from the exact motion, against its size: leading and first order", along=("factor", _ORDER)
+        "1", "difference from the exact motion, relative to its size: leading and first order", along=("factor", _ORDER)
     )
     orders: Floats = dataset(  # (E - 1, 2) 1 and 2 expected
         "1", "observed orders between a factor and the next", along=(Counter("step", "number of the step"), _ORDER)

@@ -46,7 +46,7 @@ class Stepper:
         method, _, number = text.strip().lower().partition(":")
         remedy = "write newmark:5e-5 or hht:5e-5 (the step in s), or dop853:1e-10 (its relative tolerance)"
         if method not in METHODS:
-            raise ScenarioError(Problem("--against", f"= {text} names no time stepper", remedy))
+            raise ScenarioError(Problem("--against", f"= {text} is not a time stepper", remedy))
         if not number:
             return cls(method)
         try:
@@ -54,7 +54,7 @@ class Stepper:
         except ValueError:
             value = np.nan
         if not (np.isfinite(value) and value > 0):
-            raise ScenarioError(Problem("--against", f"= {text}: {number!r} is no positive number", remedy))
+            raise ScenarioError(Problem("--against", f"= {text}: {number!r} is not a positive number", remedy))
         return cls(method, value)
 
 

@@ -116,7 +116,9 @@ def at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = 
         stops[k] = stops[k].model_copy(update={orbit.parameter: orbit.value})
         changed["snubbers"] = tuple(stops)
     elif orbit.parameter == "position":
-        _reject("follows a position, in coordinates of its own", "start from a continuation in another parameter")
+        _reject(
+            "follows a position, in coordinates that change with it", "start from a continuation in another parameter"
+        )
     return scenario.model_copy(update=changed)
 
 
