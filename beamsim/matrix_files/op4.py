@@ -13,7 +13,6 @@ import re
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import FileMatrix, mirrored
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 _SYMMETRIC = 6  # form of a matrix
 _LARGEST_PACKED_ROW = 65535
@@ -29,38 +28,51 @@ _LARGEST_PACKED_ROW = 65535
 
 @dataclass
 class _Entries:
-    """Entries of a matrix as they are read, strings of consecutive rows of a column."""
+    """Entries of a matrix as they are read: strings of consecutive rows of a column."""
 
     rows: int
     columns: int
     form: int
     kind: int  # 1, 2: real; 3, 4: complex; even ones have double precision
     name: str
-    strings: list[tuple[int, int, Floats]] = field(default_factory=list)  # first row and column, from 0, and numbers
+    first: list[int] = field(default_factory=list)  # row of each string, from 0
+    column: list[int] = field(default_factory=list)  # of each string, from 0
+    count: list[int] = field(default_factory=list)  # real numbers of each string
+    numbers: list[Floats] = field(default_factory=list)  # of all strings, one after the other
 
-    @property
-    def complex(self) -> bool:
-        """Whether two numbers make an entry."""
-        return self.kind > 2
+    def add(self, row: int, column: int, count: int) -> None:
+        """A string, rows and columns from 1."""
+        self.first.append(row - 1)
+        self.column.append(column - 1)
+        self.count.append(count)
 
     def matrix(self) -> FileMatrix:
         from scipy.sparse import csc_array
 
-        values = [numbers[0::2] + 1j * numbers[1::2] if self.complex else numbers for _, _, numbers in self.strings]
-        lengths = [each.size for each in values]
-        if any(row < 0 or row + n > self.rows for (row, _, _), n in zip(self.strings, lengths, strict=True)):
+        numbers = np.concatenate([np.zeros(0), *self.numbers])
+        lengths, first = np.array(self.count, dtype=np.int64), np.array(self.first, dtype=np.int64)
+        if self.kind > 2:
+            numbers, lengths = numbers[0::2] + 1j * numbers[1::2], lengths // 2
+        if np.any((first < 0) | (first + lengths > self.rows)):
             raise MethodError("file", f"has rows of {self.name} beyond the {self.rows} that its heading states")
-        i = [np.arange(row, row + n) for (row, _, _), n in zip(self.strings, lengths, strict=True)]
-        j = np.repeat([column for _, column, _ in self.strings], lengths).astype(np.int64)
-        numbers = np.concatenate([np.zeros(0), *values])
-        rows = np.concatenate([np.zeros(0, dtype=np.int64), *i])
-        matrix = csc_array((numbers, (rows, j)), shape=(self.rows, self.columns))
+        rows = _consecutive(first, lengths)
+        columns = np.repeat(np.array(self.column, dtype=np.int64), lengths)
+        matrix = csc_array((numbers, (rows, columns)), shape=(self.rows, self.columns))
         matrix.eliminate_zeros()
         return FileMatrix(self.name, mirrored(matrix) if self.form == _SYMMETRIC else matrix)
 
 
-def read_op4(path: Path) -> list[FileMatrix]:
+def _consecutive(first: Ints, lengths: Ints) -> Ints:
+    """first[0], first[0] + 1, ... (lengths[0] of them), then those of the second."""
+    return np.repeat(first - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
+
+
+def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
     """All matrices of a file, with their names in lower case.
+
+    Parameters
+    ----------
+    name : the others then are empty, which saves time.
 
     Raises
     ------
@@ -70,12 +82,13 @@ def read_op4(path: Path) -> list[FileMatrix]:
     data = path.read_bytes()
     layout = _layout(data)
     try:
-        matrices = list(_read_ascii(data.decode("latin-1")) if layout is None else _read_binary(data, *layout))
+        entries = _read_ascii(data.decode("latin-1"), name) if layout is None else _read_binary(data, name, *layout)
+        matrices = [each.matrix() for each in entries]
     except (ValueError, IndexError, struct.error, StopIteration) as error:
         raise MethodError(
             "file", f"cannot be read as OP4 ({error})", "write it again: ASSIGN OUTPUT4, OUTPUT4 in DMAP"
         ) from None
-    return [entries.matrix() for entries in matrices]
+    return matrices
 
 
 def _layout(data: bytes) -> tuple[str, str] | None:
@@ -86,52 +99,70 @@ def _layout(data: bytes) -> tuple[str, str] | None:
     return None
 
 
-def _read_binary(data: bytes, order: str, integer: str) -> Iterator[_Entries]:
+def _read_binary(data: bytes, only: str | None, order: str, integer: str) -> Iterator[_Entries]:
     wide = integer == "q"
     word, name_bytes = (8, 16) if wide else (4, 8)
+    read_length, read_column = struct.Struct(order + "i").unpack_from, struct.Struct(order + 3 * integer).unpack_from
+    read_packed, read_pair = struct.Struct(order + integer).unpack_from, struct.Struct(order + 2 * integer).unpack_from
     position = 0
 
-    def record() -> bytes:
+    def record() -> tuple[int, int]:
+        """Where the next one begins and ends."""
         nonlocal position
-        (length,) = struct.unpack_from(order + "i", data, position)
-        body = data[position + 4 : position + 4 + length]
-        if length < 0 or len(body) < length:
+        (length,) = read_length(data, position)
+        start = position + 4
+        if length < 0 or start + length > len(data):
             raise ValueError(f"it ends within a record, at byte {position}")
         position += length + 8
-        return body
+        return start, start + length
 
     while position < len(data):
-        heading = record()
-        columns, rows, form, kind = struct.unpack_from(order + 4 * integer, heading)
-        name = heading[4 * word : 4 * word + name_bytes].decode("latin-1")
+        at, end = record()
+        columns, rows, form, kind = struct.unpack_from(order + 4 * integer, data, at)
+        name = data[at + 4 * word : at + 4 * word + name_bytes].decode("latin-1")
         entries = _Entries(abs(rows), columns, form, kind, "".join(name.split()).lower())  # 4 characters a word
         real = np.dtype(f"{order}f{8 if wide or kind % 2 == 0 else 4}")
+        starts: list[int] = []
         while True:
-            body = record()
-            column, row, _ = struct.unpack_from(order + 3 * integer, body)
+            at, end = record()
+            column, row, _ = read_column(data, at)
             if column > columns:
                 break
-            at = 3 * word
-            if row > 0:
-                entries.strings.append((row - 1, column - 1, np.frombuffer(body, real, offset=at).astype(float)))
+            if only not in (None, entries.name):
                 continue
-            while at < len(body):
+            at += 3 * word
+            if row > 0:
+                starts.append(at)
+                entries.add(row, column, (end - at) // real.itemsize)
+                continue
+            while at < end:
                 if rows < 0:
-                    length, first = struct.unpack_from(order + 2 * integer, body, at)
+                    length, first = read_pair(data, at)
                     length, at = length - 1, at + 2 * word
                 else:
-                    (packed,) = struct.unpack_from(order + integer, body, at)
+                    (packed,) = read_packed(data, at)
                     length, first, at = (packed >> 16) - 1, packed & 0xFFFF, at + word
-                numbers = np.frombuffer(body, real, count=length * word // real.itemsize, offset=at)
-                entries.strings.append((first - 1, column - 1, numbers.astype(float)))
+                starts.append(at)
+                entries.add(first, column, length * word // real.itemsize)
                 at += length * word
+                if length < 0 or at > end:
+                    raise ValueError(f"a string of column {column} ends beyond its record")
+        entries.numbers.append(_gathered(data, starts, entries.count, real))
         yield entries
+
+
+def _gathered(data: bytes, starts: list[int], counts: list[int], real: Any) -> Floats:
+    """Numbers of the strings that begin at these bytes, which are multiples of 4."""
+    words = np.frombuffer(data, np.uint32, count=len(data) // 4)
+    lengths = np.array(counts, dtype=np.int64) * (real.itemsize // 4)
+    at = _consecutive(np.array(starts, dtype=np.int64) // 4, lengths)
+    return np.asarray(words[at].view(real), dtype=float)
 
 
 _FORMAT = re.compile(r"(?:1P,)?\s*(\d+)[ED](\d+)\.", re.IGNORECASE)
 
 
-def _read_ascii(text: str) -> Iterator[_Entries]:
+def _read_ascii(text: str, only: str | None) -> Iterator[_Entries]:
     lines = text.splitlines()
     at = 0
     while at < len(lines):
@@ -148,13 +179,7 @@ def _read_ascii(text: str) -> Iterator[_Entries]:
         words = 2 if kind % 2 == 0 else 1  # of a number, in the lengths of strings
         at += 1
 
-        def numbers(at: int, count: int, per_line: int = per_line, width: int = width) -> tuple[Floats, int]:
-            end = at + -(-count // per_line)
-            if end > len(lines):
-                raise ValueError("it ends within a column")
-            block = "".join(line.ljust(per_line * width)[: per_line * width] for line in lines[at:end])
-            pieces = [block[k * width : (k + 1) * width] for k in range(count)]
-            return np.array([float(piece.replace("D", "E").replace("d", "e")) for piece in pieces]), end
+        text_width, kept = per_line * width, only in (None, entries.name)
 
         while True:
             column, row, length = _integers(lines[at], 3 * [digits])
@@ -162,28 +187,40 @@ def _read_ascii(text: str) -> Iterator[_Entries]:
             if column > columns:
                 at += 1  # one line, whose number means nothing
                 break
-            if row > 0:
-                values, at = numbers(at, length)
-                entries.strings.append((row - 1, column - 1, values))
-                continue
-            left = length
-            while left > 0:
-                if rows < 0:
+            while row > 0 or length > 0:  # a dense column is one string; headings of others count words
+                if row > 0:
+                    first, count = row, length
+                elif rows < 0:
                     count, first = _integers(lines[at], 2 * [digits])
-                    count, left = count - 1, left - count - 1
+                    length -= count + 1
+                    count, at = (count - 1) // words, at + 1
                 else:
                     packed = int(lines[at])
-                    count, first = (packed >> 16) - 1, packed & 0xFFFF
-                    left -= count + 1
-                values, at = numbers(at + 1, count // words)
-                entries.strings.append((first - 1, column - 1, values))
+                    first, count = packed & 0xFFFF, (packed >> 16) - 1
+                    length -= count + 1
+                    count, at = count // words, at + 1
+                end = at + -(-count // per_line)
+                if end > len(lines):
+                    raise ValueError("it ends within a column")
+                if kept:
+                    block = "".join([line.ljust(text_width)[:text_width] for line in lines[at:end]])
+                    block = block.replace("D", "E").replace("d", "e")
+                    entries.add(first, column, count)
+                    entries.numbers.append(
+                        np.array([float(block[k : k + width]) for k in range(0, count * width, width)])
+                    )
+                at = end
+                if row > 0:
+                    break
         yield entries
 
 
 def _integers(line: str, widths: Sequence[int]) -> list[int]:
     """Integers of a line in columns of these widths; columns may be narrower where blanks part them."""
-    ends = np.cumsum([0, *widths]).tolist()
-    fields = [line[start:end] for start, end in pairwise(ends)]
+    fields, start = [], 0
+    for width in widths:
+        fields.append(line[start : start + width])
+        start += width
     try:
         return [int(each) for each in fields]
     except ValueError:

@@ -29,7 +29,7 @@ def read_matrix(path: Path, name: str | None) -> FileMatrix:
     MethodError
         About ``file`` or ``name``: it does not exist or cannot be read, it has no matrix of that name, or several.
     """
-    matrices = read_matrices(path)
+    matrices = read_matrices(path, name)
     known = ", ".join(matrix.name for matrix in matrices)
     if name is None:
         if len(matrices) != 1:
@@ -41,8 +41,8 @@ def read_matrix(path: Path, name: str | None) -> FileMatrix:
     raise MethodError("name", f"= {name} is not a matrix of {path.name}", f"it holds {known or 'none'}")
 
 
-def read_matrices(path: Path) -> Sequence[FileMatrix]:
-    """All matrices of a file.
+def read_matrices(path: Path, name: str | None = None) -> Sequence[FileMatrix]:
+    """All matrices of a file; with ``name`` the entries of others may be left out.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def read_matrices(path: Path) -> Sequence[FileMatrix]:
         raise MethodError("file", f"= {path.name} has an unknown ending", f"known are {', '.join(FORMATS)}")
     try:
         if ending == ".op4":
-            return read_op4(path)
+            return read_op4(path, name.lower() if name else None)
         if FORMATS[ending] == "DMIG":
             return read_dmig(path)
         if ending in (".mtx", ".mm"):

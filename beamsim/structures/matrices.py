@@ -29,7 +29,7 @@ from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
 from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.supports import Support
-from beamsim.structures.symmetric_lu import symmetric_lu
+from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ _MOST_STATIONS = 200
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
 # is far below the next.
 _RIGID, _GAP = 1e-9, 1e-5
+# Smallest pivot of a stiffness with a unit diagonal above which no motion is rigid; round-off leaves some 1e-13.
+_FIRM = 1e-9
 _INACCURATE = 1e-11  # backward error of factors
 _ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
@@ -58,6 +60,7 @@ class MatricesStructure(BodyStructure):
     massless: Floats  # (rows,) share of a row that has no mass
     influence: Floats  # (rows,) displacement for a unit displacement of the base
     given_stiffness: Any  # (N, N) scaled K
+    factors: SymmetricLU | None = None  # of K, where they are known
     notes: tuple[str, ...] = field(default=())
 
     @cached_property
@@ -68,7 +71,9 @@ class MatricesStructure(BodyStructure):
     @cached_property
     def factorised_stiffness(self) -> Any:
         """Factors of K; with rigid-body modes bordered by them."""
-        return super().factorised_stiffness if self.rigid.shape[1] else symmetric_lu(self.stiffness, definite=True)
+        if self.rigid.shape[1]:
+            return super().factorised_stiffness
+        return symmetric_lu(self.stiffness, definite=True) if self.factors is None else self.factors
 
     def factorise(self, matrix: Any) -> Any:
         """Factors with an ordering for symmetric matrices, which have far less fill.
@@ -264,8 +269,10 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     reduced_mass, reduced_stiffness = (
         ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     )
-    rigid, flexible = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
-    lu = symmetric_lu(stiffness, definite=True) if held.size and not rigid.shape[1] else None
+    rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
+    lu = None
+    if held.size and not rigid.shape[1]:
+        lu = symmetric_lu(stiffness, definite=True) if factors is None or massless.shape[1] else factors
     influence = base_influence(given, held, free, given.direction, lu)
     inertia = given.mass[free] @ influence
     ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
@@ -284,10 +291,11 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
     scaled = reduced_stiffness / stiffness_scale
+    factors = None if factors is None else factors.of_multiple(1 / stiffness_scale)
     return MatricesStructure(
         name=name,
         mass=reduced_mass / mass_scale,
-        factor=stiffness_factor(scaled, rigid, given.table),
+        factor=stiffness_factor(scaled, rigid, factors),
         damping=viscous,
         inertia=np.asarray(expansion.T @ inertia) / mass_scale,
         ground=np.asarray(expansion.T @ ground),
@@ -302,6 +310,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         massless=share,
         influence=influence[free],
         given_stiffness=scaled.tocsc(),
+        factors=factors,
         notes=tuple(remarks),
     )
 
@@ -313,8 +322,10 @@ def _held_rows(given: NamedMatrices) -> Ints:
     return given.table.rows_of(given.base)
 
 
-def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> tuple[Floats, float]:
+def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> tuple[Floats, float, SymmetricLU | None]:
     """(N, r) motions without strain energy, orthonormal in the mass matrix, and the first flexible frequency, rad/s.
+
+    Of a large structure that is held firmly, by its pivots, also the factors of its stiffness; else None.
 
     Raises
     ------
@@ -331,6 +342,12 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
             squared, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
         except LinAlgError:
             raise MethodError("mass", "is not positive definite", "check the model that wrote it") from None
+    elif (held := _held_firmly(stiffness)) is not None:
+        inverse = LinearOperator(mass.shape, matvec=held.solve)
+        squared = eigsh(
+            stiffness, k=1, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size), return_eigenvectors=False
+        )
+        return np.zeros((size, 0)), float(np.sqrt(squared[0])), held
     else:
         shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
         inverse = LinearOperator(mass.shape, matvec=symmetric_lu(stiffness - shift * mass, definite=True).solve)
@@ -352,14 +369,24 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
     null = vectors[:, :rigid]
     if rigid:
         null = orthonormal_in_mass(null, mass)
-    return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0
+    return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0, None
 
 
-def stiffness_factor(stiffness: Any, rigid: Floats, table: DofTable) -> Any:
+def _held_firmly(stiffness: Any) -> SymmetricLU | None:
+    """Factors of a stiffness whose pivots are all far above those that a motion without strain energy leaves."""
+    try:
+        factors = symmetric_lu(stiffness, definite=True)
+    except RuntimeError:  # exactly singular
+        return None
+    return factors if factors.pivots.min() > _FIRM else None
+
+
+def stiffness_factor(stiffness: Any, rigid: Floats, factors: SymmetricLU | None = None) -> Any:
     """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor of what is left when rigid motions are held.
 
     Held at as many degrees of freedom as there are rigid motions, where these differ most, the structure has a positive
-    definite stiffness; B of the others is applied to the motion less the rigid one that those have.
+    definite stiffness; B of the others is applied to the motion less the rigid one that those have. ``factors`` of K
+    may be known.
     """
     from scipy.linalg import qr
     from scipy.sparse import csr_array
@@ -369,7 +396,7 @@ def stiffness_factor(stiffness: Any, rigid: Floats, table: DofTable) -> Any:
     others = np.setdiff1d(np.arange(size), pinned)
     if not others.size:
         return csr_array((0, size))
-    lu = symmetric_lu(stiffness[others][:, others], definite=True)
+    lu = symmetric_lu(stiffness[others][:, others], definite=True) if factors is None else factors
     if np.any(lu.pivots <= 0):
         raise MethodError(
             "stiffness",

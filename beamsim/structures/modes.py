@@ -60,7 +60,8 @@ def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
     rigid = model.rigid.shape[1]
     # K alone is singular where rigid-body modes exist; the shift is far below the flexible eigenvalues.
     sigma = -1e-3 if rigid else 0.0
-    inverse = LinearOperator(model.mass.shape, matvec=model.factorise(model.stiffness - sigma * model.mass).solve)
+    factors = model.factorise(model.stiffness - sigma * model.mass) if rigid else model.factorised_stiffness
+    inverse = LinearOperator(model.mass.shape, matvec=factors.solve)
     _, vectors = eigsh(
         model.stiffness, k=count + rigid, M=model.mass, sigma=sigma, OPinv=inverse, v0=np.linspace(1.0, 2.0, model.size)
     )
@@ -82,7 +83,9 @@ def _gram(model: Structure, v: Any) -> Floats:
     return np.asarray(v.T @ (model.mass @ v))
 
 
-def natural_modes(model: Structure, count: int | None = None, below: float | None = None) -> Modes:
+def natural_modes(
+    model: Structure, count: int | None = None, below: float | None = None, most: int | None = None
+) -> Modes:
     """The lowest modes, beginning with the rigid-body modes.
 
     Parameters
@@ -90,6 +93,7 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
     model : the full model.
     count : at least this many modes (all modes if it exceeds the size of the model).
     below : at least all modes up to this scaled angular frequency. Without `count` and `below`: all modes.
+    most : enough of those below that frequency.
 
     Notes
     -----
@@ -101,7 +105,8 @@ def natural_modes(model: Structure, count: int | None = None, below: float | Non
     rigid = model.rigid.shape[1]
     needed = model.size
     if count is not None or below is not None:
-        needed = max(count or 0, 0 if below is None else model.frequency_count(below) + 1, rigid)
+        up_to = 0 if below is None else model.frequency_count(below) + 1
+        needed = max(count or 0, up_to if most is None else min(up_to, most), rigid)
     needed = min(needed, model.size)
     if model.size <= DENSE_LIMIT or needed > model.size // 4:
         omega, vectors = _dense(model)

@@ -128,7 +128,7 @@ def reduce_model(
         limit = FREQUENCY_MARGIN * highest_frequency
         least = min(max(rigid + least if default else 1, rigid, mode, 1), model.size)
         most = None if not default or model.most_modes is None else max(rigid + model.most_modes, least)
-        modes = natural_modes(model, count=least, below=limit)
+        modes = natural_modes(model, count=least, below=limit, most=None if most is None else most + 1)
         kept = max(int(np.searchsorted(modes.omega, limit, side="right")), least)
         if kept == least or (most is not None and kept > most):
             kept = max(least, kept if most is None else min(kept, most))

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies
+from beamsim.structures.reduction import static_deflections
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
 
 Complex = Complexes
+
+# Above this size the closed modes of the full model are not computed anew.
+_VERY_LARGE = 20_000
+_DEPENDENT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -113,11 +118,11 @@ def _frequency_error(model: Structure, basis: ReducedBasis, state: LinearState) 
     count = int(of_interest.sum())
     if count <= rigid:
         return 0.0
-    full = _full_closed(model, state.contact_rows, stiffness, count)
+    full = _full_closed(model, basis, state.contact_rows, stiffness, count)
     return float(np.max(np.abs(full[rigid:count] / reduced[rigid:count] - 1)))
 
 
-def _full_closed(model: Structure, rows: Floats, stiffness: Floats, count: int) -> Floats:
+def _full_closed(model: Structure, basis: ReducedBasis, rows: Floats, stiffness: Floats, count: int) -> Floats:
     """The lowest `count` scaled frequencies of the full model with springs added."""
     from scipy.linalg import solve_triangular, svdvals
     from scipy.sparse import csc_array, vstack
@@ -129,13 +134,43 @@ def _full_closed(model: Structure, rows: Floats, stiffness: Floats, count: int) 
         values = svdvals(solve_triangular(lower, factor.T, lower=True).T)
         # Fewer rows than columns: the missing singular values are rigid-body modes.
         return np.concatenate([np.zeros(model.size - values.size), values[::-1]])[:count]
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
+    if model.size > _VERY_LARGE:
+        return _enriched_closed(model, basis, springs)[:count]
     factor_sparse: Any = vstack([model.factor, csc_array(springs)], format="csc")
-    beside = csc_array(springs)
-    closed: Any = model.stiffness + beside.T @ beside
-    inverse = LinearOperator(model.mass.shape, matvec=model.factorise(closed + 1e-3 * model.mass).solve)
-    _, vectors = eigsh(closed, k=count, M=model.mass, sigma=-1e-3, OPinv=inverse, v0=np.linspace(1, 2, model.size))
+    vectors = _closed_modes(model, csc_array(springs), count)
     lower = np.linalg.cholesky(vectors.T @ (model.mass @ vectors))
     ritz = svdvals(solve_triangular(lower, np.asarray(factor_sparse @ vectors).T, lower=True).T)
     return np.asarray(ritz[::-1])
+
+
+def _enriched_closed(model: Structure, basis: ReducedBasis, springs: Floats) -> Floats:
+    """Closed frequencies in the reduced coordinates and the deflections under the inertia of the static vectors.
+
+    These carry the next power of the frequency, and cost one solve for each static vector.
+    """
+    added = static_deflections(model, model.mass @ basis.vectors[:, basis.modes :])
+    for _ in range(2):  # orthonormal, and to the basis; what depends on the others is dropped
+        added = added - basis.vectors @ (basis.vectors.T @ (model.mass @ added))
+        moving, y = np.linalg.eigh(added.T @ (model.mass @ added))
+        apart = moving > _DEPENDENT * moving[-1:]
+        added = added @ (y[:, apart] / np.sqrt(moving[apart]))
+    stretch = springs @ np.hstack([basis.vectors, added])
+    closed = stretch.T @ stretch
+    size = basis.size
+    closed[:size, :size] += np.diag(basis.omega**2)
+    force = np.asarray(model.stiffness @ added)
+    beside = basis.vectors.T @ force
+    closed[:size, size:] += beside
+    closed[size:, :size] += beside.T
+    closed[size:, size:] += added.T @ force
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(closed), 0.0))
+
+
+def _closed_modes(model: Structure, springs: Any, count: int) -> Floats:
+    """(N, count) the lowest modes of the full model with springs added."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    closed: Any = model.stiffness + springs.T @ springs
+    inverse = LinearOperator(model.mass.shape, matvec=model.factorise(closed + 1e-3 * model.mass).solve)
+    start = np.linspace(1, 2, model.size)
+    return np.asarray(eigsh(closed, k=count, M=model.mass, sigma=-1e-3, OPinv=inverse, v0=start)[1])

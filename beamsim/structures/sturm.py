@@ -18,10 +18,13 @@ if TYPE_CHECKING:
 
 # Largest residual of a factorisation, beside the largest diagonal entry, for which its signs are counted.
 _RESIDUAL = 1e-12
+# Error of a factorisation times the norm of the inverse, both estimated, up to which no eigenvalue changes its sign.
+_SIGNS_KEPT = 0.01
 # Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
 _DENSE = 3000
 # Relative distance that a limit is moved by where the matrix is singular at it.
 _ASIDE = 1e-7
+_FEW = 3
 # Where between the last kept frequency and the guess for the next one frequencies are counted, until it is the next.
 _SHARES = (0.97, 0.9, 0.7, 0.4)
 
@@ -36,8 +39,11 @@ def negative_eigenvalues(matrix: Any) -> int | None:
         factors = symmetric_lu(matrix, definite=True)
     except RuntimeError:  # exactly singular
         factors = None
-    if factors is not None and not factors.exchanged and factors.residual <= _RESIDUAL:
-        return int(np.sum(factors.pivots < 0))
+    if factors is not None and not factors.exchanged:
+        residual, norm = factors.errors
+        large = matrix.shape[0] > _DENSE
+        if residual <= _RESIDUAL or (large and norm * factors.inverse_norm() <= _SIGNS_KEPT):
+            return int(np.sum(factors.pivots < 0))
     if matrix.shape[0] > _DENSE:
         return None
     from scipy.linalg import ldl
@@ -59,9 +65,16 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0
     between = last + (guess - last) * np.array(_SHARES)
-    counts = []
-    for omega in (*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)):
-        counts.append(negative_eigenvalues(stiffness - omega**2 * model.mass))
-        if counts[-1] == int(np.sum(kept < omega)):
+    limits = [*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)]
+    undecided = False
+    while limits:
+        omega = limits.pop(0)
+        count, known = negative_eigenvalues(stiffness - omega**2 * model.mass), int(np.sum(kept < omega))
+        if count == known:
             return float(omega)
-    return np.nan if None in counts else 0.0
+        undecided |= count is None
+        if model.size > _DENSE and count is not None and count > known + _FEW and omega > last:
+            # Of a large model counts are dear, and its modes come about evenly: where the next one is expected.
+            expected = (omega - last) / (count - known)
+            limits = [last + expected / 2, *(limit for limit in limits if limit < last + expected / 2)]
+    return np.nan if undecided else 0.0

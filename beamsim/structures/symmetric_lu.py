@@ -10,6 +10,7 @@ import numpy as np
 from beamsim.typing import Floats
 
 _MULTIPLIED = 3000  # largest size for which the factors are multiplied with each other
+_POWERS = 8
 
 
 @dataclass(frozen=True)
@@ -30,26 +31,39 @@ class SymmetricLU:
         """(N,) pivots, of the scaled matrix, by row of A; without exchanges as many are negative as eigenvalues."""
         return np.asarray(self.lu.U.diagonal()[self.lu.perm_c])
 
+    def of_multiple(self, factor: float) -> SymmetricLU:
+        """Factors of ``factor * A``."""
+        return SymmetricLU(self.lu, self.scale / np.sqrt(factor), self.matrix)
+
     @property
     def exchanged(self) -> bool:
         """Whether a pivot was taken off the diagonal: the signs of the pivots count nothing then."""
         return not np.array_equal(self.lu.perm_r, self.lu.perm_c)
 
     @property
-    def residual(self) -> float:
-        """Largest error of the factors; of a large matrix as it shows in 8 products with vectors of random signs.
+    def errors(self) -> tuple[float, float]:
+        """Largest error of the factors and its Frobenius norm; of a large matrix by 8 products with random signs.
 
         Their product with each other would take many times as long as the factorisation. An entry of the error shows in
-        each product with its own size at least with a chance of one half.
+        each product with its own size at least with a chance of one half, and the mean square is that of the norm.
         """
         from scipy.sparse import csc_array
 
         lu, entries = self.lu, self.matrix.tocoo()
         permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=self.matrix.shape)
         if self.scale.size <= _MULTIPLIED:
-            return float(abs(lu.L @ lu.U - permuted).max())
+            error = lu.L @ lu.U - permuted
+            return float(abs(error).max()), float(np.linalg.norm(error.data))
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(self.scale.size, 8))
-        return float(np.abs(lu.L @ (lu.U @ signs) - permuted @ signs).max())
+        products = lu.L @ (lu.U @ signs) - permuted @ signs
+        return float(np.abs(products).max()), float(np.linalg.norm(products) / np.sqrt(signs.shape[1]))
+
+    def inverse_norm(self) -> float:
+        """Norm of the inverse of D A D, by power iteration."""
+        x = np.random.default_rng(0).standard_normal(self.scale.size)
+        for _ in range(_POWERS):
+            x = self.lu.solve(x / np.linalg.norm(x))
+        return float(np.linalg.norm(x))
 
     @property
     def root(self) -> Any:

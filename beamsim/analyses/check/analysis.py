@@ -144,6 +144,7 @@ def _frequencies(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[C
         if not given.base:
             yield _worst_rows(free)
             return
+        del free, modes  # factors of a large model
         fixed, modes = _modes(replace(given, damping=None))
         omega = modes.omega * fixed.frequency_scale
         yield CheckRow("fixed_frequencies_hz", _hertz(omega), f"{_listed(omega)}; with the base held", OK)
@@ -177,9 +178,10 @@ def _effective_masses(given: NamedMatrices, fixed: MatricesStructure, modes: Mod
 
 def _worst_rows(structure: MatricesStructure) -> CheckRow:
     """Rows whose pivot is smallest beside their diagonal entry: what holds them cancels most digits."""
-    rigid = structure.rigid.shape[1]
-    held = structure.stiffness + (1e-3 if rigid else 0.0) * structure.mass
-    ratio = np.abs(symmetric_lu(held, definite=True).pivots)
+    factors = structure.factorised_stiffness
+    if structure.rigid.shape[1]:
+        factors = symmetric_lu(structure.stiffness + 1e-3 * structure.mass, definite=True)
+    ratio = np.abs(factors.pivots)
     worst = np.argsort(ratio)[:3]
     rows = np.argmax(np.abs(structure.expansion[:, worst].toarray()), axis=0)
     named = [f"node {structure.table.dofs[i][0]} {structure.table.dofs[i][1]}" for i in rows]

@@ -1,0 +1,148 @@
+"""What only large models do differently, on models for which the direct way is still short."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.scenario import load_scenario
+from beamsim.structures import matrices, modes, reduction_error, sturm
+from beamsim.structures.assembly import assemble
+from beamsim.structures.dof_table import write_dof_table
+from beamsim.structures.matrices import structure_of
+from beamsim.structures.modes import natural_modes
+from beamsim.structures.places import Place
+from beamsim.structures.sturm import frequency_beyond, negative_eigenvalues
+from beamsim.system.build import build_system
+
+PLATE = """
+bodies:
+  panel:
+    kind: plate
+    length: 0.8
+    width: 0.7
+    thickness: 4 mm
+    youngs_modulus: 70 GPa
+    poissons_ratio: 0.33
+    density: 2700
+    elements: [18, 18]
+    supports: {left: clamped}
+    damping: {kind: modal, ratio: 1 %}
+"""
+CASE = """
+bodies:
+  panel:
+    kind: matrices
+    mass: {{file: {folder}/panel.op4, name: mass}}
+    stiffness: {{file: {folder}/panel.op4, name: stiff}}
+    dofs: {folder}/dofs.csv
+    base: {{nodes: [{base}], direction: z}}
+    damping: {{kind: modal, ratio: 1 %}}
+snubbers:
+  - {{name: corner, at: {{body: panel, node: {node}, direction: z}}, side: below, stiffness: 50 kN/m, gap: 0.1 mm}}
+excitation: {{kind: harmonic, applied_to: base, level: 2 g, frequency: 5 Hz}}
+run: {{duration: 0.1 s, sample_rate: 10 kHz, convergence: 'off'}}
+"""
+
+
+def plate():
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.yaml"
+        path.write_text(PLATE + "excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 5 Hz}\n")
+        return assemble(load_scenario(path))
+
+
+def exported():
+    return plate().named_matrices
+
+
+@pytest.fixture(scope="module")
+def panel(tmp_path_factory):
+    """1,368 degrees of freedom, and the scenario that reads them."""
+    folder = tmp_path_factory.mktemp("large")
+    given = exported()
+    write_op4(folder / "panel.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=True)
+    write_dof_table(folder / "dofs.csv", given.table)
+    nodes = [node for node, direction in given.table.dofs if direction == "z" and node not in given.base]
+    (folder / "case.yaml").write_text(CASE.format(folder=folder, base=given.base[0], node=nodes[-1]))
+    return given, load_scenario(folder / "case.yaml")
+
+
+def test_no_more_modes_are_sought_than_a_default_reduction_keeps(panel, monkeypatch):
+    """At 10 kHz the panel has some 300 modes of interest; one more than the 100 kept shows that they were too many."""
+    sought = []
+    kept = modes._sparse
+    monkeypatch.setattr(modes, "_sparse", lambda model, count: sought.append(count) or kept(model, count))
+    system = build_system(panel[1])
+    assert sought == [101]
+    assert system.modes.open_frequencies_hz.size == 101  # with a static vector
+
+
+def test_a_firmly_held_stiffness_is_factorised_once(panel, monkeypatch):
+    """Rigid motions, influence of the base, factor, modes and static deflections share it."""
+    factorised = []
+    known = matrices.symmetric_lu
+
+    def counted(matrix, *, definite):
+        factorised.append(matrix.shape[0])
+        return known(matrix, definite=definite)
+
+    monkeypatch.setattr(matrices, "symmetric_lu", counted)
+    given, _ = panel
+    held = [i for i, (node, _) in enumerate(given.table.dofs) if node not in given.base]
+    clamped = structure_of(given)
+    assert clamped.rigid.shape[1] == 0
+    omega = natural_modes(clamped, 6).omega[:6] * clamped.frequency_scale
+    clamped.unit_stiffness(_corner(given))
+    assert factorised == [len(held)]
+    built = plate()
+    np.testing.assert_allclose(omega, natural_modes(built, 6).omega[:6] * built.frequency_scale, rtol=1e-8)
+
+
+def _corner(given):
+    node = max(n for n, direction in given.table.dofs if direction == "z" and n not in given.base)
+    return Place("panel", float(node), "z")
+
+
+def test_the_estimate_of_a_very_large_model_is_that_of_its_closed_modes(panel, monkeypatch):
+    exact = build_system(panel[1]).modes.reduction_error
+    monkeypatch.setattr(reduction_error, "_VERY_LARGE", 1000)
+    monkeypatch.setattr(reduction_error, "_closed_modes", lambda *_: pytest.fail("the closed modes are computed anew"))
+    estimated = build_system(panel[1]).modes.reduction_error
+    assert exact > 1e-9
+    assert estimated == pytest.approx(exact, rel=0.1)
+
+
+def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(panel, monkeypatch):
+    model = plate()
+    omega = natural_modes(model, 12).omega
+    between = model.stiffness - ((omega[9] + omega[10]) / 2) ** 2 * model.mass
+    at = model.stiffness - (omega[9] * (1 + 1e-15)) ** 2 * model.mass
+    monkeypatch.setattr(sturm, "_DENSE", 1000)
+    monkeypatch.setattr(sturm, "_RESIDUAL", 0.0)
+    assert negative_eigenvalues(between) == 10
+    assert negative_eigenvalues(at) is None
+
+
+def test_counts_of_a_large_model_go_where_the_next_mode_is_expected(monkeypatch):
+    """Far too high a guess costs two counts more, not one for each share of it."""
+    model = plate()
+    omega = natural_modes(model, 40).omega
+    counted = []
+    known = sturm.negative_eigenvalues
+    monkeypatch.setattr(sturm, "negative_eigenvalues", lambda matrix: counted.append(1) or known(matrix))
+    monkeypatch.setattr(sturm, "_DENSE", 1000)
+    beyond = frequency_beyond(model, omega[:5], float(omega[38]))
+    assert omega[4] < beyond <= omega[5]
+    assert len(counted) <= 3
+
+
+def test_matrices_that_are_not_asked_for_are_passed_over(tmp_path):
+    given = exported()
+    for binary in (True, False):
+        write_op4(tmp_path / "p.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=binary)
+        mass, stiffness = read_op4(tmp_path / "p.op4", "stiff")
+        assert (mass.name, mass.values.nnz) == ("mass", 0)
+        assert abs(stiffness.values - given.stiffness).max() == 0.0
