@@ -163,7 +163,7 @@ def _enriched_closed(model: Structure, basis: ReducedBasis, springs: Floats) -> 
     closed[:size, size:] += beside
     closed[size:, :size] += beside.T
     closed[size:, size:] += added.T @ force
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(closed), 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(closed), 0.0)))
 
 
 def _closed_modes(model: Structure, springs: Any, count: int) -> Floats:

@@ -312,5 +312,6 @@ def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
 def test_modes_that_cannot_be_counted_are_said_with_a_remedy(monkeypatch):
     monkeypatch.setattr(sturm, "_DENSE", 10)
     monkeypatch.setattr(sturm, "_RESIDUAL", -1.0)
+    monkeypatch.setattr(sturm, "_SIGNS_KEPT", -1.0)
     with pytest.raises(MethodError, match=r"modes of triples below 0.1592 Hz cannot be counted; give reduction.modes"):
         triples(20).frequency_count(1.0 / triples(20).frequency_scale)
