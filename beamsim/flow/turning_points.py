@@ -18,7 +18,8 @@ from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-GRID = 12  # points a period of the fastest motion
+GRID = 8  # points a period of the fastest motion
+WORTH_ALL = 0.1  # share of evenly spaced points that are needed, from which on all of them are taken
 POINTS_AT_ONCE = 2**18
 STEPS = 9  # of the secant search; the error of the time is squared in the value
 
@@ -56,35 +57,52 @@ def turning_points(
     return TurningPoints(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
 
 
-def _intervals(trajectory: Trajectory, segments: Ints, grid: int) -> Ints:
-    """Number of intervals of each segment."""
-    per_second = grid * trajectory.flow.highest_frequency / (2.0 * np.pi)
-    return np.maximum(np.ceil(per_second * trajectory.length[segments]).astype(np.int64), 2)
+def _step(trajectory: Trajectory, grid: int) -> float:
+    """S, between points of the grid."""
+    fastest = trajectory.flow.highest_frequency
+    return 2.0 * np.pi / (grid * fastest) if fastest > 0.0 else np.inf
 
 
 def _blocks(trajectory: Trajectory, segments: Ints, grid: int) -> Iterator[Ints]:
-    """Segments with not many more than `POINTS_AT_ONCE` points together."""
-    block = np.cumsum(_intervals(trajectory, segments, grid) + 1) // POINTS_AT_ONCE
+    """Segments that begin within so much time as `POINTS_AT_ONCE` points take."""
+    block = np.floor(trajectory.time[segments] / (POINTS_AT_ONCE * _step(trajectory, grid)))
     for number in np.unique(block):
         check_stop()
         yield segments[block == number]
 
 
+def _grid(trajectory: Trajectory, table: Complexes, segments: Ints, grid: int) -> tuple[Ints, Floats, Floats]:
+    """Number of the segment, time, and (n, 2) output and rate, at both ends of every segment and between.
+
+    Points between are evenly spaced in time: from one to the next no exponential is needed.
+    """
+    begin = trajectory.time[segments]
+    end = np.maximum(np.nextafter(begin + trajectory.length[segments], begin), begin)  # still in the segment
+    bounds = np.stack([begin, end], axis=1).ravel()
+    step = _step(trajectory, grid)
+    even = begin[0] + step * np.arange(1, int((end[-1] - begin[0]) / step) + 1) if step < np.inf else begin[:0]
+    of_even = np.searchsorted(begin, even, side="right") - 1
+    inside = (even > begin[of_even]) & (even < end[of_even])
+    if inside.sum() > WORTH_ALL * even.size:
+        between = trajectory.sample_table(even, table)[inside]
+    else:
+        between = trajectory.sample_table(even[inside], table)
+    owner = np.concatenate([np.repeat(np.arange(segments.size), 2), of_even[inside]])
+    time = np.concatenate([bounds, even[inside]])
+    values = np.concatenate([trajectory.sample_table(bounds, table), between])
+    order = np.lexsort((time, owner))
+    return owner[order], time[order], values[order]
+
+
 def _turning_points(trajectory: Trajectory, table: Complexes, segments: Ints, grid: int) -> tuple[Ints, Floats, Floats]:
-    count = _intervals(trajectory, segments, grid)
-    owner = np.repeat(np.arange(segments.size), count + 1)
-    step = np.arange(owner.size) - np.repeat(np.cumsum(count + 1) - count - 1, count + 1)
-    begin, length = trajectory.time[segments], trajectory.length[segments]
-    time = begin[owner] + length[owner] * (step / count[owner])
-    last = np.cumsum(count + 1) - 1
-    time[last] = np.maximum(np.nextafter(begin + length, begin), begin)  # still in the segment
-    time = np.minimum(time, np.repeat(time[last], count + 1))
-    value, rate = trajectory.sample_table(time, table).T
+    owner, time, values = _grid(trajectory, table, segments, grid)
+    value, rate = values.T
     left = np.flatnonzero(owner[:-1] == owner[1:])
     low, high, at_low, at_high = _brackets(trajectory, table, time, value, rate, left)
     roots = _roots(trajectory, table, low, high, at_low, at_high)
     inner = trajectory.sample_table(roots, table)[:, 0] if roots.size else np.zeros(0)
-    ends = np.concatenate([last - count, last])
+    changes = np.flatnonzero(np.diff(owner)) + 1
+    ends = np.concatenate([[0], changes, changes - 1, [time.size - 1]])
     all_times = np.concatenate([time[ends], roots])
     of_roots = owner[np.searchsorted(time, roots, side="right") - 1] if roots.size else owner[:0]
     all_owners = np.concatenate([owner[ends], of_roots])
