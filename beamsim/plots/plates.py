@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from beamsim.typing import Floats
 
 MOST_MODES = 6
+_SLENDER = 2.5  # length over width of a plate above which its pictures stand one above the other
 _LEVELS = 13
 _REFINED = 4  # points an element, in between by a cubic spline
 _ROUND_OFF = 1e-9  # of the largest deflection
@@ -61,21 +62,12 @@ def plot_plate_modes(modes: ModeTable, body: str, panels: list[Axes]) -> None:
 
 
 def plot_plate_deflections(result: RunResult, plate: BodyResult, panels: list[Axes]) -> None:
-    """The shapes when the first probe is highest and lowest, and at static equilibrium; snubbers on the plate."""
-    assert plate.across is not None
-    first = next(iter(result.probes), "")
-    shapes = [
-        (plate.extreme_shapes[1], f"{first} highest, t = {plate.extreme_times[1]:.4g} s"),
-        (plate.extreme_shapes[0], f"{first} lowest, t = {plate.extreme_times[0]:.4g} s"),
-        (plate.static_shape, "static equilibrium"),
-    ]
-    metres = scale_for("m", plate.position, plate.across)
-    for ax, (shape, title) in zip(panels, shapes, strict=True):
+    """The shapes of `_shapes`, one a panel, with the snubbers on the plate."""
+    metres = scale_for("m", plate.position, plate.across if plate.across is not None else plate.position)
+    for ax, (shape, title) in zip(panels, _shapes(result, plate), strict=False):
         ax.set_title(title, fontsize="medium")
-        if not np.all(np.isfinite(shape)):
-            ax.set_visible(False)
-            continue
         scale = scale_for("m", shape)
+        assert plate.across is not None
         plot_contours(ax, plate.position, plate.across, shape * scale.factor, scale.unit)
         for snubber in result.snubbers.values():
             if snubber.across is None or not np.isfinite(snubber.across):
@@ -83,7 +75,44 @@ def plot_plate_deflections(result: RunResult, plate: BodyResult, panels: list[Ax
             ax.plot(
                 snubber.position * metres.factor, snubber.across * metres.factor, linestyle="none", color="black",
                 marker=6 if snubber.side == "below" else 7, markersize=9, clip_on=False,
+                label=f"snubber {snubber.side}",
             )  # fmt: skip
+
+
+def _shapes(result: RunResult, plate: BodyResult) -> list[tuple[Floats, str]]:
+    """When the first probe is highest and lowest, and at static equilibrium where there is one; with titles."""
+    first = next(iter(result.probes), "")
+    shapes = [
+        (plate.extreme_shapes[1], f"{first} highest, t = {plate.extreme_times[1]:.4g} s"),
+        (plate.extreme_shapes[0], f"{first} lowest, t = {plate.extreme_times[0]:.4g} s"),
+        (plate.static_shape, "static equilibrium"),
+    ]
+    return [(shape, title) for shape, title in shapes if np.all(np.isfinite(shape))]
+
+
+def _deflections(result: RunResult, plate: BodyResult) -> Figure:
+    """The shapes in a grid that fits their aspect; a legend of the snubbers where there are any."""
+    from matplotlib.figure import Figure
+
+    assert plate.across is not None
+    count = len(_shapes(result, plate))
+    slender = float(np.ptp(plate.position)) > _SLENDER * float(np.ptp(plate.across))
+    columns = 1 if slender or count == 1 else 2
+    rows = -(-count // columns)
+    ratio = float(np.ptp(plate.across) / np.ptp(plate.position))
+    height = min(max(0.4 + rows * (0.75 + ratio * (6.0 if columns == 1 else 2.45)), 2.4), 10.0)
+    figure = Figure(figsize=(8.0, height), layout="compressed")
+    panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    plot_plate_deflections(result, plate, panels)
+    marks = {str(line.get_label()): line for line in panels[0].lines if str(line.get_label()).startswith("snubber")}
+    for ax in panels[count:]:
+        ax.set_axis_off()
+    handles, labels = list(marks.values()), list(marks)
+    if marks and len(panels) > count:
+        panels[count].legend(handles, labels, loc="center", frameon=False, fontsize="small")
+    elif marks:
+        figure.legend(handles, labels, loc="outside lower center", frameon=False, fontsize="small", ncols=2)
+    return figure
 
 
 def plate_figures(result: RunResult) -> dict[str, Figure]:
@@ -95,9 +124,7 @@ def plate_figures(result: RunResult) -> dict[str, Figure]:
         if plate.across is None:
             continue
         suffix = "" if len(result.bodies) == 1 else f"_{name}"
-        figure = Figure(figsize=(8.0, 8.4), layout="constrained")
-        plot_plate_deflections(result, plate, list(figure.subplots(3, 1)))
-        figures[f"plate_deflections{suffix}"] = figure
+        figures[f"plate_deflections{suffix}"] = _deflections(result, plate)
         count = min(MOST_MODES, result.modes.shapes.shape[0])
         rows = -(-count // 2)
         figure = Figure(figsize=(8.0, 2.6 * rows), layout="constrained")

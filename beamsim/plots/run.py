@@ -11,6 +11,7 @@ import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.fields import rows_of
+from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.impacts import impact_figures
 from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import plot_density, plot_transmissibility
@@ -278,7 +279,7 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
             if len(beams) > 1:
                 ax.set_title(body, fontsize="medium")
         figures["deflected_shapes"] = figure
-    return figures | impact_figures(result, panels) | plate_figures(result)
+    return figures | impact_figures(result, panels) | plate_figures(result) | assembly_figures(result)
 
 
 def save_run_plots(

@@ -172,6 +172,15 @@ class BeamBody(Body):
         depth = self.largest_depth
         return min(self.length / 5.0, 10.0 * depth if depth > 0.0 else math.inf)
 
+    @property
+    def marks(self) -> tuple[tuple[float, str], ...]:
+        """Ends that are held, and point masses."""
+        marks: list[tuple[float, str]] = []
+        for x, kind, springs in zip((0.0, self.length), self.supports.kinds, self.supports.springs, strict=True):
+            marks += [(x, kind)] if kind != "free" else []
+            marks += [(x, "springs")] if springs is not None else []
+        return (*marks, *((float(mass.position), "mass") for mass in self.point_masses))
+
     def refined(self) -> Self:
         """The beam with twice the elements."""
         return self.model_copy(update={"elements": 2 * self.elements})

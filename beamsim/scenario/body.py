@@ -83,6 +83,11 @@ class Body(Schema):
         """Springs of the body that are not linear, with their paths below the body."""
         return []
 
+    @property
+    def marks(self) -> tuple[tuple[float, str], ...]:
+        """Coordinates and kinds of what a sketch shows on the body: clamped, pinned, guided, springs, mass."""
+        return ()
+
     def default_probe(self) -> tuple[str, AtPlace]:
         """Name and place of the probe where nothing else tells one."""
         raise NotImplementedError

@@ -142,3 +142,26 @@ def points_apart(joints: Sequence[Joint], default_body: str) -> Iterator[Apart]:
         for name in [name for name, label in group.items() if label == merged]:
             origin[name] += gap
             group[name] = group[first]
+
+
+def origins(joints: Sequence[Joint], default_body: str) -> tuple[dict[str, float], dict[str, str]]:
+    """Where bodies begin, m, on the common axis of those that joints connect, and the first body of each such group."""
+    origin: dict[str, float] = {}
+    group: dict[str, str] = {}
+    for joint in joints:
+        ends = [(place.body or default_body, place.position) for place in joint.places]
+        if len(ends) != 2 or not all(isinstance(position, float) for _, position in ends):
+            continue
+        (first, x), (second, y) = ends
+        assert isinstance(x, float)
+        assert isinstance(y, float)
+        for name in (first, second):
+            origin.setdefault(name, 0.0)
+            group.setdefault(name, name)
+        gap, merged = origin[first] + x - origin[second] - y, group[second]
+        if group[first] == merged:
+            continue
+        for name in [name for name, label in group.items() if label == merged]:
+            origin[name] += gap
+            group[name] = group[first]
+    return origin, group

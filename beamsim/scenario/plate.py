@@ -151,6 +151,13 @@ class PlateBody(Body):
         """The plate with twice the elements in both directions."""
         return self.model_copy(update={"elements": (2 * self.elements[0], 2 * self.elements[1])})
 
+    @property
+    def marks(self) -> tuple[tuple[float, str], ...]:
+        """Held edges across the view from the side, and point masses by their x."""
+        edges = ((0.0, self.supports.left), (self.length, self.supports.right))
+        held = [(x, kind) for x, kind in edges if kind != "free"]
+        return (*held, *((float(mass.position[0]), "mass") for mass in self.point_masses))
+
     def default_probe(self) -> tuple[str, AtPlace]:
         """A free corner, else the middle of a free edge, else the centre."""
         free = {edge: getattr(self.supports, edge) == "free" for edge in EDGES}

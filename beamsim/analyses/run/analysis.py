@@ -52,6 +52,7 @@ from beamsim.analyses.run.result import (
     MAIN_QUANTITY,
     ONLY_BEAM,
     BodyResult,
+    ContactInstant,
     EnergyHistory,
     EventLog,
     OutputHistory,
@@ -141,6 +142,7 @@ def run(
         snubbers=_snubbers(system, motion),
         springs=_springs(system, motion),
         outputs=_outputs(system, motion),
+        contact=_contact(system, motion),
         base_acceleration=motion.histories.signal(partial(_signal, system.base_acceleration)),
         base_displacement=motion.histories.signal(partial(_signal, system.base_displacement)),
         events=motion.events,
@@ -270,6 +272,7 @@ class _RunMotion:
     station_extremes: Callable[[], Extreme]  # of the stress at every station
     extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
     extreme_states: Floats  # (2, 2n) there
+    state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
     contact_share: Floats
     work: Work
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
@@ -404,6 +407,7 @@ def _exact(
         von_mises=_von_mises(system, histories, searched),
         extreme_times=extreme_times,
         extreme_states=trajectory.states_at(extreme_times[order])[order],
+        state_at=lambda time: trajectory.states_at(np.array([time]))[0],
         contact_share=trajectory.contact_share(),
         work=Work(
             events=trajectory.event_time.size,
@@ -480,6 +484,7 @@ def _reference(
         station_extremes=lambda: extremes["stress"],
         extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
+        state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
         contact_share=trajectory.contact_share,
         work=Work(
             events=trajectory.event_time.size,
@@ -591,6 +596,16 @@ def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHi
         )
         for i, s in enumerate(system.springs)
     }
+
+
+def _contact(system: StructuralSystem, motion: _RunMotion) -> ContactInstant | None:
+    """The motion when the contact force of a snubber is largest; None without contact."""
+    forces, times = motion.extremes["force"][2:]
+    if not system.snubbers or not forces[: len(system.snubbers)].max() > 0.0:
+        return None
+    at = int(forces[: len(system.snubbers)].argmax())
+    coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
+    return ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
 
 
 def _outputs(system: StructuralSystem, motion: _RunMotion) -> dict[str, OutputHistory]:

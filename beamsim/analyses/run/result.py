@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, Impacts
@@ -189,6 +191,23 @@ class BodyResult:
     peak_von_mises_stress: Floats | None = dataset(
         "Pa", "largest von Mises stress at the surface, of at least 2000 samples", along=("position",), default=None
     )
+
+
+@declared
+class ContactInstant:
+    """The motion when the contact force is largest."""
+
+    time: float = attribute("s", "when the largest contact force of all snubbers acts")
+    snubber: str = attribute("", "at which snubber")
+    force: float = attribute("N", "that force")
+    coordinates: Floats = dataset(
+        "kg^0.5 m", "coordinates of the reduced model: the deflection is their sum over the mode shapes",
+        along=(Counter("mode", "mode number"),),
+    )  # fmt: skip
+
+    def deflection(self, modes: ModeTable) -> Floats:
+        """(nx,) m, relative to the base at the stations."""
+        return np.asarray(self.coordinates @ modes.shapes)
 
 
 @declared
@@ -445,6 +464,7 @@ class RunResult(Result):
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
     srs: ShockResponse | None = group("srs", default=None)  # where shock response spectra were asked for
     against: Against | None = group("against", default=None)  # where a time stepper was asked for
+    contact: ContactInstant | None = group("contact", default=None)  # None where no snubber was in contact
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     outputs: dict[str, OutputHistory] = named("outputs", default_factory=dict)  # that the run asks for
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis

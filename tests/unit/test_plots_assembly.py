@@ -1,0 +1,117 @@
+"""Sketches of assemblies, and pictures of plates: what is where."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.plots.assembly import assembly_figures
+from beamsim.plots.plates import plate_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.results import open_run, write_result
+
+BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
+PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
+         "poissons_ratio": 0.3, "density": 2700.0, "elements": [4, 4], "supports": {"left": "clamped"}}  # fmt: skip
+SHAKEN = {
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": 30.0, "frequency": 25.0},
+    "run": {"duration": 0.1, "sample_rate": 2000.0, "convergence": "off"},
+}
+
+
+def plate_of(x, y):
+    return {"body": "plate", "position": [x, y]}
+
+
+@pytest.fixture(scope="module")
+def result():
+    case = {
+        **SHAKEN,
+        "bodies": {
+            "arm": {**BEAM, "length": 0.3, "point_masses": [{"position": 0.1, "mass": 0.1}]},
+            "tip": {**BEAM, "length": 0.5, "supports": {"left": "free", "right": "free"}},
+            "plate": PLATE,
+        },
+        "joints": [{"name": "h", "kind": "hinge", "rotational_stiffness": 50.0,
+                    "between": [{"body": "arm", "position": 0.3}, {"body": "tip", "position": 0.0}]}],
+        "snubbers": [
+            {"name": "end", "at": {"body": "tip", "position": 0.5}, "side": "both", "stiffness": 1e5, "gap": 1e-3},
+            {"name": "link", "between": [{"body": "tip", "position": 0.2}, plate_of(0.5, 0.0)],
+             "resists": "approach", "stiffness": 1e4, "gap": 2e-3},
+        ],
+        "probes": [{"name": "tip", "at": {"body": "tip", "position": 0.5}}],
+    }  # fmt: skip
+    return beamsim.run(load_scenario(case))
+
+
+def line(ax, label, number=0):
+    return [each for each in ax.lines if each.get_label() == label][number].get_xydata()
+
+
+def test_instant_of_the_largest_contact_force(result, tmp_path):
+    contact, at = result.contact, result.snubbers[result.contact.snubber]
+    assert (
+        contact.force == result.summary["peak_force_n"][contact.snubber] == max(result.summary["peak_force_n"].values())
+    )
+    shape = contact.deflection(result.modes)
+    stations = result.modes.stations
+    place = next(part for part in stations if part.body == "tip").stations
+    end = shape[place][stations.position[place].argmax()]
+    penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
+    assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
+    write_result(result, tmp_path / "r.h5")
+    np.testing.assert_array_equal(open_run(tmp_path / "r.h5").contact.deflection(result.modes), shape)
+
+
+def test_sketch_puts_bodies_joints_and_stops_in_place(result):
+    ax = assembly_figures(result)["assembly_contact"].axes[0]
+    # the tip begins where the arm ends, with the hinge between them; the plate is a row above
+    hinge = line(ax, "hinge joint")[0]
+    arm, tip, *edges = (each.get_xydata() for each in ax.lines if each.get_zorder() == 3)
+    assert len(edges) == 2
+    np.testing.assert_allclose(arm[-1], hinge, atol=1e-9)
+    np.testing.assert_allclose(tip[0], hinge, atol=1e-9)
+    assert tip[-1, 0] == pytest.approx(0.8)
+    assert edges[0][0, 1] == pytest.approx(1.0)
+    np.testing.assert_allclose(line(ax, "clamped")[0], [0.0, 0.0], atol=1e-12)
+    assert line(ax, "mass")[0, 0] == pytest.approx(0.1)
+    # stops have the scale of the deflection, and their side
+    shape, stations = result.contact.deflection(result.modes), result.modes.stations
+    place = next(part for part in stations if part.body == "tip").stations
+    factor = tip[-1, 1] / shape[place][-1]
+    faces = sorted(
+        each.get_xydata()[0, 1] for each in ax.lines
+        if str(each.get_label()).startswith("stop") and each.get_xydata()[0, 0] == pytest.approx(0.8)
+    )  # fmt: skip
+    np.testing.assert_allclose(faces, [-1e-3 * factor, 1e-3 * factor], rtol=1e-9)
+    assert any(each.get_label() == "stop in contact" for each in ax.lines)
+
+
+def test_modes_of_an_assembly_are_drawn_with_their_frequencies(result):
+    figure = assembly_figures(result)["assembly_modes"]
+    titles = [ax.get_title() for ax in figure.axes if ax.get_visible()]
+    assert titles == [f"mode {k}, {f:.4g} Hz" for k, f in enumerate(result.modes.open_frequencies_hz[:6], 1)]
+    assert figure.legends
+
+
+def test_single_bodies_have_no_sketch():
+    one = beamsim.run(
+        load_scenario({**SHAKEN, "beam": {k: v for k, v in BEAM.items() if k != "kind"} | {"length": 0.3}})
+    )
+    assert assembly_figures(one) == {}
+    assert one.contact is None
+
+
+def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
+    snubbers = [
+        {"name": name, "at": {"position": [0.5, y]}, "side": side, "stiffness": 1e4, "gap": 1e-4}
+        for name, y, side in (("a", 0.0, "below"), ("b", 0.3, "above"))
+    ]
+    case = {**SHAKEN, "bodies": {"plate": PLATE}, "snubbers": snubbers}
+    figure = plate_figures(beamsim.run(load_scenario(case)))["plate_deflections"]
+    figure.canvas.draw()
+    panels = [ax for ax in figure.axes if ax.get_title()]
+    assert len(panels) == 3
+    assert min(ax.get_position().x0 for ax in panels) < 0.15
+    assert max(ax.get_position().x1 for ax in panels) > 0.8
+    texts = [text.get_text() for ax in figure.axes if ax.get_legend() for text in ax.get_legend().get_texts()]
+    assert texts == ["snubber below", "snubber above"]
