@@ -599,9 +599,9 @@ def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHi
 
 
 def _contact(system: StructuralSystem, motion: _RunMotion) -> ContactInstant | None:
-    """The motion when the contact force of a snubber is largest; None without contact."""
+    """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
     forces, times = motion.extremes["force"][2:]
-    if not system.snubbers or not forces[: len(system.snubbers)].max() > 0.0:
+    if len(system.bodies) < 2 or not system.snubbers or not forces[: len(system.snubbers)].max() > 0.0:
         return None
     at = int(forces[: len(system.snubbers)].argmax())
     coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]

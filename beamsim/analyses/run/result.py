@@ -464,7 +464,7 @@ class RunResult(Result):
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
     srs: ShockResponse | None = group("srs", default=None)  # where shock response spectra were asked for
     against: Against | None = group("against", default=None)  # where a time stepper was asked for
-    contact: ContactInstant | None = group("contact", default=None)  # None where no snubber was in contact
+    contact: ContactInstant | None = group("contact", default=None)  # of several bodies with contact
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     outputs: dict[str, OutputHistory] = named("outputs", default_factory=dict)  # that the run asks for
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
