@@ -105,7 +105,7 @@ class ContactState:
         return np.concatenate([given, free @ self.projector.T], axis=1)
 
     def of_amplitudes(self, of_terms: Complexes) -> Floats:
-        """(2 (F + Z), k) what terms (T, k) give for a unit of each amplitude's real and imaginary part in turn."""
+        """(2 (F + Z), k) outputs of terms (T, k) for a unit of the real and of the imaginary part of each amplitude."""
         out = np.zeros((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))
         np.add.at(out[:, 0], self.term_source, of_terms.real)
         np.add.at(out[:, 1], self.term_source, -of_terms.imag)
@@ -120,7 +120,7 @@ class ContactState:
         return np.array(driven, dtype=np.int64), np.array(lowered, dtype=np.int64)
 
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
-        """(T, k) bound on what each term's coefficient is made of before its parts cancel.
+        """(T, k) bound on the parts of each term's coefficient before they cancel.
 
         At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
         """
@@ -352,7 +352,7 @@ def _embedded(block: Block, size: int) -> Block:
 
 
 def _undamped_modes(system: PiecewiseLinearSystem, phi: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
-    """Squared frequencies (n,), orthonormal modes (n, n), and what each acting contact feels of them (a, n).
+    """Squared frequencies (n,), orthonormal modes (n, n), and their deflection at each acting contact (a, n).
 
     ``phi`` (a, n) are the shapes of the acting contacts and ``k`` (a,) their stiffnesses. Rigid-body motions that no
     contact feels stay exact.
@@ -374,13 +374,13 @@ def _undamped_modes(system: PiecewiseLinearSystem, phi: Floats, k: Floats) -> tu
         omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
         felt = phi @ held @ psi
     else:
-        # of a factor of the stiffness: eigenvalues would have errors that the highest frequency makes in the lowest
+        # singular values of a factor: eigenvalues of K would have errors of the order of the highest one in the lowest
         springs = np.sqrt(k)[:, None] * phi
         stretched, omega, turned = np.linalg.svd(
             np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held, full_matrices=False
         )
         omega2, psi = omega[::-1] ** 2, turned[::-1].T
-        # so are the stretches of the springs: a stiff one feels little of a low mode, less than phi @ psi can say
+        # so are the stretches of the springs: that of a stiff one in a low mode is below the round-off of phi @ psi
         felt = phi @ held @ psi
         elastic = k > 0.0
         felt[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]

@@ -2,8 +2,9 @@
 
 On a step an output is interpolated through Chebyshev points, ``p(theta) = sum_k c_k cos(k theta)`` with
 ``t = mid + half cos(theta)``. A polynomial of degree d sampled at ``cos(i pi / M)`` does not exceed
-``max / cos(d pi / 2M)`` (H. Ehlich and K. Zeller, *Math. Z.* 86, 1964): steps that this bound keeps below what was
-reached are passed over; on the others Newton's method on ``p'(theta) = 0`` polishes the highest of a fine grid.
+``max / cos(d pi / 2M)`` (H. Ehlich and K. Zeller, *Math. Z.* 86, 1964): steps whose bound lies below the
+largest value so far are skipped; on the others Newton's method on ``p'(theta) = 0`` polishes the highest of a fine
+grid.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class Highest:
 
 
 def _bound(values: Floats, intervals: int, axis: int) -> Floats:
-    """What a polynomial through Chebyshev points does not exceed."""
+    """Upper bound of a polynomial with given values at Chebyshev points."""
     low, high = values.min(axis=axis), values.max(axis=axis)
     return np.asarray(0.5 * (high + low) + 0.5 * (high - low) / np.cos(0.5 * np.pi * _DEGREE / intervals))
 
@@ -90,7 +91,7 @@ def _time(start: Any, length: Any, angle: Any) -> Any:
 
 @dataclass
 class DenseExtremes:
-    """Lowest and highest values of groups of outputs over the steps that were shown."""
+    """Lowest and highest values of groups of outputs over the steps added so far."""
 
     low: dict[str, Highest] = field(default_factory=dict)  # of the negative outputs
     high: dict[str, Highest] = field(default_factory=dict)

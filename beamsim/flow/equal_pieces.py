@@ -20,7 +20,7 @@ from beamsim.flow.sources import MANY_PIECES
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-FEWEST = 64  # segments alike for which a matrix is worth its making
+FEWEST = 64  # fewest like segments for which a matrix pays
 AT_ONCE = 8192  # segments of one product of matrices, which bounds the memory
 RULE_POINTS, RULE_RADIANS = 20, 10.0  # Gauss-Legendre, and how far the fastest motion turns on a panel: 1e-15
 
@@ -67,7 +67,7 @@ class Alike:
 
 
 def many_pieces(motion: Segments) -> bool:
-    """Whether a motion has so many pieces that it is worth to look for equal ones."""
+    """Whether a motion has so many pieces that looking for equal ones pays."""
     return not motion.flow.dropped and min(motion.flow.sources.start.size, motion.time.size) >= MANY_PIECES
 
 

@@ -80,7 +80,7 @@ class ExactFlow:
         self._inputs: Inputs | None = None
 
     def _clear(self) -> None:
-        """No states."""
+        """Remove all states."""
         self.states = []
         self.visited: list[Ints] = []  # phases of all states visited
         self.built = 0  # states, those built again included

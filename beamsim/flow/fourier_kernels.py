@@ -16,7 +16,7 @@ from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import _coefficients, _exp, _fill_sources
 
-ORDERS = 8  # of the terms of the Euler-Maclaurin series in which jumps are taken as they are
+ORDERS = 8  # of the terms of the Euler-Maclaurin series in which jumps are evaluated
 # Largest |B_k(theta)| / k! of the Bernoulli polynomials on [0, 1]: 1/2, 1/12, then at most 2.05 / (2 pi)^k
 BERNOULLI = (0.5, 1.0 / 12.0, *(2.05 / (2.0 * math.pi) ** k for k in range(3, ORDERS + 1)))
 CONVERGENT = 0.9  # |s| step / 2 pi below which the series is used
@@ -149,7 +149,7 @@ def folded(  # type: ignore[no-untyped-def]
 
     The sum over the samples of an exponential that begins or ends at a time theta steps from a sample differs from
     its integral by ``-step sum_k B_k(theta) / k! (s step)^(k - 1)`` (Euler-Maclaurin). Over an event only the jumps
-    of the output and its derivatives remain: those of the first orders are taken as they are, the rest by the sizes of
+    of the output and its derivatives remain: those of the first orders are evaluated, the rest bounded by the sizes of
     the exponentials (none where the contacts stay as they are).
 
     Parameters

@@ -3,7 +3,7 @@
 On a segment every output is a sum of groups, an exponential times a polynomial in time, so that the integral of a
 product is a sum over pairs of groups of moments ``int s^q e^{x s} ds``. Its cost does not depend on how fast the motion
 is. Between output times that are close together, Gauss-Legendre panels are cheaper where the polynomials are long
-(sampled inputs); they are short against what of the motion is alive there.
+(sampled inputs); their length is that of the fastest motion that has not decayed there.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _outputs, _parts, _rows
 
 DEAD = 45.0  # decay, in powers of e, after which an exponential no longer counts
-LONG_TURN = 60.0  # rad of the fastest motion alive: from here on the closed form is cheaper than panels
+LONG_TURN = 60.0  # rad of the fastest motion that has not decayed: from here on the closed form is cheaper than panels
 
 
 @inner
@@ -136,7 +136,7 @@ def _closed_form(exponent, degree, groups, plus, minus, tau, e, moment, out):  #
 
 @inner
 def _fastest_alive(exponent, power, nb, tau):  # type: ignore[no-untyped-def]
-    """Largest size of an exponent whose basis function has not died out at tau."""
+    """Largest magnitude of an exponent whose basis function has not decayed at tau."""
     fastest = 0.0
     for b in range(nb):
         lam = exponent[b]

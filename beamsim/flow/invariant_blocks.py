@@ -20,7 +20,7 @@ import numpy as np
 from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
-ACCEPTABLE_PROJECTOR = 1e6  # what is still taken where merging does not get below the former
+ACCEPTABLE_PROJECTOR = 1e6  # norm that is accepted where merging does not get below the former
 WIDE_GAP = 1e3  # ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
 SMALLEST_GAP = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
 

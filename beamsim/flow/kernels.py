@@ -17,12 +17,12 @@ import numpy as np
 from beamsim.flow.compiled import inner, kernel, summing
 
 EPS = 2.220446049250313e-16
-LARGEST_SQUARE = 1e130  # of an output whose extremes are searched for
-TAYLOR = 8  # order of the derivative that is bounded where steps by the curvature stay short
-CLOSE, PATIENCE = 1e6, 8  # times its round-off a function is close to zero; steps taken there before that order
-LIKE_NOISE = 1e3  # times the tolerance of an extreme a value is close to it
+LARGEST_SQUARE = 1e130  # larger outputs are left out of the search for extremes
+TAYLOR = 8  # order of the derivative that is bounded where bounds on the curvature allow short steps only
+CLOSE, PATIENCE = 1e6, 8  # a function within so many round-offs is close to zero; steps there before TAYLOR
+LIKE_NOISE = 1e3  # a value within so many tolerances of an extreme is close to it
 TOGETHER = 64  # outputs whose extremes are searched for in one march
-AT_ONCE = 1e-10  # of a segment: a function that rises to zero so soon after an event has round-off below zero there
+AT_ONCE = 1e-10  # share of a segment: a function below zero for so short a time after an event is so by round-off
 
 
 class Tables(NamedTuple):
@@ -71,7 +71,7 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 @inner
 def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[no-untyped-def]
-    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is room."""
+    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work."""
     F = inputs.exponent.size
     shift = t - inputs.start[piece]
     for f in range(F):
@@ -198,8 +198,8 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
 def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value):  # type: ignore[no-untyped-def]
     """Step from value > 0 over which a function with the derivatives of ``sign`` times function j stays positive.
 
-    Terms that cancel leave a function and its first derivatives at their round-off, but not the bound on its curvature.
-    So the derivatives up to the seventh are taken as they are, with their round-off, and the eighth is bounded.
+    Where terms cancel, a function and its first derivatives are small; the bound on its curvature is not. So the
+    derivatives up to the seventh are evaluated, with their round-off, and the eighth is bounded.
     """
     derivative, noise = np.zeros(TAYLOR), np.zeros(TAYLOR)
     bound = 0.0
@@ -240,7 +240,7 @@ def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value): 
 
 @inner
 def _is_close(out, least, floors):  # type: ignore[no-untyped-def]
-    """Whether some function is zero but for a multiple of its round-off."""
+    """Whether some function is zero within a multiple of its round-off."""
     close = False
     for j in range(least.size):
         close = close or out[0, j] < CLOSE * max(out[3, j], least[j], floors[j])
@@ -274,7 +274,7 @@ def _coefficients(tables, s, table, zeta, count, gamma):  # type: ignore[no-unty
 
 @inner
 def _combine(tables, s, table, zeta, count, gamma, size):  # type: ignore[no-untyped-def]
-    """The same, and the size of each."""
+    """As `_coefficients`, and the magnitudes into ``size``."""
     _coefficients(tables, s, table, zeta, count, gamma)
     for b in range(tables.n_basis[s]):
         for j in range(count):
@@ -296,7 +296,7 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
 
 @inner
 def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
-    """Round-off of the watched functions on a segment of length H that the terms' cancellation leaves."""
+    """Round-off that cancelling terms leave in the watched functions on a segment of length H."""
     for j in range(least.size):
         least[j] = 0.0
     for q in range(tables.n_terms[s]):
@@ -326,7 +326,7 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
 
 @inner
 def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
-    """(step, hit): how far no watched function can reach zero, or which is there already (-1: none).
+    """(step, hit): a step over which no watched function can reach zero; the function at zero already (-1: none).
 
     ``out`` is that of `_evaluate`. A function is lifted by twice its round-off: a contact that stays at zero
     to round-off is ignored, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero.
@@ -355,7 +355,7 @@ def _follow_zeros(out, least, tau, slopes):  # type: ignore[no-untyped-def]
 
 @inner
 def _leaves_at_once(out, least, tau, slopes, hit):  # type: ignore[no-untyped-def]
-    """Whether a function found below zero at tau left it where the segment began, from `_follow_zeros`.
+    """Whether a function below zero at tau has been so since the segment began; ``slopes`` by `_follow_zeros`.
 
     What rests at zero until an input begins leaves it with a power of time, and falls below its round-off late. Where
     the slope at the start takes it there, the zero is that of a straight line.
@@ -374,7 +374,7 @@ def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
 
 @inner
 def _first_internal(tables, contact, size):  # type: ignore[no-untyped-def]
-    """Where the internal states of a contact begin, at the end of a state of that size."""
+    """Index of the first internal state of a contact in a state vector of a given size."""
     first = size + tables.first[contact]
     for number in tables.states:
         first -= number
@@ -395,7 +395,7 @@ def _parts(table):  # type: ignore[no-untyped-def]
 
 @inner
 def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
-    """The internal states with which the phase after a guard's event starts, into y; ``basis`` is at the event."""
+    """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event."""
     column = tables.reset[s, guard]
     if column < 0:
         return
@@ -523,7 +523,7 @@ def _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend):  # 
     """Whether functions with high powers of time stay positive on [0, H], by value, slope and curvature at its start.
 
     `_evaluate` looks ahead of such functions no further than twice the present time; most pieces of a random or sampled
-    input need no look beyond this one. ``largest`` and ``bend`` (B,) are room.
+    input need no look beyond this one. ``largest`` and ``bend`` (B,) are work arrays.
     """
     high = False
     for b in range(nb):
@@ -564,7 +564,7 @@ def extremes(  # type: ignore[no-untyped-def]
 
     The same certified march as the contact search, on ``highest - output``: a stretch is skipped only where the
     curvature bound proves that it holds no value above ``highest`` (1 + relative). Outputs march together, so that they
-    share the exponentials; each does until the bound proves that the rest of the segment holds none of its.
+    share the exponentials; an output drops out where the bound proves that the rest of the segment holds none of it.
     """
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
@@ -618,7 +618,7 @@ def extremes(  # type: ignore[no-untyped-def]
             at[1], at[2] = begin, 0.0
             count: Any = np.int64(0)  # for a literal the callees would be compiled once more
             for j in range(begin, min(begin + TOGETHER, k)):
-                # most segments hold no new extreme, which their size or one look at their start proves: first with what
+                # most segments hold no new extreme, as a bound on them or on their start proves: first with what
                 # all outputs share, then with the output's own coefficients, whose parts have cancelled
                 if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
                     continue
@@ -667,7 +667,7 @@ def extremes(  # type: ignore[no-untyped-def]
                     if near and near_zero > PATIENCE and safe < 0.1 * (reach - tau) and value > 0.0:
                         safe = max(safe, _taylor_step(exponent, power, nb, gamma, size, i, -1.0, tau, reach, value))
                     close = close or near
-                    if reach >= H and safe >= H - tau:  # no more of it in this segment: the last takes its place
+                    if reach >= H and safe >= H - tau:  # done with this output here: the last takes its place
                         count -= 1
                         output[i] = output[count]
                         for b in range(nb):

@@ -35,8 +35,8 @@ class Log(NamedTuple):
     event_phase: Ints  # (E,) of the contact after the event
 
     @classmethod
-    def room(cls, segments: int, size: int, most_events: int | None = None) -> Log:
-        """A log with room for a number of segments and events; without room nothing is kept."""
+    def sized(cls, segments: int, size: int, most_events: int | None = None) -> Log:
+        """An empty log for a number of segments and events; with a size of zero nothing is kept."""
         whole = np.int64
         events = segments + 1 if most_events is None else min(segments + 1, most_events)
         return cls(
@@ -133,12 +133,12 @@ def carry(
     """
     from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
 
-    room, parts = FIRST_LOG if keep else 0, []
+    size, parts = FIRST_LOG if keep else 0, []
     segments = events = evaluations = 0
     outcome, code = COMPLETE, DONE
     for end in stops:
         while outcome.complete:
-            log = Log.room(room, motion.y.size, max_events + 1 - events)
+            log = Log.sized(size, motion.y.size, max_events + 1 - events)
             most = min(max_evaluations - evaluations, EVALUATIONS_A_CALL)
             check_stop()
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
@@ -146,7 +146,7 @@ def carry(
             if keep:
                 part = log.first(n_seg, n_ev)
                 parts.append(part._replace(state=flow.visits(part.state)))
-                room = min(2 * room, LONGEST_LOG)
+                size = min(2 * size, LONGEST_LOG)
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and evaluations >= max_evaluations):

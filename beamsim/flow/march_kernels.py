@@ -129,7 +129,7 @@ def march(  # type: ignore[no-untyped-def]
     """Carry the state y, updated in place, to ``end``: a time, or in a sweep the number of a window.
 
     ``guard`` is the one whose event lies at the start (-1: none); ``waits`` says that the state after that event was
-    not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`), unless it has no room at all.
+    not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`), unless its size is zero.
 
     Returns (status, t, piece, state, guard, segments, events, evaluations): DONE at the end; NEED_STATE when the state
     that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when the log is
@@ -308,7 +308,7 @@ def march(  # type: ignore[no-untyped-def]
 
 @inner
 def _since(swept, piece, t, time):  # type: ignore[no-untyped-def]
-    """How long a position lies back at a time of the motion."""
+    """Time from a position to a time of the motion."""
     if swept is None:
         return time - t
     return time - swept.windows.start[piece] - t
@@ -320,8 +320,8 @@ def sample(  # type: ignore[no-untyped-def]
 ):
     """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
 
-    The coefficients of a segment's basis functions are worth their cost where it holds several times; for one or two
-    the outputs are summed over the terms.
+    Where a segment holds several times, the coefficients of its basis functions are computed once; for one or two
+    times summing over the terms is cheaper.
     """
     k = table.shape[2]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)

@@ -2,7 +2,7 @@
 
 A spring and a dashpot change the matrices by one dyad each, and the modes by :mod:`beamsim.flow.secular_kernels`: n^2
 operations for the eigenvalues and one product of matrices for the vectors, against some 25 n^3 for the eigenvalue
-problem of order 2n. What comes out is checked with two motions and not used where it isn't exact.
+problem of order 2n. The result is checked with two motions and discarded where it is not exact.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ INEXACT = 1e-11  # relative error of a motion and its rate, at which the eigenva
 def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> bool:
     """Whether the modes with the contacts in given phases may follow from those with the phases ``before``.
 
-    Undamped modes don't: their eigenvalues have no real part, and round-off would give them one.
+    Undamped modes may not: their eigenvalues have no real part, and round-off would give them one.
     """
     n, contacts = system.size, system.contacts
     if n < SMALLEST or contacts.coupled(before) or contacts.coupled(phases):

@@ -539,7 +539,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
             )
             varied[0, states + p] += d
             varied[1, states + p] += dv
-        # when the event is: the guard's change over its rate
+        # change of the event's time: the guard's change over its rate
         gdot = 0.0
         for k in range(columns):
             change[k] = 0.0

@@ -1,13 +1,13 @@
-"""The rate at which the energies of a motion part from balance.
+"""The rate at which a motion violates its energy balance.
 
 With the stored energy E, dissipated power and power in,
 
 .. math:: r = \\frac{dE}{dt} + P_\\mathrm{dissipated} - P_\\mathrm{in}
             = \\nabla E(z)^T y' + z^T F z, \\qquad z = (y, u, u', 1),
 
-is zero for the rate y' of an exact motion y under the inputs u. Energies and powers are taken from the structure and
-the laws of its contacts, not from the equations of motion that were solved. Relative frame; what the motion of the base
-does to the structure through contacts on the ground counts as power in.
+is zero for the time derivative y' of an exact motion y under the inputs u. Energies and powers are taken from the
+structure and the laws of its contacts, not from the equations of motion that were solved. Relative frame; what the
+motion of the base does to the structure through contacts on the ground counts as power in.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.typing import Floats, Ints
 
 
-def power_forms(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
+def power_balance(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
     """The gradient of E by the state, (N, Z) times z, and the form F (Z, Z), written as an upper triangle, with the
     contacts in given phases.
 
@@ -53,7 +53,7 @@ def power_forms(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
         if channel < flow.forcing.load.shape[0]:
             load[:, N + source - 1] = flow.forcing.load[channel]
     form -= velocity.T @ load
-    if flow.base_channel >= 0:  # contacts on the ground: power in, and what the base's motion does to E by itself
+    if flow.base_channel >= 0:  # contacts on the ground: power in, and the change of E by the base's motion alone
         moving = np.zeros_like(delta)
         of_base = int(np.flatnonzero(flow.sources.channel == flow.base_channel)[0])
         moving[contacts.on_ground, N + inputs + of_base - 1] = 1.0

@@ -18,11 +18,11 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class StateTables:
-    """Padded arrays with room for more states than there are, so that a new state seldom moves the others.
+    """Padded arrays with spare rows, so that a new state seldom moves the others.
 
-    Of all combinations of the contacts' phases few are visited, and each is built when it is; ``follower[s, g]`` is the
-    state after the event of guard g in state s, -1 where that one is not built or was dropped. With ``most`` states
-    built, the least recently used one makes room for the next.
+    Of all combinations of the contacts' phases few are visited; a state is built when it is first visited.
+    ``follower[s, g]`` is the state after the event of guard g in state s, -1 where that one is not built or was
+    dropped. With ``most`` states built, the least recently used one is replaced by the next.
     """
 
     def __init__(self, contacts: Contacts, most: int | None = None) -> None:
@@ -107,9 +107,9 @@ class StateTables:
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
             if any(a < b for a, b in zip(old.shape, need, strict=True)):
-                room = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
-                room = room if self.most is None else min(room, self.most)
-                grown = np.zeros(np.maximum(old.shape, (room, *row.shape)), dtype=row.dtype)
+                rows = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
+                rows = rows if self.most is None else min(rows, self.most)
+                grown = np.zeros(np.maximum(old.shape, (rows, *row.shape)), dtype=row.dtype)
                 grown[tuple(slice(0, d) for d in old.shape)] = old
                 self._arrays[name] = old = grown
             place: tuple[int | slice, ...] = (index, *(slice(0, d) for d in row.shape))

@@ -1,4 +1,4 @@
-"""Compiled parts of the march that a swept sine adds: forced responses by window, and what is kept of every cycle.
+"""Compiled parts of the march that a swept sine adds: forced responses by window, and the record of every cycle.
 
 On a window the inputs are :math:`\\mathrm{Re}[e^{i\\omega\\tau} \\sum_p c_p \\tau^p]`. In the eigenvectors of a contact
 state the response that belongs to them is a polynomial times the same exponential,
@@ -25,7 +25,7 @@ from beamsim.flow.kernels import EPS, _coefficients, _exp
 
 MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
-PRUNED = 1e-13  # share of an output below which a group is left out of integrals and searches
+PRUNED = 1e-13  # a group whose share of an output is smaller is left out of integrals and searches
 FINEST = 1e-10  # of an output's range: peaks are found to this
 GRID = 0.3  # share of its range by which an output may miss the chord or the cubic between two points
 SLOPE = math.sqrt(3.0) / 216.0  # error of the slope of an interpolating cubic, over the fourth derivative and h^3
@@ -77,7 +77,7 @@ class Windows(NamedTuple):
 
 
 class Cycles(NamedTuple):
-    """What is kept of C cycles."""
+    """Record of C cycles."""
 
     high: Any  # (C, K)
     low: Any  # (C, K)
@@ -85,13 +85,13 @@ class Cycles(NamedTuple):
     harmonic: Any  # (C, K, R) integral of output * exp(-i order phase) d phase; of order 0, over time
     closed_time: Any  # (C, m)
     closings: Any  # (C, m)
-    scale: Any  # (K,) range of the outputs lately
+    scale: Any  # (K,) range of the outputs over the last cycle
     imbalance: Any  # (C,) dissipated energy and change of the stored one, less the work in, J
     energy: Any  # (C,) largest kinetic and strain energy of the structure, J
 
 
-class PowerForms(NamedTuple):
-    """How the energies part from balance, per state; see :mod:`beamsim.flow.power_balance`."""
+class PowerBalance(NamedTuple):
+    """Gradient of the energy and form of the powers, per state; see :mod:`beamsim.flow.power_balance`."""
 
     gradient: Any  # (S, N, Z)
     form: Any  # (S, Z, Z) upper triangle
@@ -105,7 +105,7 @@ class Swept(NamedTuple):
     outputs: OutputTables
     windows: Windows
     cycles: Cycles
-    power: PowerForms
+    power: PowerBalance
 
 
 class ForcedPart(NamedTuple):
@@ -249,7 +249,7 @@ def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type
 
 @inner
 def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
-    """Room for the forced response, none where nothing is swept."""
+    """Work arrays of the forced response, empty where nothing is swept."""
     if swept is None:
         return None
     L, _, DM = swept.windows.channel.shape
@@ -455,7 +455,7 @@ def end_window(windows, cycles, k):  # type: ignore[no-untyped-def]
                 cycles.scale[j] = extent
 
 
-# --- what is kept of a segment ----------------------------------------------------------------------------------------
+# --- the record of a segment ------------------------------------------------------------------------------------------
 
 
 class _Work(NamedTuple):
@@ -501,7 +501,7 @@ def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
 
 @inner
 def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: ignore[no-untyped-def]
-    """Add a segment of length T, ``x`` after the start of window k, to what is kept of its cycle."""
+    """Add a segment of length T, ``x`` after the start of window k, to the record of its cycle."""
     outputs, windows, cycles, work = swept.outputs, swept.windows, swept.cycles, response.work
     cycle, omega = windows.cycle[k], windows.omega[k]
     for j in range(tables.touching.shape[1]):
@@ -745,8 +745,8 @@ def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
         h = 1.0 - times[last]
         for j in range(K):
             if value[j, 3] > 0.0:
-                room = GRID * cycles.scale[j]
-                step = max(math.sqrt(8.0 * room / value[j, 3]), math.sqrt(math.sqrt(384.0 * room / value[j, 4])))
+                allowed = GRID * cycles.scale[j]
+                step = max(math.sqrt(8.0 * allowed / value[j, 3]), math.sqrt(math.sqrt(384.0 * allowed / value[j, 4])))
                 h = min(h, max(step, 1.0 / (MOST_POINTS - 4)))
         s = times[last] + h
         last += 1
@@ -838,7 +838,7 @@ def _newton(work, G, j, sign, u, v, t, slack, best):  # type: ignore[no-untyped-
         _values(work, G, j, j + 1, t, single)
         best = max(best, sign * single[0, 0])
         d, curve = sign * single[0, 1], sign * single[0, 2]
-        # at a slope d the top is no further above than this
+        # at a slope d the maximum is no higher above than this
         if d * d <= -curve * slack:
             break
         if d > 0.0:
@@ -854,7 +854,7 @@ def _climb(work, G, j, sign, left, right, at_left, at_right, slack, best):  # ty
     """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``.
 
     An interval is cut where the cubic through its ends is highest, until it holds nothing higher or its curvature is
-    negative all over: then it has one top.
+    negative throughout: then it has a single maximum.
     """
     single, stack = work.single, work.stack
     stack[0, 0] = left

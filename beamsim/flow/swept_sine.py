@@ -13,7 +13,7 @@ from beamsim.flow.contact_state import LinearOutput, state_loads
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.invariant_blocks import Block, SimpleModes
 from beamsim.flow.march import Log, Motion, carry
-from beamsim.flow.power_balance import power_forms
+from beamsim.flow.power_balance import power_balance
 from beamsim.flow.state_tables import pad
 from beamsim.flow.stopping import never
 from beamsim.inputs.signal import Signal
@@ -24,7 +24,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.sweep_kernels import Cycles, Forced, OutputTables, PowerForms, Swept, Windows
+    from beamsim.flow.sweep_kernels import Cycles, Forced, OutputTables, PowerBalance, Swept, Windows
 
 OutputOf = Callable[[Ints], LinearOutput]
 
@@ -114,7 +114,7 @@ class SweptFlow:
                 self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.phases
             )
             self._forced.append(_forced_tables(s.simple.whole(), s.blocks, load[1:], slope[1:]))
-            self._power.append(power_forms(self.template, s.phases))
+            self._power.append(power_balance(self.template, s.phases))
 
     def forced(self) -> Forced:
         """Eigenvectors of the states so far, for the kernels."""
@@ -156,12 +156,12 @@ class SweptFlow:
             group_exponent=pad([e for _, e in groups]),
         )
 
-    def power_forms(self) -> PowerForms:
-        """How energies part from balance in every state so far, for the kernels."""
-        from beamsim.flow.sweep_kernels import PowerForms
+    def power_balance(self) -> PowerBalance:
+        """Gradient of the energy and form of the powers in every state so far, for the kernels."""
+        from beamsim.flow.sweep_kernels import PowerBalance
 
         gradient, form = zip(*self._power, strict=True)
-        return PowerForms(np.array(gradient), np.array(form), self.system.stiffness)
+        return PowerBalance(np.array(gradient), np.array(form), self.system.stiffness)
 
     def kernel_windows(self, orders: Floats) -> Windows:
         """The windows as the kernels take them."""
@@ -176,7 +176,7 @@ class SweptFlow:
 
 @dataclass
 class CycleMarch:
-    """The march of a swept flow, with what is kept of C cycles; see :class:`beamsim.flow.march.Marched`.
+    """The march of a swept flow, with the record of C cycles; see :class:`beamsim.flow.march.Marched`.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ class CycleMarch:
         flow = self.flow
         swept = Swept(
             flow.forced(), flow.output_tables(self.output_of), flow.kernel_windows(self.order), self.cycles,
-            flow.power_forms(),
+            flow.power_balance(),
         )  # fmt: skip
         self._arguments = flow.bare.tables(), flow.bare.inputs(), swept
 

@@ -276,7 +276,7 @@ def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
                 break
             if hit:
                 if lower == 0.0 and g_before <= 0.0 and j == toggled:
-                    # find a place inside where the gap is open, to bracket the next root
+                    # find a time within the step at which the gap is open, to bracket the next root
                     inner = upper
                     for _ in range(60):
                         inner *= 0.5
@@ -312,7 +312,7 @@ def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _length(q, v, scale):  # type: ignore[no-untyped-def]
-    """Step at which the last two terms are at round-off against the motion."""
+    """Step at which the last two terms are below the round-off of the motion."""
     n = q.shape[1]
     first = 0.0
     for i in range(n):

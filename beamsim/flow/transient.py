@@ -75,4 +75,4 @@ def _load_kernels() -> None:
     system = PiecewiseLinearSystem(one, np.zeros((1, 1)), contacts, np.zeros(1))
     flow = ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 1.0)
     y = np.zeros(2)
-    Motion(y, flow.state_index(flow.starting_state(y))).advance(flow, 0.0, Log.room(1, 2), 1)
+    Motion(y, flow.state_index(flow.starting_state(y))).advance(flow, 0.0, Log.sized(1, 2), 1)

@@ -181,7 +181,7 @@ class VariationalFlow(SeriesFlow):
         self._force()
 
     def _with_forced(self, s: ContactState) -> ContactState:
-        """The state with room for the periodic loads' responses, which are rewritten with the frequency."""
+        """The state with zero responses to the periodic loads, which are rewritten with the frequency."""
         H = self.loads.count
         new, none = np.arange(H), np.zeros(H, dtype=np.int64)
         return replace(

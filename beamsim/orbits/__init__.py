@@ -1,5 +1,5 @@
 """Periodic motions: shooting, harmonic balance, continuation, bifurcations, expansions.
 
-Never here: pydantic, files, units, or the names of scenario keys, in messages either. Begin with `branch`, what every
-method finds, then `continuation` and `shooting`.
+Never here: pydantic, files, units, or the names of scenario keys, in messages either. Begin with `branch`, the result
+of every method, then `continuation` and `shooting`.
 """

@@ -3,8 +3,8 @@ r"""The energy balance of a sum of harmonics: work in = dissipated, over a perio
 Galerkin's method makes the residual of the equations of motion orthogonal to every harmonic up to the highest, and so
 to the velocity, which has no others: the work of all forces over a period is zero whatever the number of harmonics, if
 the harmonics of the springs' forces are exact integrals. The balance therefore checks condensation, instants of
-contact and convergence, and leaves nothing for the truncation to explain; what that is worth, the estimate of
-:func:`beamsim.orbits.harmonic_balance.truncation` says.
+contact and convergence, but not the truncation, whose size is estimated by
+:func:`beamsim.orbits.harmonic_balance.truncation`.
 
 Work and losses are taken from the motion of the whole structure. Those of contacts are integrated in time, between
 instants of contact that are sought again on that motion.

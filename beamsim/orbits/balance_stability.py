@@ -40,7 +40,7 @@ Finder = Callable[[ForcedOrbits], BranchPoint | None]
 MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept
 SMALL = 8  # coordinates that are kept as they are
 LARGEST_HILL = 40  # coordinates times harmonics up to which Hill's method is used at once
-NEAR = 0.2  # how far the motion of shooting may be from that of the balance, against its size
+NEAR = 0.2  # how far the motion of shooting may be from that of the balance, relative to its size
 
 
 def reduced_for_stability(system: PiecewiseLinearSystem, highest: float) -> tuple[PiecewiseLinearSystem, Floats]:

@@ -1,4 +1,4 @@
-"""A branch of periodic orbits, whoever found it: its points, what they mean, where it changes, and how it ended."""
+"""A branch of periodic orbits, from any method: its points, what they mean, where it changes, and how it ended."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Orbit:
     period: float  # s
     multipliers: Complexes  # Floquet, largest first where the motion is forced
     stable: bool
-    residual: float  # of the periodicity, against the motion's size
+    residual: float  # error of the periodicity, relative to the size of the motion
     energy: float = np.nan  # J, of a free motion
 
     @property

@@ -31,7 +31,7 @@ MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lie
 FEWEST_IN_A_RING = 5  # points of a closed curve
 RANK_LOST = 1e-5  # smallest singular value of the Jacobian against its largest at a crossing of branches
 RANK_HALVINGS, RANK_FALLS = 8, 0.1  # of a step, within which that value must fall, and to which part at least
-RING = 0.1  # of a step, how far beside it the first point may lie that it goes over
+RING = 0.1  # of a step, how far beside it the first point may lie that it passes
 FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
 
@@ -377,7 +377,7 @@ def _astray(a: BranchPoint, b: BranchPoint) -> float:
 
 
 def _passes(a: BranchPoint, b: BranchPoint, start: BranchPoint) -> bool:
-    """Whether the step from a to b goes over a branch's first point."""
+    """Whether the step from a to b passes the first point of the branch."""
     chord, beside = (b.u - a.u) / start.scale, (start.u - a.u) / start.scale
     length = float(np.linalg.norm(chord))
     share = float(beside @ chord) / length**2

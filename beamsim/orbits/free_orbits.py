@@ -26,7 +26,7 @@ from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
 SAMPLES = 256  # of a period, in which its slowest instant is looked for
-ZOOMS = 3  # each into two of them
+ZOOMS = 3  # rounds, each on two of the intervals before
 SAME = 1e-6  # relative distance within which two solutions are one motion
 
 
@@ -141,7 +141,7 @@ class FullPeriodPath:
     """A path of brake orbits followed again over the whole period: a check that assumes no instant of rest.
 
     The half-period path hands over the parameters to stop at and, beyond its jumps, where to begin again. In between
-    the full-period path goes its own way, each point predicted from its own last two. Iterate over it for the points;
+    the full-period path is independent: each point is predicted from its own last two. Iterate over it for the points;
     ``differences`` from the half-period path and the outcome are kept beside.
 
     Parameters

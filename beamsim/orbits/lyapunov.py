@@ -31,7 +31,7 @@ def largest_exponent(stepper: CycleStepper, motion: Motion, cycles: int, seed: i
     """Exponent over ``cycles`` cycles after as many as a quarter of them; ``motion`` is carried along.
 
     A motion whose exponent is clearly positive is chaotic, clearly negative not settled yet (its transient still
-    dies), and quasi-periodic when it is neither.
+    decays), and quasi-periodic when it is neither.
     """
     n = stepper.flow.system.size
     omega = float(stepper.flow.windows.omega[0])

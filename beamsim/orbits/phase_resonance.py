@@ -19,8 +19,8 @@ that the condition reads
 
 .. math:: r = \frac{2}{T} \oint \mathrm{Re}(F e^{i\omega t})^T q\, dt = \mathrm{Re}(\bar F^T Q_1) = 0 .
 
-Along a resonance the lag grows from 0 to half a turn although the frequency may turn back: it is the parameter that
-never fails there. A periodic motion is found with the frequency free and its own phase against the force pinned
+Along a resonance the lag grows from 0 to half a turn although the frequency may turn back: it is a parameter that
+is monotonic there. A periodic motion is found with the frequency free and its own phase against the force pinned
 (shooting); the pinned phase is then moved until r vanishes.
 """
 
@@ -56,7 +56,7 @@ class Appropriation:
 
     level: float
     omega: float  # rad/s
-    shift: float  # s, instant of the mode's own motion at which the force's clock begins
+    shift: float  # s, instant of the mode's motion at which the force has phase zero
     start: Floats  # (2n,) state there
     by_structure: float  # J a period, taken by the structure's damping
     by_contacts: float  # J a period, taken by the contacts' dashpots
@@ -143,7 +143,7 @@ def find_phase_resonance(
     Parameters
     ----------
     problem : shooting in frequency, at the level wanted.
-    start : (2n,) state at t = 0, where the force's clock begins.
+    start : (2n,) state at t = 0, where the force has phase zero.
     omega : rad/s.
     """
     settings = Settings(iterations=25) if settings is None else settings

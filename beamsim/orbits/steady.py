@@ -1,6 +1,6 @@
 """Steady motions under a sine of one frequency, reached after the decay of the transient.
 
-The state is looked at once a cycle (a Poincare section). A motion of period p cycles is steady when the section repeats
+The state is taken once a cycle (a Poincaré section). A motion of period p cycles is steady when the section repeats
 after p cycles to a tolerance, with the remaining change estimated from the rate at which the difference shrinks.
 """
 
@@ -113,7 +113,7 @@ class MeasuredCycles:
 
 @dataclass(frozen=True)
 class Settled:
-    """How the motion came to rest in a periodic one, or did not."""
+    """Whether and how the motion became periodic."""
 
     period: int  # cycles; 0 where the motion did not become periodic
     cycles: int

@@ -97,7 +97,7 @@ class Tongues:
         return self.orbits.share_at(point)
 
     def between(self, a: BranchPoint, b: BranchPoint, other: int) -> OrbitBranch | None:
-        """The tongue of another mode that a step of the backbone from a to b goes over; None where none is found.
+        """The tongue of another mode that a step of the backbone from a to b crosses; None where none is found.
 
         A disturbance of the shape in the other mode alone comes to rest again after half a period where
         ``n omega = omega_r``: there the derivative of its velocity by its own amplitude changes sign. A rigid-body mode
