@@ -107,9 +107,9 @@ class StateTables:
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
             if any(a < b for a, b in zip(old.shape, need, strict=True)):
-                rows = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
-                rows = rows if self.most is None else min(rows, self.most)
-                grown = np.zeros(np.maximum(old.shape, (rows, *row.shape)), dtype=row.dtype)
+                count = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
+                count = count if self.most is None else min(count, self.most)
+                grown = np.zeros(np.maximum(old.shape, (count, *row.shape)), dtype=row.dtype)
                 grown[tuple(slice(0, d) for d in old.shape)] = old
                 self._arrays[name] = old = grown
             place: tuple[int | slice, ...] = (index, *(slice(0, d) for d in row.shape))
