@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 
 class PhaseArrays(NamedTuple):
@@ -262,6 +262,16 @@ class Contacts:
             stored = a.stored[j, phases[j], : 1 + a.states[j], : 1 + a.states[j]]
             by_states[own, own], constant[own] = stored[1:, 1:], stored[1:, 0]
         return by_states, constant
+
+    def resting_phases(self, penetration: Floats) -> Ints:
+        """(m,) phases after a long rest at penetrations (m,), m."""
+        phases = [law.resting_phase(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
+        return np.array(phases, dtype=np.int64)
+
+    def dynamic_stiffness(self, phases: Ints, omega: Floats) -> Complexes:
+        """(w, m) forces per penetration of small motions within phases at frequencies, rad/s."""
+        columns = [law.dynamic_stiffness(int(k), omega) for law, k in zip(self.laws, phases, strict=True)]
+        return np.array(columns, dtype=complex).reshape(self.count, omega.size).T
 
     def settled_states(self, penetration: Floats) -> Floats:
         """(r,) internal states after a long rest at penetrations (m,), m."""

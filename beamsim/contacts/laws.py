@@ -29,7 +29,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats
 
 SMALLEST_JUMP = 1e-12  # of the terms it is made of: a smaller jump of the force at a guard is round-off
 
@@ -108,6 +108,7 @@ class ContactLaw:
     static : one-sided springs that push as the law does after a long rest; by default `parts`, or else one spring of
         the stiffness.
     settled : the internal states after a long rest at a penetration, m; zero by default.
+    undamped_law : the law without its dashpots, where it is another one; None where there is none.
     family : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
         change them.
     """
@@ -120,6 +121,7 @@ class ContactLaw:
     dashpot: float = np.nan
     static: tuple[OneSidedSpring, ...] | None = None
     settled: Callable[[float], tuple[float, ...]] | None = None
+    undamped_law: ContactLaw | None = None
     family: Callable[[float, float], ContactLaw] | None = None
 
     def __post_init__(self) -> None:
@@ -160,6 +162,36 @@ class ContactLaw:
         """(r,) internal states after a long rest at a penetration, m."""
         return (0.0,) * self.internal_states if self.settled is None else self.settled(penetration)
 
+    @property
+    def has_undamped_form(self) -> bool:
+        """Whether it keeps no internal state without its dashpots."""
+        return self.family is not None or self.undamped_law is not None or not self.internal_states
+
+    def resting_phase(self, penetration: float) -> int:
+        """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
+        r = self.internal_states
+        motion = np.array([penetration, 0.0, 1.0, *self.settled_states(penetration)])
+        phase, visited = self.start, {self.start}
+        while True:
+            guards = self.phases[phase].guards
+            following = [g.next for g in guards if g.row(r) @ motion < 0.0 and g.next not in visited]
+            if not following:
+                return phase
+            phase = following[0]
+            visited.add(phase)
+
+    def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
+        """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
+        now, r, iw = self.phases[phase], self.internal_states, 1j * np.asarray(omega)
+        stiffness = np.asarray(now.stiffness + iw * now.dashpot, dtype=complex)
+        if not r or not any(now.internal):
+            return stiffness
+        drive = np.array(now.drive, dtype=float).reshape(r, 3)
+        moved = np.linalg.solve(
+            iw[:, None, None] * np.eye(r) - np.array(now.dynamics), (drive[:, 0] + iw[:, None] * drive[:, 1])[..., None]
+        )
+        return np.asarray(stiffness + moved[..., 0] @ np.array(now.internal))
+
     def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
         """The same kind of law with other numbers."""
         if self.family is None:
@@ -191,6 +223,7 @@ class ContactLaw:
             static=_scaled(self.static, factor),
             stiffness=factor * self.stiffness,
             dashpot=factor * self.dashpot,
+            undamped_law=None if self.undamped_law is None else self.undamped_law.scaled(factor),
         )
 
     def plus(self, other: ContactLaw, amount: float) -> ContactLaw:
@@ -218,6 +251,8 @@ class ContactLaw:
         """The law without its dashpots, which keeps no internal state then."""
         if self.family is not None:
             return self.family(self.stiffness, 0.0)
+        if self.undamped_law is not None:
+            return self.undamped_law
         if self.internal_states:
             raise ValueError("this contact law has no undamped form")
         parts = None if self.parts is None else tuple(replace(s, dashpot=0.0) for s in self.parts)

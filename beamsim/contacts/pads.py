@@ -72,6 +72,7 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
         dashpot=dashpot,
         static=table_law(curve).parts,
         settled=settled,
+        undamped_law=None if branches else table_law(curve),
     )
 
 

@@ -12,7 +12,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
 from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt, no_tension
-from beamsim.contacts.pads import recovering_law, table_law
+from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_frequencies
@@ -85,10 +85,13 @@ def build_contacts(
 
 
 def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
-    if curve is None or curve.slopes.size == 1:
+    branches = tuple(MaxwellBranch(b.stiffness, b.relaxation_time) for b in snubber.maxwell if b.stiffness > 0.0)
+    if not branches and (curve is None or curve.slopes.size == 1):
         return LAWS[snubber.law](stiffness, dashpot)
-    if snubber.law == "no_tension" and dashpot > 0.0:
-        return recovering_law(curve, dashpot)
+    if curve is None:
+        curve = ForceCurve(np.array([0.0, 1.0]), np.array([0.0, stiffness]))
+    if snubber.law == "no_tension" and (dashpot > 0.0 or branches):
+        return recovering_law(curve, dashpot, branches)
     return table_law(curve, dashpot)
 
 

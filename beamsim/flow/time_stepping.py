@@ -105,7 +105,7 @@ def newmark(
     Parameters
     ----------
     base : displacement of the base; None at rest.
-    start : (2 n,) q and q'.
+    start : (N,) q, q' and internal states of the contacts, which may be left out where they are zero.
     step : s; the last one ends at or after ``duration``.
     rows : (k, n) places whose motion is recorded.
     alpha : of HHT, from -1/3 to 0; 0 is Newmark's average acceleration.
@@ -131,7 +131,7 @@ def newmark(
     space = contact_space(projection, inverse)
     time: Floats = np.asarray(step * np.arange(count + 1), dtype=float)
     loads, (d, rate) = problem.loads(time), problem.base_motion(time)
-    phases = starting_phases(system.contacts, _penetrations(problem, start[:n], d[0]))
+    phases = system.contacts.resting_phases(_penetrations(problem, start[:n], d[0]))
     m = system.contacts.count
     motion = np.empty((3, count + 1, rows.shape[0]))
     force, record = np.zeros((count + 1, m)), np.zeros((count + 1, m), dtype=np.int64)
@@ -150,8 +150,8 @@ def newmark(
 
     def march(total: int) -> int:
         carried = (
-            start[:n].copy(), start[n:].copy(), np.zeros(n), np.zeros(every), np.zeros(every), np.zeros(every),
-            np.zeros((m, arrays.dynamics.shape[2])),
+            start[:n].copy(), start[n : 2 * n].copy(), np.zeros(n), np.zeros(every), np.zeros(every), np.zeros(every),
+            _internal(system.contacts, start[2 * n :]),
         )  # fmt: skip
         current, unsettled = phases.copy(), 0
         for first in range(0, total, STEPS_OF_A_CALL):
@@ -178,17 +178,10 @@ def _penetrations(problem: _Problem, q: Floats, d: float) -> Floats:
     return every[: problem.system.contacts.count]
 
 
-def starting_phases(contacts: Contacts, penetration: Floats) -> Ints:
-    """Phases for given penetrations at rest: a guard that is negative hands over to the phase that it names."""
-    phases = contacts.start
-    for j, law in enumerate(contacts.laws):
-        for _ in law.phases:
-            guards = law.phases[phases[j]].guards
-            violated = [g.next for g in guards if g.penetration * penetration[j] + g.constant < 0]
-            if not violated:
-                break
-            phases[j] = violated[0]
-    return phases
+def _internal(contacts: Contacts, given: Floats) -> Floats:
+    """(m, R) internal states of each contact from all of them (r,), zero where none are given."""
+    every = given if given.size else np.zeros(contacts.internal_states)
+    return np.array(contacts.own_internal(every[None])[0])
 
 
 def dop853(
@@ -257,8 +250,8 @@ def dop853(
         value.direction = -1.0  # type: ignore[attr-defined]
         return value
 
-    y = np.concatenate([start, np.zeros(m * width)])
-    phases = starting_phases(contacts, quantities(0.0, y)[:m, 0])
+    y = np.concatenate([start[: 2 * n], _internal(contacts, start[2 * n :]).ravel()])
+    phases = contacts.resting_phases(quantities(0.0, y)[:m, 0])
     parts: list[tuple[Floats, Floats, Ints]] = []
     t, evaluations, outcome = 0.0, 0, COMPLETE
     while t < end and outcome.complete:

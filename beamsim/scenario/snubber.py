@@ -8,6 +8,7 @@ from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail
 from beamsim.scenario.force_table import ForceDeflection, MeasuredForces, as_measured, check_points
+from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import (
@@ -58,16 +59,24 @@ class SnubberBase(Named):
     fit: {segments: 5}}; the last slope goes on."""
     damping: SnubberDamping | None = None
     """Dashpot parallel to the spring; none by default."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches beside the spring or the table, any number of them; they ask for law: no_tension."""
     gap: Gap | None = None
     """Clearance: positive is backlash, negative prestress; 0 by default."""
     preload: PositiveForce | None = None
     """Contact force at static equilibrium, instead of gap."""
     law: Literal["kelvin_voigt", "no_tension"] = "kelvin_voigt"
-    """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile."""
+    """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile; by
+    default kelvin_voigt, no_tension with Maxwell branches."""
 
     def settle(self) -> None:
         """Demand a stiffness or a table; reject gap and preload together; the default gap is 0."""
         self._check_force()
+        if self.maxwell and "law" not in self.model_fields_set:
+            self.resolve("law", "no_tension")
+        if self.maxwell and self.law != "no_tension":
+            remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
+            raise fail(f"= {self.law} does not go with maxwell", remedy, ("law",))
         if self.preload is None:
             if self.gap is None:
                 self.resolve("gap", 0.0)

@@ -37,7 +37,6 @@ from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, Structur
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.contacts.force_curve import ForceCurve
     from beamsim.scenario import Located, Scenario
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
@@ -143,7 +142,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
     if cubic.count:  # what integrates these in time knows one-sided springs alone
-        _refuse_tables(snubbers, curves)
+        _refuse_pads(snubbers, stops)
         contacts = contacts.split()
     contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, loads, cubic)
     equilibrium = _equilibrium(parts, contacts, loads, cubic)
@@ -322,15 +321,16 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
         return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
 
 
-def _refuse_tables(snubbers: Sequence[Located], curves: Sequence[ForceCurve | None]) -> None:
+def _refuse_pads(snubbers: Sequence[Located], stops: Contacts) -> None:
     problems = [
         Problem(
-            f"{path_text(path)}.force_deflection", "cannot be combined with cubic springs",
-            "give the snubber a stiffness, or make the springs piecewise_linear",
+            f"{path_text(path)}.{'maxwell' if snubber.maxwell else 'force_deflection'}",
+            "cannot be combined with cubic springs",
+            "give the snubber a stiffness alone, or make the springs piecewise_linear",
         )
-        for (path, _, _), curve in zip(snubbers, curves, strict=True)
-        if curve is not None and curve.slopes.size > 1
-    ]  # fmt: skip
+        for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
+        if law.family is None
+    ]
     if problems:
         raise ScenarioError(problems)
 

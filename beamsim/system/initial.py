@@ -23,7 +23,8 @@ _FIELDS = ("displacement", "velocity")
 def initial_state(
     parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
-    """(2 n,) q then q' at t = 0, relative to the base; and warnings.
+    """q then q' at t = 0, relative to the base, and the contacts' internal states after a long rest there, (N,); and
+    warnings.
 
     Raises
     ------
@@ -70,7 +71,8 @@ def initial_state(
         q, v = (_given_field(parts, {parts.scenario.default_body: start}, name, warnings) for name in _FIELDS)
     elif isinstance(start, BodiesStart):
         q, v = (_given_field(parts, start.bodies, name, warnings) for name in _FIELDS)
-    return np.concatenate([q, v]), warnings
+    settled = contacts.settled_states(-contacts.gap - contacts.sign * (contacts.shape @ q))
+    return np.concatenate([q, v, settled]), warnings
 
 
 def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:

@@ -100,7 +100,7 @@ class StructuralSystem:
 
     dynamics: PiecewiseLinearSystem
     forcing: Forcing
-    initial_state: Floats  # (2 n,) q then q'
+    initial_state: Floats  # (N,) q, q', then the internal states of the contacts
     probes: tuple[ProbeRow, ...]
     base_acceleration: Signal | None  # m/s^2; None where the base is at rest
     base_velocity: Signal | None  # m/s

@@ -27,7 +27,7 @@ G = 9.80665
 
 
 def test_all_are_here():
-    assert len(FILES) == 11
+    assert len(FILES) == 12
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -66,10 +66,10 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     system = build_system(scenario.model_copy(update={"run": None, "excitation": excitation}))
     dynamics = system.dynamics
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
-        if law.family is None and law.internal_states:
+        if not law.has_undamped_form:
             raise ScenarioError(
                 Problem("nnm", f"needs contacts without losses, and that of {name} keeps internal states",
-                        "give it law: kelvin_voigt")
+                        f"leave out maxwell of {name}")
             )  # fmt: skip
     undamped = replace(
         dynamics,

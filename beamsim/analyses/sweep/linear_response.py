@@ -12,29 +12,30 @@ import numpy as np
 
 from beamsim.analyses.sweep.result import ContactLevels, LinearCurve
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 POINTS = 2000
+SLIGHT = 1e-9  # penetration, of the gap or m, at which a contact has just been made
 
 
-def transfer(system: StructuralSystem, frequency_hz: Floats, closed: Bools | None = None) -> Complexes:
-    """(F, n) coordinates for a unit amplitude of base acceleration or force, with some contacts permanently closed."""
+def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
+    """(F, n) coordinates for a unit amplitude of base acceleration or force, all contacts staying in phases (m,).
+
+    By default no contact acts.
+    """
     dynamics = system.dynamics
-    contacts, n = dynamics.contacts.split(), dynamics.size
-    closed = np.zeros(contacts.count, dtype=bool) if closed is None else closed
+    contacts, n = dynamics.contacts, dynamics.size
     omega = 2 * np.pi * np.asarray(frequency_hz)
-    shape, k, c = contacts.shape[closed], contacts.stiffness[closed], contacts.dashpot[closed]
-    stiffness = np.diag(dynamics.stiffness) + (shape.T * k) @ shape
-    damping = dynamics.damping + (shape.T * c) @ shape
+    shape = contacts.shape
+    pushed = contacts.dynamic_stiffness(contacts.start if phases is None else phases, omega)
+    inertia = np.diag(dynamics.stiffness) - omega[:, None, None] ** 2 * np.eye(n)
+    matrix = inertia + 1j * omega[:, None, None] * dynamics.damping + (shape.T * pushed[:, None, :]) @ shape
     per_unit = np.repeat(system.forcing.load[:1].astype(complex), omega.size, axis=0)
     if system.base_acceleration is not None:
         base = -1.0 / omega[:, None] ** 2
         if system.forcing.load.shape[0] > 1:
             per_unit += system.forcing.load[1] * base
-        grounded = contacts.on_ground[closed]
-        pull = (k * grounded)[None, :] + 1j * omega[:, None] * (c * grounded)[None, :]
-        per_unit -= (pull @ shape) * base
-    matrix = stiffness - omega[:, None, None] ** 2 * np.eye(n) + 1j * omega[:, None, None] * damping
+        per_unit -= ((pushed * contacts.on_ground) @ shape) * base
     try:
         return np.asarray(np.linalg.solve(matrix, per_unit[:, :, None])[:, :, 0])
     except np.linalg.LinAlgError:
@@ -43,7 +44,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, closed: Bools | Non
 
 def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
     """Levels at which contact is made or lost, from the linear motion about static equilibrium."""
-    contacts = system.dynamics.contacts.split()
+    contacts = system.dynamics.contacts
     if system.static_equilibrium is None or contacts.count == 0:
         return {}
     penetration = -contacts.gap - contacts.sign * (contacts.shape @ system.static_equilibrium)
@@ -51,12 +52,16 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     omega = 2 * np.pi * frequency_hz
     base = np.zeros(omega.size) if system.base_acceleration is None else -1.0 / omega**2
 
-    def opening(which: Bools) -> Complexes:
-        moved = transfer(system, frequency_hz, which) @ contacts.shape.T
+    def opening(phases: Ints) -> Complexes:
+        moved = transfer(system, frequency_hz, phases) @ contacts.shape.T
         return np.asarray(moved + base[:, None] * contacts.on_ground)
 
-    snubbers = np.arange(contacts.count) < len(system.snubbers)  # piecewise-linear springs keep their state at rest
-    at_rest, shut = opening(closed), opening(closed | snubbers)
+    resting = contacts.resting_phases(penetration)
+    pressed = resting.copy()  # piecewise-linear springs keep their phase at rest
+    for j in range(len(system.snubbers)):
+        if not closed[j]:
+            pressed[j] = contacts.laws[j].resting_phase(SLIGHT * abs(penetration[j]) or SLIGHT)
+    at_rest, shut = opening(resting), opening(pressed)
     unknown = np.full(omega.size, np.nan)
     levels = {}
     for j, snubber in enumerate(system.snubbers):
@@ -66,8 +71,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
                 onset, loss = unknown, penetration[j] / np.abs(at_rest[:, j])
             else:
                 onset, loss = -penetration[j] / np.abs(at_rest[:, j]), unknown
-        needed = contacts.stiffness[j] * np.abs(shut[:, j])
-        levels[snubber.name] = ContactLevels(onset, loss, needed)
+        levels[snubber.name] = ContactLevels(onset, loss, contacts.laws[j].static_force(np.abs(shut[:, j])))
     return levels
 
 

@@ -1,0 +1,290 @@
+"""Pads of tables, dashpots and Maxwell branches: against integration by hand, closed forms, differences and limits."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import beamsim
+from beamsim.analyses.run.energy import energy_history
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.force_curve import ForceCurve
+from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
+from beamsim.errors import ScenarioError
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.passage import Frequency, PeriodicForcing
+from beamsim.flow.transient import simulate
+from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.signal import Signal
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+CURVE = ForceCurve(np.array([0.0, 0.1, 0.25, 0.4]), np.array([0.0, 1.5, 6.0, 9.0]))
+LINE = ForceCurve(np.array([0.0, 1.0]), np.array([0.0, 20.0]))
+TWO = (MaxwellBranch(20.0, 0.15), MaxwellBranch(5.0, 1.0))
+START = np.array([0.03, 0.0, 0.3, -0.1])
+LOAD, OMEGA, GAP = np.array([2.0, 1.2]), 1.3, 0.05
+SHAPE = np.array([1.0, 0.4])
+PADS = [
+    (CURVE, 0.8, ()),
+    (LINE, 0.0, TWO[:1]),
+    (CURVE, 0.0, TWO),
+    (CURVE, 0.5, TWO),
+    (ForceCurve(np.array([0.0, 0.05, 0.3, 0.5]), np.array([0.0, 2.0, 2.0, 9.0])), 0.3, TWO[1:]),
+]
+
+
+def system_of(law, gap=GAP, stiffness=(1.0, 9.0), damping=(0.05, 0.1)):
+    contacts = Contacts(SHAPE[None], np.array([-1.0]), np.array([gap]), np.array([False]), (law,))
+    return PiecewiseLinearSystem(np.array(stiffness), np.diag(damping), contacts, np.zeros(2))
+
+
+def moved(law, duration=20.0, load=LOAD, start=START, **others):
+    forcing = Forcing(load[None], (Signal.harmonic(1.0, OMEGA),))
+    return simulate(ExactFlow(system_of(law, **others), forcing, duration), start)
+
+
+def by_hand(curve, dashpot, branches, duration):
+    """The pad in plain formulas, restarted where contact is made or lost.
+
+    State: q, q', the p of the branches, and the face u where there is a dashpot.
+    """
+    k = np.array([b.stiffness for b in branches])
+    tau = np.array([b.relaxation_time for b in branches])
+    m = k.size
+
+    def spring(x):
+        return np.interp(x, curve.deflection, curve.force) + max(x - curve.deflection[-1], 0.0) * curve.slopes[-1]
+
+    def face(y):
+        if dashpot:
+            return y[4 + m]
+        pulled = k @ y[4 : 4 + m]  # spring(u) + sum k u is this, and rises with u
+        at = curve.force + k.sum() * curve.deflection
+        beyond = max(pulled - at[-1], 0.0) / (curve.slopes[-1] + k.sum())
+        return np.interp(pulled, at, curve.deflection) + beyond
+
+    def force(y):
+        delta, rate = SHAPE @ y[:2] - GAP, SHAPE @ y[2:4]
+        return spring(delta) + dashpot * rate + k @ (delta - y[4 : 4 + m])
+
+    def rhs(t, y, touching):
+        surface = SHAPE @ y[:2] - GAP if touching else face(y)
+        push = force(y) if touching else 0.0
+        a = LOAD * np.sin(OMEGA * t) - np.array([1.0, 9.0]) * y[:2] - np.array([0.05, 0.1]) * y[2:4] - push * SHAPE
+        p = (surface - y[4 : 4 + m]) / tau
+        u = []
+        if dashpot:
+            u = [SHAPE @ y[2:4] if touching else -(spring(surface) + k @ (surface - y[4 : 4 + m])) / dashpot]
+        return np.concatenate([y[2:4], a, p, u])
+
+    def changes(t, y, touching):
+        return force(y) if touching else face(y) - (SHAPE @ y[:2] - GAP)
+
+    changes.terminal, changes.direction = True, -1.0
+
+    t, y, touching, contacts = 0.0, np.concatenate([START, np.zeros(m + (dashpot > 0))]), False, []
+    while t < duration:
+        run = solve_ivp(rhs, (t, duration), y, "DOP853", args=(touching,), events=changes, rtol=1e-10, atol=1e-12)
+        t, y = run.t[-1], run.y[:, -1]
+        if run.status == 1:
+            contacts.append(t)
+            if not touching and dashpot:
+                y[4 + m] = SHAPE @ y[:2] - GAP
+            touching = not touching
+    return y, np.array(contacts)
+
+
+@pytest.mark.parametrize(("curve", "dashpot", "branches"), PADS)
+def test_against_integration_by_hand(curve, dashpot, branches):
+    trajectory = moved(recovering_law(curve, dashpot, branches))
+    expected, contacts = by_hand(curve, dashpot, branches, 20.0)
+    made_and_lost = trajectory.event_time[trajectory.touch_changes != 0]
+    np.testing.assert_allclose(made_and_lost, contacts, atol=2e-7)
+    assert contacts.size >= 8
+    assert np.any(trajectory.touch_changes == 0) == (curve is not LINE)
+    np.testing.assert_allclose(trajectory.final_y[:4], expected[:4], atol=2e-7)
+    first = 1 if dashpot else 0
+    np.testing.assert_allclose(trajectory.final_y[4 + first :], expected[4 : 4 + len(branches)], atol=2e-7)
+
+
+@pytest.mark.parametrize(("curve", "dashpot", "branches"), PADS)
+def test_work_is_counted(curve, dashpot, branches):
+    trajectory = moved(recovering_law(curve, dashpot, branches))
+    balance = energy_history(trajectory, np.linspace(0.0, 20.0, 300))
+    assert balance.error < 1e-12
+    without_pad = trajectory.flow.system.damping.diagonal() @ np.trapezoid(
+        trajectory.sample(np.linspace(0, 20, 4001), _velocities(trajectory.flow)) ** 2, np.linspace(0, 20, 4001), axis=0
+    )
+    assert balance.history.dissipated[-1] > without_pad + 0.1
+
+
+def _velocities(flow):
+    from beamsim.analyses.run.outputs import in_every_state, velocities
+
+    return in_every_state(velocities(flow, np.eye(2)))
+
+
+def test_a_pad_never_pulls():
+    for curve, dashpot, branches in PADS:
+        trajectory = moved(recovering_law(curve, dashpot, branches))
+        times = np.linspace(0.0, 20.0, 2001)
+        force = trajectory.sample(times, trajectory.flow.contact_forces)
+        assert force.min() > -1e-12
+        assert force.max() > 1.0
+
+
+def test_step_response_of_a_zener_element():
+    """A mass on a spring, pressed into the pad all the time: roots of the cubic characteristic polynomial."""
+    k, km, tau = 20.0, 20.0, 0.15
+    contacts = Contacts(
+        np.ones((1, 1)), np.array([-1.0]), np.zeros(1), np.array([False]), (recovering_law(LINE, 0.0, TWO[:1]),)
+    )
+    system = PiecewiseLinearSystem(np.array([1.0]), np.zeros((1, 1)), contacts, np.array([3.0]))
+    trajectory = simulate(ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 6.0), np.zeros(2))
+    # x'' + x + k x + km (x - p) = 3, tau p' = x - p
+    roots = np.roots([tau, 1.0, tau * (1.0 + k + km), 1.0 + k])
+    end = 3.0 / (1.0 + k)
+    amplitudes = np.linalg.solve(np.vander(roots, 3, increasing=True).T, np.array([-end, 0.0, 3.0]))
+    times = np.linspace(0.0, 6.0, 200)
+    expected = end + (np.exp(np.multiply.outer(times, roots)) @ amplitudes).real
+    assert expected[1:].min() > 0.0
+    whole = trajectory.flow.empty_output(1)
+    whole.row[0, 0] = 1.0
+    np.testing.assert_allclose(trajectory.sample(times, lambda phases: whole)[:, 0], expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("omega", [0.4, 3.0, 30.0])
+def test_work_lost_in_a_branch_in_a_cycle(omega):
+    """pi k w tau / (1 + (w tau)^2) X^2, from the motion of a pad that stays pressed."""
+    k, tau = TWO[0].stiffness, TWO[0].relaxation_time
+    system = system_of(recovering_law(LINE, 0.0, TWO[:1]), gap=-1.0)
+    flow = ExactFlow(system, Forcing(0.05 * LOAD[None], (Signal.harmonic(1.0, omega),)), 1e4)
+    period = 2 * np.pi / omega
+    last = np.floor(600.0 / period) * period
+    trajectory = simulate(flow, np.concatenate([np.zeros(4), [1.0]]))
+    times = last + np.linspace(0.0, period, 401)
+    history = energy_history(trajectory, np.concatenate([[0.0], times])).history
+    delta, _ = flow.penetrations
+    x = trajectory.sample(times, lambda phases: delta)[:, 0]
+    v = trajectory.sample(times, _velocities(flow))
+    amplitude = 2.0 * abs(np.mean(x[:-1] * np.exp(-1j * omega * times[:-1])))
+    assert x.min() > 0.0
+    in_structure = period * np.mean(v[:-1] ** 2, axis=0) @ system.damping.diagonal()
+    lost = history.dissipated[-1] - history.dissipated[1] - in_structure
+    expected = np.pi * k * omega * tau / (1.0 + (omega * tau) ** 2) * amplitude**2
+    assert lost == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize(("curve", "dashpot", "branches"), PADS)
+def test_derivatives_across_a_pad(curve, dashpot, branches):
+    """The transition matrix and the derivative by the frequency against differences of the motion."""
+    system = system_of(recovering_law(curve, dashpot, branches))
+    forcing = PeriodicForcing.harmonic(LOAD)
+    flow = VariationalFlow(system, forcing, OMEGA)
+    start = np.concatenate([START, np.zeros(1 if dashpot else 0), np.full(len(branches), 0.02)])
+    passage = flow.carry(start, 9.0, (Frequency(),))
+    assert passage.event_time.size >= 3
+    h = 1e-6
+    for k in range(start.size):
+        step = h * np.eye(start.size)[k]
+        slope = (flow.carry(start + step, 9.0).end - flow.carry(start - step, 9.0).end) / (2 * h)
+        np.testing.assert_allclose(passage.transition[:, k], slope, atol=1e-5)
+    ends = [VariationalFlow(system, forcing, OMEGA + x).carry(start, 9.0).end for x in (h, -h)]
+    np.testing.assert_allclose(passage.parameters[:, 0], (ends[0] - ends[1]) / (2 * h), atol=1e-5)
+
+
+def test_linear_limits():
+    """No branch: the law of the package with a face; a branch of next to no stiffness: nearly so."""
+    plain, general = moved(no_tension(20.0, 0.8)), moved(recovering_law(LINE, 0.8))
+    np.testing.assert_allclose(general.final_y, plain.final_y, atol=1e-13)
+    bare = moved(kelvin_voigt(20.0)).final_y
+    for small in (1e-3, 1e-6):
+        weak = moved(recovering_law(LINE, 0.0, [MaxwellBranch(small, 0.15)])).final_y[:4]
+        assert 0.0 < np.abs(weak - bare).max() < 10.0 * small
+    fast = moved(recovering_law(LINE, 0.0, [MaxwellBranch(800.0, 1e-3)])).final_y[:4]  # a dashpot of 0.8 N s/m
+    np.testing.assert_allclose(fast, plain.final_y[:4], atol=5e-3)
+    slow = moved(recovering_law(LINE, 0.0, [MaxwellBranch(30.0, 1e7)])).final_y[:4]
+    np.testing.assert_allclose(slow, moved(kelvin_voigt(50.0)).final_y, atol=1e-4)
+
+
+def test_after_a_long_rest():
+    law = recovering_law(CURVE, 0.5, TWO)
+    assert law.settled_states(0.3) == (0.0, 0.3, 0.3)
+    assert law.phases[law.resting_phase(0.3)].name == "segment 3"
+    assert law.phases[law.resting_phase(-0.1)].name == "released 1"
+    assert law.static_force(0.3) == pytest.approx(7.0)
+    assert law.undamped_law is None
+    assert recovering_law(CURVE, 0.5).undamped() == table_law(CURVE)
+    omega = np.array([0.7, 5.0])
+    modulus = law.dynamic_stiffness(law.resting_phase(0.3), omega)
+    expected = (
+        20.0
+        + 0.5j * omega
+        + sum(b.stiffness * 1j * omega * b.relaxation_time / (1 + 1j * omega * b.relaxation_time) for b in TWO)
+    )
+    np.testing.assert_allclose(modulus, expected, rtol=1e-13)
+
+
+CHAIN = {
+    "chain": {"masses": [1.0, 1.0], "springs": [400.0, 400.0], "damping": {"kind": "modal", "ratio": 0.02}},
+    "excitation": {"kind": "harmonic", "applied_to": {"mass": 2}, "level": 1.0, "frequency": 2.0},
+    "run": {"duration": 3.0, "sample_rate": 200, "convergence": "off"},
+}
+
+
+def chain(maxwell, **others):
+    stop = {"name": "pad", "mass": 1, "side": "above", "stiffness": 300.0, "maxwell": maxwell}
+    return {**CHAIN, "chain": {**CHAIN["chain"], "snubbers": [{**stop, **others}]}}
+
+
+BRANCH = {"stiffness": 500.0, "relaxation_time": 0.05}
+
+
+def test_a_branch_in_a_scenario():
+    run = beamsim.run(load_scenario(chain([BRANCH])))
+    assert run.summary["contacts"]["pad"] >= 3
+    assert run.summary["energy_error"] < 1e-10
+    assert run.snubbers["pad"].force.min() >= -1e-12
+    stepped = beamsim.run(load_scenario({**chain([BRANCH]), "run": {**CHAIN["run"], "method": "reference"}}))
+    apart = run.probes["pad"].displacement - stepped.probes["pad"].displacement
+    assert np.abs(apart).max() < 1e-5 * np.abs(run.probes["pad"].displacement).max()
+    nothing = beamsim.run(load_scenario(chain([{**BRANCH, "stiffness": 0.0}])))
+    bare = beamsim.run(load_scenario(chain([])))
+    np.testing.assert_array_equal(nothing.probes["pad"].displacement, bare.probes["pad"].displacement)
+
+
+def test_a_pad_rests_at_the_start():
+    """At static equilibrium a prestressed pad has relaxed, and nothing moves."""
+    case = {**chain([BRANCH], gap=-0.1), "excitation": {"kind": "none"}}
+    run = beamsim.run(load_scenario(case))
+    pad = run.snubbers["pad"]
+    assert pad.preload == pytest.approx(pad.force[0], rel=1e-12)
+    assert np.ptp(pad.force) < 1e-12 * pad.preload
+
+
+@pytest.mark.parametrize(
+    ("maxwell", "others", "says"),
+    [
+        ([{"stiffness": 1.0, "relaxation_time": 0}], {}, "maxwell[0].relaxation_time = 0 must be positive"),
+        ([{"stiffness": -1.0, "relaxation_time": 1}], {}, "maxwell[0].stiffness = -1 must not be negative"),
+        ([BRANCH], {"law": "kelvin_voigt"}, "law = kelvin_voigt does not go with maxwell"),
+        ([{"stiffness": 1.0}], {}, "maxwell[0].relaxation_time is missing"),
+    ],
+)
+def test_bad_branches_are_refused(maxwell, others, says):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(chain(maxwell, **others))
+    assert says in str(caught.value)
+
+
+def test_what_needs_contacts_without_losses_says_so():
+    case = {**chain([BRANCH]), "run": None, "nnm": {"mode": 1}}
+    with pytest.raises(ScenarioError, match=r"nnm needs contacts without losses.*leave out maxwell of pad"):
+        beamsim.nnm(load_scenario(case))
+    springs = [{"kind": "cubic", "mass": 2, "stiffness": 5.0}]
+    case = chain([BRANCH])
+    case["chain"]["springs_to_ground"] = springs
+    with pytest.raises(ScenarioError, match=r"maxwell cannot be combined with cubic springs"):
+        build_system(load_scenario(case))
