@@ -5,32 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import MethodError, ScenarioError
 from beamsim.files import replacing
 from beamsim.matrix_files.write import write_matrices
 from beamsim.scenario.base import suggestion
-from beamsim.structures.assembly import bodies_of
+from beamsim.structures.assembly import acting_places, assemble, bodies_of
 from beamsim.structures.dof_table import write_dof_table
+from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+    from beamsim.structures.named_matrices import NamedMatrices
 
 
-def exported(scenario: Scenario, name: str | None, target: Path, *, binary: bool) -> tuple[list[Path], str]:
+def exported(
+    scenario: Scenario, name: str | None, target: Path, *, binary: bool, modes: int | None
+) -> tuple[list[Path], str]:
     """Write matrices and table; the files, and the body as a scenario has it.
+
+    Parameters
+    ----------
+    name : of one body by itself, without its joints; None for the whole structure.
+    modes : of a Craig-Bampton model, whose boundary is where something acts or is recorded; None for all nodes.
 
     Raises
     ------
     ScenarioError
-        If there are several bodies and none is named, or none has this name.
+        If no body has this name, or there is no such Craig-Bampton model.
     """
-    bodies = {body.name: body for body in bodies_of(scenario)}
-    if name is None and len(bodies) > 1:
-        raise ScenarioError(f"there are several bodies; choose one with --body: {', '.join(bodies)}")
-    if name is not None and name not in bodies:
-        raise ScenarioError(f"--body {name} is an unknown body; {suggestion(name, bodies, 'the bodies are')}")
-    body = bodies[name] if name is not None else next(iter(bodies.values()))
-    given = body.named_matrices
+    called, given = _matrices(scenario, name, modes)
     matrices = {"mass": given.mass, "stiff": given.stiffness}
     if given.damping is not None:
         matrices["viscous"] = given.damping
@@ -38,11 +41,31 @@ def exported(scenario: Scenario, name: str | None, target: Path, *, binary: bool
     table = target.with_name(f"{target.stem}_dofs.csv")
     with replacing(table) as temporary:
         write_dof_table(temporary, given.table)
-    lines = ["bodies:", f"  {body.name}:", "    kind: matrices"]
+    lines = ["bodies:", f"  {called}:", "    kind: matrices"]
     for key, matrix in (("mass", "mass"), ("stiffness", "stiff"), ("viscous", "viscous")):
         if matrix in written:
-            file, called = written[matrix]
-            lines.append(f"    {key}: {{file: {file.name}{f', name: {called}' if called else ''}}}")
+            file, label = written[matrix]
+            lines.append(f"    {key}: {{file: {file.name}{f', name: {label}' if label else ''}}}")
     base = f"{{nodes: [{', '.join(map(str, given.base))}], direction: {given.direction}}}" if given.base else "free"
     lines += [f"    dofs: {table.name}", f"    base: {base}"]
     return [*dict.fromkeys(file for file, _ in written.values()), table], "\n".join(lines)
+
+
+def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[str, NamedMatrices]:
+    """Name and matrices of one body, or of the structure."""
+    bodies = {body.name: body for body in bodies_of(scenario)}
+    if name is not None and name not in bodies:
+        raise ScenarioError(f"--body {name} is an unknown body; {suggestion(name, bodies, 'the bodies are')}")
+    if name is None and len(bodies) == 1:
+        name = next(iter(bodies))
+    if name is not None and modes is None:
+        return name, bodies[name].named_matrices
+    structure = assemble(scenario) if name is None else bodies[name]
+    try:
+        given, to_named = named_structure(structure)
+        if modes is None:
+            return "structure", given
+        places = [place for place in acting_places(scenario) if name is None or place.body == name]
+        return name or "structure", craig_bampton(given, boundary_rows(structure, given, to_named, places), modes)
+    except MethodError as error:
+        raise ScenarioError(f"{error.about} {error.message}; {error.remedy}") from None

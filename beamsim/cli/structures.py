@@ -52,12 +52,16 @@ def export_structure(
     case: Case,
     set_: Overrides = None,
     output: Output = None,
-    body: Annotated[str | None, typer.Option("--body", help="Name of the body, where there are several.")] = None,
+    body: Annotated[str | None, typer.Option("--body", help="One body by itself, without its joints.")] = None,
+    modes: Annotated[
+        int | None,
+        typer.Option("--modes", min=1, help="Craig-Bampton model with so many modes; boundary: where something acts."),
+    ] = None,
     binary: Annotated[bool, typer.Option("--binary", help="Binary instead of ASCII, for OP4.")] = False,
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Write a body's matrices as OP4 (default), MATLAB, MatrixMarket or NumPy files, with a table of its nodes."""
+    """Write matrices of the structure as OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
     from beamsim.cli.conclusion import located
     from beamsim.cli.output import output_file
     from beamsim.cli.printing import print_json
@@ -68,7 +72,7 @@ def export_structure(
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
     with located(scenario):
-        files, text = exported(scenario, body, target, binary=binary)
+        files, text = exported(scenario, body, target, binary=binary, modes=modes)
     if json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:

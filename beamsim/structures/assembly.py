@@ -15,7 +15,7 @@ from beamsim.structures.distributed import Distributed
 from beamsim.structures.joined import join
 from beamsim.structures.joints import couplings_of
 from beamsim.structures.matrices import assemble_matrices
-from beamsim.structures.places import LoadSite, Place, Site, load_site_of, site_of
+from beamsim.structures.places import LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.plate import assemble_plate
 from beamsim.structures.several import assemble_side_by_side
 
@@ -69,6 +69,15 @@ def bodies_of(scenario: Scenario) -> list[BodyStructure]:
     """The bodies, each by itself, in the order of the scenario."""
     couplings = couplings_of(scenario)
     return [_body(scenario, name, couplings) for name in scenario.all_bodies]
+
+
+def acting_places(scenario: Scenario) -> list[Place]:
+    """Places where something acts, is joined or is recorded, each once."""
+    places: dict[Place, None] = {}
+    for _, item in walk(scenario):
+        if getattr(item, "places", ()):
+            places |= dict.fromkeys(ends_of(site_of(item, scenario.default_body)))
+    return list(places)
 
 
 def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:

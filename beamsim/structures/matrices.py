@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.distributed import Distributed
-from beamsim.structures.dof_table import TRANSLATIONS, DofTable
+from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
 from beamsim.structures.imported import (
     CONDENSED_UP_TO,
     GROUNDED,
@@ -176,6 +176,21 @@ class MatricesStructure(BodyStructure):
             )
             for k, (row, stiffness, mass, damping) in enumerate(zip(held, *rows, strict=True))
         )  # fmt: skip
+
+    @property
+    def total_mass(self) -> float:
+        """Mass that a motion of the base moves, kg."""
+        motion = self.given.table.of_direction(self.given.direction)
+        held = self.given.table.rows_of(self.given.base)
+        motion[np.setdiff1d(np.arange(motion.size), held)] = self.influence
+        return float(motion @ (self.given.mass @ motion))
+
+    @property
+    def named_dofs(self) -> NamedDofs:
+        """Those of the files; coordinates of their own where motions without mass were condensed."""
+        if self.expansion.shape[0] != self.size:
+            return super().named_dofs
+        return NamedDofs(self.table, np.ones(self.size), self.influence)
 
     @property
     def named_matrices(self) -> NamedMatrices:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.distributed import Distributed
+from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.modes import mode_of_unit_deflection
 from beamsim.structures.places import DEFLECTION, LoadSite, Place, Site, separated
 from beamsim.structures.plate_mesh import PlateMesh
@@ -58,6 +60,18 @@ class PlateModel(BodyStructure, ABC):
             beta = (beam.mass_per_length * physical**2 / beam.bending_stiffness) ** 0.25 * beam.length
             modes += int(np.ceil(beta / np.pi)) + 2
         return modes + len(self.plate.point_masses)
+
+    @property
+    def named_dofs(self) -> NamedDofs:
+        """Nodes along y first, from the left and bottom edges, each with z, ry = -dw/dx, rx = dw/dy and the twist."""
+        along_y, length, width = 2 * self.mesh.y.nodes.size, self.plate.length, self.plate.width
+        i, j = self.free // along_y, self.free % along_y
+        nodes = (i // 2) * self.mesh.y.nodes.size + j // 2
+        kinds = 2 * (i % 2) + j % 2  # w, W w_y, L w_x, L W w_xy
+        directions, scales = ("z", "rx", "ry", MODAL), np.array([1.0, 1 / width, -1 / length, 1 / (length * width)])
+        names = tuple((int(n) + 1, directions[kind]) for n, kind in zip(nodes, kinds, strict=True))
+        places = np.column_stack([self.mesh.node_points[nodes] * (length, width), np.zeros(nodes.size)])
+        return NamedDofs(DofTable(names, places), scales[kinds], np.where(kinds == 0, 1.0, 0.0))
 
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Single places."""

@@ -1,0 +1,213 @@
+r"""Matrices of a whole structure for other programs: joined bodies on named nodes, and Craig-Bampton models.
+
+Degrees of freedom that joints tie together keep as many names as they have motions. With :math:`u = T v` those of all
+bodies and S the rows that keep their names, the coordinates for other programs are :math:`u_S = T_S v`.
+
+A Craig-Bampton model keeps boundary degrees of freedom b, the base among them, and modes :math:`\Phi` of the others, i,
+with the boundary held,
+
+.. math:: u_i = -K_{ii}^{-1} K_{ib} u_b + \Phi \eta
+
+(R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6, 1968). With all modes it
+is a change of coordinates; its stiffness does not couple the modes to the boundary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from beamsim.errors import MethodError
+from beamsim.matrix_files.matrix import MODAL
+from beamsim.structures.dof_table import DofTable, NamedDofs
+from beamsim.structures.modes import DENSE_LIMIT
+from beamsim.structures.named_matrices import NamedMatrices, with_base_node
+from beamsim.structures.places import Place
+from beamsim.structures.structure import BodyStructure, Structure
+from beamsim.structures.symmetric_lu import symmetric_lu
+from beamsim.typing import Floats, Ints
+
+_ROUND_OFF = 1e-9
+
+
+def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
+    """Matrices of a structure with its base, and what takes a row of its degrees of freedom to their rows.
+
+    Returns
+    -------
+    NamedMatrices
+        Bodies have consecutive nodes, in their order.
+    (M, N) sparse
+        A row r of the structure's degrees of freedom, such as that of a place, is ``map @ r`` on the named ones.
+
+    Raises
+    ------
+    MethodError
+        If springs hold the structure to the ground, which does not move with the base.
+    """
+    from scipy.sparse import csr_array, diags_array
+    from scipy.sparse.linalg import splu
+
+    if isinstance(structure, BodyStructure):
+        named, back = structure.named_dofs, csr_array(diags_array(np.ones(structure.size)))
+    else:
+        if np.any(structure.ground):
+            raise MethodError(
+                "springs", "to the ground hold the structure, which a node that moves with the base cannot stand for",
+                "leave them out, or make them joints to the base",
+            )  # fmt: skip
+        everything: Any = _stacked([member.expansion for member in structure.members])
+        kept = _independent_rows(everything)
+        named = _part(_names([member.body for member in structure.members]), kept)
+        chosen = everything[kept].tocsc()
+        back = csr_array(splu(chosen).solve(np.eye(structure.size)))  # v = back u_S
+        back.data[np.abs(back.data) < 1e-14] = 0.0
+        back.eliminate_zeros()
+    mass, stiffness = (
+        (back.T @ matrix @ back).tocsc()
+        for matrix in (structure.mass * structure.mass_scale, structure.stiffness * structure.stiffness_scale)
+    )
+    damping = None if structure.damping is None else (back.T @ structure.damping @ back).tocsc()
+    total = sum(member.body.total_mass for member in structure.members)
+    inertia = np.asarray(back.T @ (structure.mass_scale * structure.inertia))
+    given = with_base_node(named, mass, stiffness, damping, inertia, total)
+    return given, diags_array(1 / named.scale) @ back.T
+
+
+def _stacked(expansions: Sequence[Any]) -> Any:
+    from scipy.sparse import vstack
+
+    return vstack(expansions, format="csr")
+
+
+def _names(bodies: Sequence[BodyStructure]) -> NamedDofs:
+    """Names of all bodies, whose nodes follow one another."""
+    dofs, places, last = [], [], 0
+    named = [body.named_dofs for body in bodies]
+    for each in named:
+        dofs += [(node + last if node else 0, direction) for node, direction in each.table.dofs]
+        given = each.table.coordinates
+        places.append(np.full((len(each.table.dofs), 3), np.nan) if given is None else given)
+        last += int(each.table.nodes.max(initial=0))
+    coordinates = np.vstack(places)
+    return NamedDofs(
+        DofTable(tuple(dofs), None if np.all(np.isnan(coordinates)) else coordinates),
+        np.concatenate([each.scale for each in named]),
+        np.concatenate([each.influence for each in named]),
+    )
+
+
+def _part(named: NamedDofs, rows: Ints) -> NamedDofs:
+    return NamedDofs(named.table.part(rows), named.scale[rows], named.influence[rows])
+
+
+def _independent_rows(expansion: Any) -> Ints:
+    """As many independent rows as there are columns; of rows that joints tie together those with the largest pivots."""
+    from scipy.linalg import qr
+    from scipy.sparse.csgraph import connected_components
+
+    by_row = expansion.tocsr()
+    pattern = abs(by_row.T) @ abs(by_row)
+    _, group = connected_components(pattern, directed=False)
+    entries = by_row.tocoo()
+    group_of_row = np.full(by_row.shape[0], -1)
+    group_of_row[entries.row] = group[entries.col]
+    kept = []
+    order = np.argsort(group, kind="stable")
+    for columns in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        rows = np.flatnonzero(group_of_row == group[columns[0]])
+        block = by_row[rows][:, columns].toarray()
+        kept.append(rows[qr(block.T, pivoting=True, mode="r")[1][: columns.size]])
+    return np.sort(np.concatenate(kept))
+
+
+def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, places: Sequence[Place]) -> Ints:
+    """Rows of the named matrices where something acts, and those of the base.
+
+    Raises
+    ------
+    MethodError
+        If a place is not at a node.
+    """
+    rows = set(given.table.rows_of(given.base).tolist())
+    for place in places:
+        row = np.asarray(to_named @ structure.place_row(place))
+        largest = int(np.argmax(np.abs(row)))
+        if np.abs(row).sum() - abs(row[largest]) > _ROUND_OFF or abs(row[largest] - 1) > _ROUND_OFF:
+            raise MethodError(
+                "boundary", f"is not at a node: {place.label}",
+                "change the number of elements, or give the body a node there",
+            )  # fmt: skip
+        rows.add(largest)
+    return np.array(sorted(rows), dtype=np.int64)
+
+
+def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatrices:
+    """The model with ``count`` modes of the held boundary, or all that there are, and the boundary (rows).
+
+    Raises
+    ------
+    MethodError
+        If nothing is held, or the boundary does not hold the structure.
+    """
+    size = len(given.table.dofs)
+    inner = np.setdiff1d(np.arange(size), boundary)
+    if not boundary.size or not inner.size:
+        raise MethodError("boundary", "is empty" if inner.size else "holds every degree of freedom", "name places")
+    stiffness, mass = (matrix.tocsr()[inner][:, inner].tocsc() for matrix in (given.stiffness, given.mass))
+    try:
+        factors = symmetric_lu(stiffness, definite=True)
+        held = bool(np.all(factors.pivots > 1e-12))
+    except RuntimeError:
+        held = False
+    if not held:
+        raise MethodError(
+            "boundary", "does not hold the structure: it moves without force",
+            "let more places act on it: snubbers, springs, joints, probes",
+        )  # fmt: skip
+    modes = _modes(stiffness, mass, factors, min(count, inner.size))
+    basis = np.zeros((size, modes.shape[1] + boundary.size))
+    basis[inner, : modes.shape[1]] = modes
+    basis[boundary, modes.shape[1] + np.arange(boundary.size)] = 1.0
+    coupling = given.stiffness.tocsr()[inner][:, boundary].toarray()
+    follow = factors.solve(-coupling)
+    follow += factors.solve(-(coupling + stiffness @ follow))  # refined once
+    basis[inner, modes.shape[1] :] = follow
+    table = given.table.part(boundary)
+    coordinates = table.coordinates
+    if coordinates is not None:
+        coordinates = np.vstack([np.full((modes.shape[1], 3), np.nan), coordinates])
+    return NamedMatrices(
+        DofTable((*((0, MODAL),) * modes.shape[1], *table.dofs), coordinates),
+        _projected(given.mass, basis, modes.shape[1]),
+        _projected(given.stiffness, basis, modes.shape[1], coupled=False),
+        None if given.damping is None else _projected(given.damping, basis),
+        given.base,
+        given.direction,
+    )
+
+
+def _modes(stiffness: Any, mass: Any, factors: Any, count: int) -> Floats:
+    from scipy.linalg import eigh
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    size = mass.shape[0]
+    if size <= DENSE_LIMIT or count > size // 4:
+        return np.asarray(eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])[1])
+    inverse = LinearOperator(mass.shape, matvec=factors.solve)
+    squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
+    return np.asarray(vectors[:, np.argsort(squared)])
+
+
+def _projected(matrix: Any, basis: Floats, modes: int = 0, *, coupled: bool = True) -> Any:
+    """The matrix in the basis, symmetric; exact zeros between modes, and to the boundary if these are not coupled."""
+    from scipy.sparse import csc_array
+
+    projected = basis.T @ (matrix @ basis)
+    projected = (projected + projected.T) / 2
+    projected[:modes, :modes] = np.diag(np.diag(projected)[:modes])
+    if not coupled:
+        projected[:modes, modes:] = projected[modes:, :modes] = 0.0
+    return csc_array(projected)

@@ -1,0 +1,178 @@
+"""Structures that export-structure wrote, read back: the same contact run as the one that was written."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import beamsim
+from beamsim.cli.structure_export import exported
+from beamsim.errors import ScenarioError
+from beamsim.matrix_files.op4 import read_op4
+from beamsim.scenario import load_scenario
+from beamsim.structures.assembly import assemble
+from beamsim.structures.dof_table import read_dof_table
+from beamsim.system.build import build_system
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+DAMPING = {"kind": "modal", "ratio": 0.01}
+PANEL = {
+    "kind": "plate", "length": 0.77, "width": 0.44, "thickness": 0.005, "youngs_modulus": 70e9, "poissons_ratio": 0.33,
+    "density": 2700, "elements": [5, 3], "supports": {"left": "clamped"}, "damping": DAMPING,
+}  # fmt: skip
+BEAM = {
+    "kind": "beam", "length": 0.4, "width": 0.05, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700,
+    "elements": 6, "damping": DAMPING,
+}  # fmt: skip
+SHAKEN = {
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "3 g", "frequency": 9},
+    "reduction": {"modes": 6},
+    "run": {"duration": 0.5, "sample_rate": 5e3, "convergence": "off", "start": "rest"},
+}
+
+
+def corner(at, name, gap):
+    return {"name": name, "at": at, "side": "below", "stiffness": 60e3, "gap": gap}
+
+
+def plate(near, far):
+    return {"snubbers": [corner(near, "near", 1e-4), corner(far, "far", 2e-4)], "probes": [{"name": "a", "at": near}]}
+
+
+def hinged(joint_kind="hinge", **joint):
+    """Two beams, the second upside down in nothing but its numbers, joined within the first."""
+    ends = [{"body": "first", "position": 0.4}, {"body": "second", "position": 0.0}]
+    return {
+        "bodies": {
+            "first": {**BEAM, "supports": {"left": "clamped", "right": "free"}},
+            "second": {**BEAM, "thickness": 0.004, "supports": {"left": "free", "right": "free"}},
+        },
+        "joints": [{"name": "joint", "kind": joint_kind, "between": ends, **joint}],
+    }
+
+
+def at_tip(place):
+    return {"snubbers": [corner(place, "tip", 1e-4)], "probes": [{"name": "tip", "at": place}]}
+
+
+def read_back(folder, case, acting, modes=None, damping=DAMPING):
+    """The exported structure with the same snubbers."""
+    _, text = exported(load_scenario(case), None, folder / "it.op4", binary=False, modes=modes)
+    body = yaml.safe_load(text)
+    for section in body["bodies"].values():
+        section["damping"] = damping
+    path = folder / "again.yaml"
+    path.write_text(yaml.safe_dump({**body, **acting, **SHAKEN}))
+    return load_scenario(path)
+
+
+def same_motion(known, again):
+    assert known.summary["contacts"] == again.summary["contacts"]
+    assert max(known.summary["contacts"].values()) > 3
+    for name, snubber in known.snubbers.items():
+        one, other = np.asarray(snubber.force), np.asarray(again.snubbers[name].force)
+        assert np.abs(one).max() > 1.0
+        assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
+    for name, probe in known.probes.items():
+        one, other = np.asarray(probe.displacement), np.asarray(again.probes[name].displacement)
+        assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
+
+
+@pytest.mark.parametrize("modes", [None, 10_000])
+def test_a_plate_by_its_nodes_and_as_a_craig_bampton_model(tmp_path, modes):
+    """With all modes of the held boundary a Craig-Bampton model is the same in other coordinates."""
+    places = ({"position": [0.77, 0.0]}, {"position": [0.77, 0.44]})
+    nodes = ({"body": "panel", "node": 21, "direction": "z"}, {"body": "panel", "node": 24, "direction": "z"})
+    built = {"bodies": {"panel": PANEL}, **plate(*places), **SHAKEN}
+    known = beamsim.run(load_scenario(built))
+    same_motion(known, beamsim.run(read_back(tmp_path, built, plate(*nodes), modes)))
+    table = read_dof_table(tmp_path / "it_dofs.csv")
+    if modes:
+        assert table.dofs[-3:] == ((21, "z"), (24, "z"), (25, "z"))  # corners and the base
+        assert sum(direction == "modal" for _, direction in table.dofs) == 4 * 5 * 4 - 2
+    np.testing.assert_array_equal(table.coordinates[table.number[24, "z"]], [0.77, 0.44, 0.0])
+
+
+def test_the_shipped_craig_bampton_model_is_that_of_the_shipped_plate(tmp_path):
+    """Written by ``export-structure plate_panel.yaml --modes 40``, nodes 68, 127, 135, 136 renamed."""
+    written = exported(load_scenario(CONFIGS / "plate_panel.yaml"), None, tmp_path / "it.op4", binary=False, modes=40)[
+        0
+    ]
+    one, other = ({m.name: m.values for m in read_op4(file)} for file in (written[0], CONFIGS / "panel.op4"))
+    for now, shipped in (("mass", "mxx"), ("stiff", "kxx")):
+        difference = abs(abs(one[now]) - abs(other[shipped]))  # signs of modes are free
+        assert difference.max() <= 1e-8 * abs(other[shipped]).max()
+    tables = [read_dof_table(file) for file in (written[1], CONFIGS / "panel_dofs.csv")]
+    np.testing.assert_array_equal(tables[0].coordinates, tables[1].coordinates)
+    assert tables[1].dofs[-4:] == ((12, "z"), (24, "z"), (32, "z"), (3, "z"))
+
+
+def test_few_modes_of_a_craig_bampton_model_come_close(tmp_path):
+    """A check on the reduction: frequencies from above, and further off with fewer modes."""
+    places = ({"position": [0.77, 0.0]}, {"position": [0.77, 0.44]})
+    nodes = ({"body": "panel", "node": 21, "direction": "z"}, {"body": "panel", "node": 24, "direction": "z"})
+    built = {"bodies": {"panel": PANEL}, **plate(*places), **SHAKEN}
+    known = build_system(load_scenario(built)).modes.open_frequencies_hz[:4]
+    above = []
+    for modes in (6, 20):
+        again = build_system(read_back(tmp_path, built, plate(*nodes), modes)).modes.open_frequencies_hz[:4]
+        above.append(float(np.max(again / known - 1)))
+        assert np.all(again >= known * (1 - 1e-10))
+    assert 0.1 > above[0] > 10 * above[1] > 0
+
+
+@pytest.mark.parametrize(
+    "joint", [{"joint_kind": "hinge", "rotational_stiffness": 50.0}, {"joint_kind": "rigid"},
+              {"joint_kind": "spring", "stiffness": 3e4, "rotational_stiffness": 20.0, "rotational_dashpot": 0.01}]
+)  # fmt: skip
+@pytest.mark.parametrize("modes", [None, 10_000])
+def test_joined_bodies(tmp_path, joint, modes):
+    # Damping by strain energy counts springs of joints as undamped: only viscous damping is a matrix.
+    if joint["joint_kind"] != "rigid":
+        case = hinged(**joint)
+        for body in case["bodies"].values():
+            body["damping"] = {"kind": "viscous", "coefficient": 2.0}
+        damping = {"kind": "modal", "ratio": 0.0}
+    else:
+        case, damping = hinged(**joint), DAMPING
+    built = {**case, **at_tip({"body": "second", "position": 0.4}), **SHAKEN}
+    known = beamsim.run(load_scenario(built))
+    acting = at_tip({"body": "structure", "node": 14, "direction": "z"})
+    same_motion(known, beamsim.run(read_back(tmp_path, built, acting, modes, damping)))
+
+
+def test_mass_and_rigid_motion_of_joined_bodies(tmp_path):
+    """The base node of the whole structure moves it without force, and with all of its mass."""
+    built = {**hinged("rigid"), **at_tip({"body": "second", "position": 0.4}), **SHAKEN}
+    scenario = read_back(tmp_path, built, at_tip({"body": "structure", "node": 14, "direction": "z"}))
+    given = assemble(scenario).named_matrices
+    moved = given.table.of_direction("z")
+    assert np.abs(given.stiffness @ moved).max() <= 1e-9 * abs(given.stiffness).max()
+    assert moved @ (given.mass @ moved) == pytest.approx(2700 * 0.4 * 0.05 * 0.009, rel=1e-12)
+
+
+def test_a_boundary_between_nodes_is_refused(tmp_path):
+    built = {"bodies": {"panel": PANEL}, **plate({"position": [0.7, 0.0]}, {"position": [0.77, 0.44]}), **SHAKEN}
+    with pytest.raises(ScenarioError, match=r"boundary is not at a node: \(0.7, 0\) m; change the number of elements"):
+        exported(load_scenario(built), None, tmp_path / "it.op4", binary=False, modes=5)
+
+
+def test_a_boundary_that_does_not_hold_the_structure_is_refused(tmp_path):
+    body = {**BEAM, "supports": {"left": "free", "right": "free"}}
+    built = {"bodies": {"beam": body}, **at_tip({"position": 0.4}), **SHAKEN}
+    with pytest.raises(ScenarioError, match="boundary does not hold the structure: it moves without force; let more"):
+        exported(load_scenario(built), None, tmp_path / "it.op4", binary=False, modes=5)
+
+
+def test_springs_to_the_ground_are_refused(tmp_path):
+    built = {
+        **hinged("rigid"),
+        "springs_to_ground": [
+            {"kind": "linear", "name": "g", "at": {"body": "second", "position": 0.4}, "stiffness": 1e3}
+        ],
+        **at_tip({"body": "second", "position": 0.4}),
+        **SHAKEN,
+    }
+    with pytest.raises(ScenarioError, match="springs to the ground hold the structure"):
+        exported(load_scenario(built), None, tmp_path / "it.op4", binary=False, modes=None)
