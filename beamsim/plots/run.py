@@ -157,6 +157,32 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
     return ax
 
 
+def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
+    """Contact force over penetration of the snubbers: loops enclose the work that they lose.
+
+    Of a long run the last part is drawn.
+    """
+    snubbers = list(result.snubbers.values())[:MOST_CURVES]
+    shown = slice(max(rows_of(result, "time").size - MOST_STATES, 0), None)
+    loops = []
+    for snubber in snubbers:
+        closed = rows_of(snubber, "closed")[shown]
+        drawn = closed.copy()  # and one more sample on either side
+        drawn[1:] |= closed[:-1]
+        drawn[:-1] |= closed[1:]
+        values = [rows_of(snubber, name)[shown] for name in ("penetration", "force")]
+        loops.append([np.where(drawn, value, np.nan) for value in values])
+    length, newton = (scale_for(unit, *(loop[k] for loop in loops)) for k, unit in enumerate(("m", "N")))
+    for k, (snubber, (penetration, force)) in enumerate(zip(snubbers, loops, strict=True)):
+        style = {**curve_style(k), "linewidth": 0.8}
+        ax.plot(penetration * length.factor, force * newton.factor, label=snubber.name, **style)
+    if not any(np.isfinite(penetration).any() for penetration, _ in loops):
+        ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", va="center", color="0.4")
+    finish(ax, f"Penetration ({length.unit})", f"Contact force ({newton.unit})")
+    legend(ax, len(snubbers), len(result.snubbers), "snubbers")
+    return ax
+
+
 def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
     """Force of the nonlinear springs over their stretch, in the range covered by the motion."""
     springs = list(result.springs.values())[:MOST_CURVES]
@@ -242,6 +268,9 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     }
     if result.snubbers:
         figures["contact_force"] = whole_and_last_part(plot_contact_force)
+        figure, (ax,) = panels(1, height=4.4)
+        figures["force_deflection"] = figure
+        plot_force_deflection(result, ax)
     if result.springs:
         figure, (ax,) = panels(1, height=4.4)
         plot_spring_force(result, ax)

@@ -26,7 +26,15 @@ snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap
 excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
 run: {duration: 0.05 s, sample_rate: 5 kHz}
 """
-PLOTS = {"displacement", "acceleration", "contact_force", "spectrum", "phase_portrait", "deflected_shapes"}
+PLOTS = {
+    "displacement",
+    "acceleration",
+    "contact_force",
+    "force_deflection",
+    "spectrum",
+    "phase_portrait",
+    "deflected_shapes",
+}
 
 
 @pytest.fixture

@@ -20,7 +20,15 @@ from beamsim.plots.png import write_png
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, thinned
 
-EVERYTHING = {"displacement", "acceleration", "contact_force", "spectrum", "phase_portrait", "deflected_shapes"}
+EVERYTHING = {
+    "displacement",
+    "acceleration",
+    "contact_force",
+    "force_deflection",
+    "spectrum",
+    "phase_portrait",
+    "deflected_shapes",
+}
 
 
 @pytest.fixture
@@ -33,7 +41,7 @@ def ax():
     [
         ({}, set()),
         ({"snubbers": tuple("abcdefgh"), "probes": tuple("pqrstuvw")}, set()),
-        ({"snubbers": ()}, {"contact_force"}),
+        ({"snubbers": ()}, {"contact_force", "force_deflection"}),
         ({"chain": True}, {"deflected_shapes"}),
         ({"frequency": math.nan}, set()),
         ({"duration": 0.001, "rate": 1000.0}, set()),
@@ -115,7 +123,7 @@ def test_every_panel_is_measured_once_and_drawn_once(fabricated_run, tmp_path, m
     counting("get_tightbbox")
     plots.save_run_plots(fabricated_run(), tmp_path, "case")
     panels = {ax for _, ax in counts}
-    assert len(panels) == 10
+    assert len(panels) == 11
     assert set(counts.values()) == {1}
     assert {name for name, _ in counts} == {"draw", "get_tightbbox"}
 
