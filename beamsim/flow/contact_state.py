@@ -109,7 +109,7 @@ class ContactState:
         out = np.zeros((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))
         np.add.at(out[:, 0], self.term_source, of_terms.real)
         np.add.at(out[:, 1], self.term_source, -of_terms.imag)
-        return out.reshape(-1, of_terms.shape[1])
+        return out.reshape(2 * out.shape[0], of_terms.shape[1])
 
     @cached_property
     def terms_of_sources(self) -> tuple[Ints, Ints]:
