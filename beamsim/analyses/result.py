@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 # entries that the summaries of several analyses share
 STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
 MARGINS = Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits")
+GAPPING = Entry(
+    "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency at which the steady linear "
+    "motion first opens or closes it, that level over the one here, contact force at equilibrium that keeps contact "
+    "with all snubbers closed and alone; what the motion did", "gapping",
+)  # fmt: skip
 MODES = (
     Entry("open_frequencies_hz", label="natural frequencies", of="modes.open_frequencies_hz"),
     Entry("closed_frequencies_hz", of="modes.closed_frequencies_hz"),

@@ -16,7 +16,8 @@ from beamsim.analyses.limits import LIMITED, STANDARD_GRAVITY
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
-from beamsim.plots.style import scale_for
+from beamsim.plots.style import level_text, scale_for
+from beamsim.scenario.quantities import amplitude_unit
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is printed can be known so small
 VALUES_SHOWN = 6  # of a list
@@ -187,7 +188,38 @@ def base_correction(result: Result, share: float) -> str:
     return f"{si(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
 
 
+def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+    """By snubber: the level of the linear motion that changes contact, what the motion did, and the preload."""
+    width = max((len(name) for name in snubbers), default=0)
+    unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
+    for name, of in snubbers.items():
+        verb, past = ("opens", "opened") if of["closed_at_rest"] else ("touches", "touched")
+        reached = of["share_of_level"] <= 1.0
+        level = level_text(of["level"], unit).removeprefix("level ")
+        text = f"{verb} from {level} at {of['frequency_hz']:.4g} Hz (steady linear motion)"
+        yield "", f"{name:<{width}}  {text}{'' if reached else ', which is not reached'}"
+        happened = list(_happened(of, past))
+        if happened:
+            yield "", f"{'':<{width}}  {'; '.join(happened)}"
+        if of["closed_at_rest"] and reached:
+            kept = si(of["preload_n"], "N")
+            both = f"{kept} with all closed, {si(of['preload_alone_n'], 'N')} alone" if len(snubbers) > 1 else kept
+            yield "", f"{'':<{width}}  preload that keeps contact: {both}"
+
+
+def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
+    for curve, frequency in of.get("first_change_hz", {}).items():
+        yield f"{curve} {'never ' + past if frequency is None else f'{past} first at {frequency:.4g} Hz'}"
+    if of.get("first_change_s", math.nan) is None:
+        yield f"never {past} in this run"
+    elif "first_change_s" in of:
+        yield f"{past} first at {si(of['first_change_s'], 's')}"
+    if of["closed_at_rest"] and of.get("largest_gap_m"):
+        yield f"largest opening {si(of['largest_gap_m'], 'm')}"
+
+
 SHARED: Texts = {
+    "gapping": _gapping,
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_error": _reduction,

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.plots.save import save_figures
-from beamsim.plots.style import curve_style, finish, legend, level_text, scale_for
+from beamsim.plots.style import STANDARD_GRAVITY, Scale, curve_style, finish, legend, level_text, scale_for
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -155,16 +155,18 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
 def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
     linear = result.linear
+    unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
+    scale = Scale(1.0 / STANDARD_GRAVITY, "g") if unit == "m/s^2" else Scale(1.0, unit)
     for k, (name, levels) in enumerate(linear.contact.items()):
-        opened = bool(np.all(np.isnan(levels.loss)))
-        what = "contact begins" if opened else "contact is lost"
-        ax.plot(linear.frequency_hz, levels.onset if opened else levels.loss, label=f"{name}: {what}", **curve_style(k))
-    for level in dict.fromkeys(c.level for c in result.curves.values()):
-        ax.axhline(level, color="0.6", linewidth=0.8, zorder=0)
+        what = "contact is lost" if levels.closed_at_rest else "contact begins"
+        ax.plot(linear.frequency_hz, levels.changing * scale.factor, label=f"{name}: {what}", **curve_style(k))
+    for index, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):
+        swept, amplitude = _by_frequency(curve, np.abs(curve.excitation_amplitude))
+        label = "sweep" if index == 0 else None
+        ax.plot(swept, amplitude * scale.factor, color="0.6", linewidth=0.8, zorder=0, label=label)
     _frequency_axis(result, ax)
     ax.set_yscale("log")
-    unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
-    finish(ax, "Excitation frequency (Hz)", f"Level ({unit.replace('^2', '²')})")
+    finish(ax, "Excitation frequency (Hz)", f"Level ({scale.unit})")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import beamsim
+from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.random_response import rms_interval
-from beamsim.analyses.sweep.linear_response import transfer
 from beamsim.cli.report import table_rows
 from beamsim.inputs.random_input import noise
 from beamsim.plots.layout import lay_out

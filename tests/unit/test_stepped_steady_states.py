@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep, sweep_system
-from beamsim.analyses.sweep.linear_response import contact_levels, transfer
 from beamsim.analyses.sweep.stepped import frequencies_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.gapping import contact_levels, gapping
 from beamsim.analyses.limits import STANDARD_GRAVITY, margins
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import (
@@ -681,6 +682,28 @@ def _figures(system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
     }
 
 
+def _gapping(
+    scenario: Scenario, system: StructuralSystem, motion: _RunMotion, summary: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Of a sine, the level that changes contact at its frequency, and when this run changed it, for the summary."""
+    excitation = scenario.excitation
+    if excitation.kind != "harmonic" or not system.snubbers or system.cubic.count:
+        return {}
+    frequency = np.array([excitation.frequency])
+    levels = contact_levels(system, frequency)
+    if not levels:
+        return {}
+    omega = 2.0 * np.pi * excitation.frequency
+    power = {"velocity": 1, "displacement": 2}.get(excitation.quantity or "", 0)
+    of_snubber = gapping(levels, frequency, np.array([abs(excitation.level) * omega**power]))
+    names = [snubber.name for snubber in system.snubbers]
+    for name, of in of_snubber.items():
+        times = motion.events.time[motion.events.snubber == names.index(name)]
+        of["first_change_s"] = float(times[0]) if times.size else None
+        of["largest_gap_m"] = summary["largest_gap_m"][name]
+    return {"gapping": of_snubber}
+
+
 def _spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
     """The lines of all spectra, for the summary."""
     columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "relative_change")
@@ -725,5 +748,6 @@ def _summary(
             summary["largest_von_mises_stress_pa"] = max(float(peaks.max()) for peaks in motion.von_mises.values())
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
+    summary |= _gapping(scenario, system, motion, summary)
     compared = margins(scenario.limits, summary)
     return {**summary, "margins": compared} if compared else summary

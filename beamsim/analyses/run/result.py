@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.result import GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, Impacts
 from beamsim.fields import (
     Counter,
@@ -383,6 +383,7 @@ _SUMMARY = (
     Entry("peak_force_n", "N", "largest contact force of a snubber", "peak contact force"),
     Entry("largest_pull_n", "N", "largest tensile force of a snubber, 0 where it never pulls"),
     Entry("largest_gap_m", "m", "largest opening of a contact"),
+    GAPPING,
     Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra"),
     Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
     Entry("contact_share", "1", "share of the time in contact of a snubber", "time in contact"),

@@ -8,11 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.gapping import gapping, static_penetration
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.peaks import find_peaks
-from beamsim.analyses.sweep.result import LevelWork, ResponsePeak, SweepCurve, SweepHistory, SweepResult, SweepWork
+from beamsim.analyses.sweep.result import (
+    LevelWork,
+    LinearCurve,
+    ResponsePeak,
+    SweepCurve,
+    SweepHistory,
+    SweepResult,
+    SweepWork,
+)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
@@ -79,6 +88,8 @@ def sweep(
         (1.0,) if isinstance(settings, SweptSine) and settings.profile else (excitation.level,)
     )
     limited = () if scenario.limits is None else tuple(scenario.limits.given)
+    if np.any(static_penetration(system) > 0):
+        limited = tuple(dict.fromkeys((*limited, "gap")))
     curves: dict[str, SweepCurve] = {}
     histories: dict[int, SweepHistory] = {}
     computed: dict[int, LevelWork] = {}
@@ -101,12 +112,13 @@ def sweep(
                 total=len(levels),
                 unit_of_work="levels of the sweep",
             )
+        linear = linear_curve(system, settings.from_, settings.to, logarithmic)
         return SweepResult(
             scenario=scenario,
             kind=settings.kind,
             outcome=reduction_checked(outcome, system.modes),
             curves=dict(curves),
-            linear=linear_curve(system, settings.from_, settings.to, logarithmic),
+            linear=linear,
             peaks=peaks,
             modes=system.modes,
             work=work,
@@ -115,7 +127,11 @@ def sweep(
             truncation=truncation,
             warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario), *corrected),
             wall_time_s=clock.perf_counter() - begin,
-        ).with_summary(**_summary(scenario, curves), **({} if correction is None else correction.summary()))
+        ).with_summary(
+            **_summary(scenario, curves),
+            **_gapping(linear, curves),
+            **({} if correction is None else correction.summary()),
+        )
 
     for index, level in enumerate(levels):
         if resume is not None and index in resume.levels and resume.levels[index].outcome.complete:
@@ -205,6 +221,28 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
                             default=None),
         "margins": _margins(scenario, curves),
     }  # fmt: skip
+
+
+def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, Any]:
+    """Where the linear motion first changes contact, and where the sweep did, for the summary."""
+    if not linear.contact or not curves:
+        return {}
+    strongest = max(curves.values(), key=lambda curve: float(np.max(np.abs(curve.excitation_amplitude), initial=0.0)))
+    rising = np.argsort(strongest.frequency_hz, kind="stable")
+    amplitude = np.interp(
+        linear.frequency_hz, strongest.frequency_hz[rising], np.abs(strongest.excitation_amplitude[rising])
+    )
+    summary = gapping(linear.contact, linear.frequency_hz, amplitude)
+    for name, of in summary.items():
+        at_rest = 1.0 if of["closed_at_rest"] else 0.0
+        changed = {curve.name: np.flatnonzero(curve.contact_share[name] != at_rest) for curve in curves.values()}
+        of["first_change_hz"] = {
+            curve.name: float(curve.frequency_hz[changed[curve.name][0]]) if changed[curve.name].size else None
+            for curve in curves.values()
+        }
+        gaps = [curve.peak_gap[name] for curve in curves.values() if name in curve.peak_gap]
+        of["largest_gap_m"] = max((float(np.max(gap, initial=0.0)) for gap in gaps), default=None)
+    return {"gapping": summary}
 
 
 def _uncompared(scenario: Scenario) -> list[str]:

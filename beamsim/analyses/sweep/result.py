@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.result import MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.gapping import ContactLevels
+from beamsim.analyses.result import GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
 from beamsim.fields import (
     Counter,
@@ -121,7 +122,7 @@ class SweepCurve:
     )
     level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
     steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
-    # only computed for limits
+    # only computed for limits, the gap also where a snubber is closed at rest
     peak_gap: dict[str, Floats] = per_snubber(
         "m", "largest opening of the contact in the cycle", along=_FREQUENCY, default_factory=dict
     )
@@ -148,24 +149,6 @@ class SweepCurve:
         """(C,) largest values of each cycle, of the quantities computed only for limits: stress and "gap <snubber>"."""
         gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
         return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
-
-
-@declared
-class ContactLevels:
-    """Levels at which the linear steady motion makes or loses one contact, at each frequency.
-
-    A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
-    """
-
-    onset: Floats = dataset(  # nan where the snubber is closed at equilibrium
-        "1", "level of the excitation, SI, at which the linear motion first makes contact", along=_FREQUENCY
-    )
-    loss: Floats = dataset(  # nan where the snubber is open at equilibrium
-        "1", "level of the excitation, SI, at which the linear motion first loses contact", along=_FREQUENCY
-    )
-    preload_needed: Floats = dataset(  # all snubbers closed
-        "1", "N per unit of level: contact force at equilibrium that just keeps contact", along=_FREQUENCY
-    )
 
 
 @declared
@@ -236,6 +219,7 @@ def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
 
 _SUMMARY = (
     STATUS,
+    GAPPING,
     Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", "curves", "peaks",
              ("frequency_hz", "value_m", "kind", "direction", "level", "order", "probe", "curve")),
     Entry("cycles", of="work.cycles"),

@@ -1,0 +1,175 @@
+r"""Gapping: at which level of a sine contact begins or is lost, and which preload keeps it.
+
+Until contact changes, the steady motion is the linear one about static equilibrium,
+
+.. math:: q = (K - \omega^2 + i \omega C)^{-1} \Big(l_1 - \frac{l_2}{\omega^2}\Big) A,
+
+with :math:`l_1` the load of a unit of base acceleration (or of the force) and :math:`l_2` that of a unit of base
+displacement on springs to ground; the contacts that are closed at rest belong to K and C. The level is therefore exact
+for a steady motion. While a motion builds up, contact may change at a lower level.
+
+Closing one more contact, with :math:`\kappa = k + i \omega c`, divides the opening s there by
+:math:`1 + \kappa G`, where G is the receptance at the contact.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from beamsim.fields import dataset, declared
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Complexes, Floats, Ints
+
+_FREQUENCY = ("frequency_hz",)
+SLIGHT = 1e-9  # penetration, of the gap or m, at which a contact has just been made
+
+
+@declared
+class ContactLevels:
+    """Levels at which the linear steady motion makes or loses one contact, at each frequency.
+
+    A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
+    """
+
+    onset: Floats = dataset(  # nan where the snubber is closed at equilibrium
+        "1", "level of the excitation, SI, at which the linear motion first makes contact", along=_FREQUENCY
+    )
+    loss: Floats = dataset(  # nan where the snubber is open at equilibrium
+        "1", "level of the excitation, SI, at which the linear motion first loses contact", along=_FREQUENCY
+    )
+    preload_needed: Floats = dataset(
+        "1", "N per unit of level: contact force at equilibrium that just keeps contact, all snubbers closed",
+        along=_FREQUENCY,
+    )  # fmt: skip
+    preload_alone: Floats | None = dataset(  # None in files of earlier versions
+        "1", "the same with the other snubbers as they are at equilibrium", along=_FREQUENCY, default=None
+    )
+
+    @property
+    def closed_at_rest(self) -> bool:
+        """Whether the snubber is closed at equilibrium."""
+        return bool(np.all(np.isnan(self.onset)))
+
+    @property
+    def changing(self) -> Floats:
+        """(F,) level at which contact changes, SI."""
+        return self.loss if self.closed_at_rest else self.onset
+
+
+def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
+    """(F, n) coordinates for a unit amplitude of base acceleration or force, all contacts staying in phases (m,).
+
+    By default no contact acts.
+    """
+    contacts, omega = system.dynamics.contacts, 2 * np.pi * np.asarray(frequency_hz)
+    phases = contacts.start if phases is None else phases
+    per_unit = np.repeat(system.forcing.load[:1].astype(complex), omega.size, axis=0)
+    if system.base_acceleration is not None:
+        base = -1.0 / omega[:, None] ** 2
+        if system.forcing.load.shape[0] > 1:
+            per_unit += system.forcing.load[1] * base
+        pushed = contacts.dynamic_stiffness(phases, omega)
+        per_unit -= ((pushed * contacts.on_ground) @ contacts.shape) * base
+    return _solved(system, omega, phases, per_unit[:, :, None])[:, :, 0]
+
+
+def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
+    """Levels at which contact is made or lost, from the linear motion about static equilibrium.
+
+    There are none of a snubber whose law is more than a stiffness and a dashpot: a table changes its stiffness while it
+    is pressed, and the forces of Maxwell branches depend on the frequency.
+    """
+    contacts, count = system.dynamics.contacts, len(system.snubbers)
+    if system.static_equilibrium is None or count == 0:
+        return {}
+    penetration = static_penetration(system)
+    closed = penetration > 0
+    omega = 2 * np.pi * frequency_hz
+    base = np.zeros(omega.size) if system.base_acceleration is None else -1.0 / omega**2
+
+    def opening(phases: Ints) -> Complexes:
+        moved = transfer(system, frequency_hz, phases) @ contacts.shape.T
+        return np.asarray(moved + base[:, None] * contacts.on_ground)
+
+    resting = contacts.resting_phases(penetration)
+    pressed = resting.copy()  # piecewise-linear springs keep their phase at rest
+    for j in np.flatnonzero(~closed[:count]):
+        pressed[j] = contacts.laws[j].resting_phase(SLIGHT * abs(penetration[j]) or SLIGHT)
+    at_rest, shut = opening(resting), opening(pressed)
+    impedance = contacts.dynamic_stiffness(pressed, omega)
+    unknown = np.full(omega.size, np.nan)
+    levels = {}
+    for j, snubber in enumerate(system.snubbers):
+        law = contacts.laws[j]
+        if law.family is None:
+            continue
+        # a contact that can pull is lost when the penetration vanishes, one without tension when the force does
+        losing = np.abs(impedance[:, j]) if law.parts is None else law.stiffness
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if closed[j]:
+                loss = law.stiffness * penetration[j] / (losing * np.abs(at_rest[:, j]))
+                onset, alone = unknown, at_rest[:, j]
+            else:
+                onset, loss = -penetration[j] / np.abs(at_rest[:, j]), unknown
+                alone = at_rest[:, j] / (1.0 + impedance[:, j] * _receptance(system, omega, resting, j))
+        levels[snubber.name] = ContactLevels(onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone))
+    return levels
+
+
+def static_penetration(system: StructuralSystem) -> Floats:
+    """(m,) penetration of the contacts at static equilibrium, m; nan where there is none."""
+    contacts = system.dynamics.contacts
+    if system.static_equilibrium is None:
+        return np.full(contacts.count, np.nan)
+    return np.asarray(-contacts.gap - contacts.sign * (contacts.shape @ system.static_equilibrium))
+
+
+def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats) -> dict[str, dict[str, Any]]:
+    """By snubber where contact changes first, and the preload that keeps it, for the summary.
+
+    Parameters
+    ----------
+    frequency_hz : (F,) of the levels.
+    amplitude : (F,) of the excitation there, SI; what is far below it counts least.
+    """
+    found = {}
+    for name, of in levels.items():
+        share = of.changing / amplitude
+        k = int(np.nanargmin(share)) if np.isfinite(share).any() else 0
+        together = of.preload_needed * amplitude
+        alone = np.full_like(together, np.nan) if of.preload_alone is None else of.preload_alone * amplitude
+        found[name] = {
+            "closed_at_rest": of.closed_at_rest,
+            "level": float(of.changing[k]),
+            "frequency_hz": float(frequency_hz[k]),
+            "share_of_level": float(share[k]),
+            "preload_n": _largest(together),
+            "preload_alone_n": _largest(alone),
+        }
+    return found
+
+
+def _largest(values: Floats) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else float("nan")
+
+
+def _receptance(system: StructuralSystem, omega: Floats, phases: Ints, contact: int) -> Complexes:
+    """(F,) displacement at a contact for a unit force there, all contacts staying in phases (m,)."""
+    shape = system.dynamics.contacts.shape[contact]
+    push = np.broadcast_to(shape.astype(complex)[:, None], (omega.size, shape.size, 1))
+    return np.asarray(_solved(system, omega, phases, push)[:, :, 0] @ shape)
+
+
+def _solved(system: StructuralSystem, omega: Floats, phases: Ints, loads: Complexes) -> Complexes:
+    """(F, n, k) coordinates under loads (F, n, k); nan where one of the frequencies is an undamped resonance."""
+    dynamics, shape = system.dynamics, system.dynamics.contacts.shape
+    pushed = dynamics.contacts.dynamic_stiffness(phases, omega)
+    inertia = np.diag(dynamics.stiffness) - omega[:, None, None] ** 2 * np.eye(dynamics.size)
+    matrix = inertia + 1j * omega[:, None, None] * dynamics.damping + (shape.T * pushed[:, None, :]) @ shape
+    try:
+        return np.asarray(np.linalg.solve(matrix, loads))
+    except np.linalg.LinAlgError:
+        return np.full(loads.shape, np.nan, dtype=complex)

@@ -1,0 +1,149 @@
+"""Gapping: levels against one mass in closed form and against motions just below and above, preloads against runs."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.analyses.gapping import contact_levels
+from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.cli.app import app
+from beamsim.scenario import load_scenario
+
+G = 9.80665
+
+
+def mass(level="1 N", frequency="1 Hz", **stop):
+    stop = {"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0, **stop}
+    return load_scenario(
+        {
+            "chain": {"masses": [2.0], "springs": [500.0], "dashpots": [3.0], "snubbers": [stop]},
+            "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": level, "frequency": frequency},
+            "probes": [{"name": "mass", "mass": 1}],
+            "run": {"duration": 60.0, "sample_rate": "200 Hz"},
+            "sweep": {"kind": "stepped", "from": 0.5, "to": 4.0, "points": 41},
+        }
+    )
+
+
+@pytest.mark.parametrize("law", ["kelvin_voigt", "no_tension"])
+@pytest.mark.parametrize("dashpot", [0.0, 4.0])
+def test_one_prestressed_mass_in_closed_form(law, dashpot):
+    """It lifts off at penetration zero, without tension at force zero."""
+    system = sweep_system(mass(gap="-1 mm", damping={"kind": "viscous", "coefficient": dashpot}, law=law))
+    hz = np.array([0.7, 2.0, 3.5])
+    levels = contact_levels(system, hz)["stop"]
+    w = 2 * np.pi * hz
+    impedance = 300.0 + 1j * w * dashpot
+    amplitude = 1.0 / np.abs(500.0 + 3j * w - 2.0 * w**2 + impedance)  # for a unit of force, closed
+    losing = np.abs(impedance) if law == "no_tension" else 300.0
+    at_rest = 0.3 * 500.0 / 800.0  # N: the stop is pressed by 1 mm against both springs
+    np.testing.assert_allclose(levels.loss, at_rest / (losing * amplitude), rtol=1e-9)
+    np.testing.assert_allclose(levels.preload_needed, losing * amplitude, rtol=1e-9)
+    np.testing.assert_allclose(levels.preload_alone, losing * amplitude, rtol=1e-9)
+    assert levels.closed_at_rest
+
+
+def test_alone_and_together_against_models_with_the_stops_as_springs():
+    """Of three stops only the middle one is closed at rest; the preload of each alone is that of a beam on springs."""
+
+    def beam(springs, **snubbers):
+        return load_scenario(
+            {
+                "beam": {"length": 1.0, "bending_stiffness": 50.0, "mass_per_length": 0.8,
+                         "damping": {"kind": "viscous", "coefficient": 4.0}},
+                "springs_to_ground": springs,
+                "snubbers": [{"name": name, "position": x, "side": "below", "stiffness": 3000.0, "gap": gap}
+                             for name, (x, gap) in snubbers.items()],
+                "excitation": {"kind": "harmonic", "applied_to": {"position": 1.0}, "level": "1 N", "frequency": 1.0},
+                "reduction": {"modes": "all"},
+                "sweep": {"kind": "stepped", "from": 5, "to": 30},
+            }
+        )  # fmt: skip
+
+    hz = np.array([6.0, 14.0, 28.0])
+    levels = contact_levels(sweep_system(beam([], a=(0.4, 1e-3), b=(0.7, -1e-3), c=(1.0, 2e-3))), hz)
+    assert [levels[name].closed_at_rest for name in "abc"] == [False, True, False]
+
+    def spring(*places):
+        return [{"kind": "linear", "position": x, "stiffness": 3000.0} for x in places]
+
+    for name, x, others, rest in (
+        ("a", 0.4, (0.7,), (0.7, 1.0)),
+        ("b", 0.7, (), (0.4, 1.0)),
+        ("c", 1.0, (0.7,), (0.4, 0.7)),
+    ):
+        alone = contact_levels(sweep_system(beam(spring(*others), s=(x, -1e-9))), hz)["s"]
+        np.testing.assert_allclose(levels[name].preload_alone, alone.preload_needed, rtol=1e-6)
+        together = contact_levels(sweep_system(beam(spring(*rest), s=(x, -1e-9))), hz)["s"]
+        np.testing.assert_allclose(levels[name].preload_needed, together.preload_needed, rtol=1e-6)
+
+
+@pytest.mark.parametrize("gap", ["-2 mm", "2 mm"])
+def test_a_run_just_below_the_level_never_changes_contact_and_above_it_does(gap):
+    """The excitation is so slow that the motion from rest is steady at once."""
+    said = beamsim.run(mass(gap=gap, frequency="0.02 Hz")).summary["gapping"]["stop"]
+    assert said["closed_at_rest"] is (gap == "-2 mm")
+    for factor, changes in ((0.97, False), (1.03, True)):
+        result = beamsim.run(mass(gap=gap, frequency="0.02 Hz", level=f"{factor * said['level']} N"))
+        of = result.summary["gapping"]["stop"]
+        assert of["share_of_level"] == pytest.approx(1 / factor)
+        assert (of["first_change_s"] is not None) is changes
+
+
+def test_a_preload_as_advised_keeps_contact_in_the_sweep():
+    loose = beamsim.sweep(mass(gap="-1 mm")).summary["gapping"]["stop"]
+    assert loose["share_of_level"] < 1.0
+    assert loose["first_change_hz"]["up_0"] is not None
+    assert loose["largest_gap_m"] > 0
+    assert loose["preload_n"] == loose["preload_alone_n"]
+    for factor, opened in ((1.01, False), (0.8, True)):
+        advised = load_scenario(
+            mass().to_yaml(), {"chain.snubbers": [{"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0,
+                                                   "preload": factor * loose["preload_n"]}]}
+        )  # fmt: skip
+        of = beamsim.sweep(advised).summary["gapping"]["stop"]
+        assert (of["first_change_hz"]["up_0"] is not None) is opened
+        assert (of["share_of_level"] < 1.0) is opened
+
+
+def test_base_motion_in_displacement_counts_its_acceleration():
+    system = {
+        "beam": {"length": 0.3, "bending_stiffness": 2.0, "mass_per_length": 0.25},
+        "snubbers": [{"name": "tip", "position": 0.3, "side": "below", "stiffness": 5000.0, "gap": 0.001}],
+        "run": {"duration": 0.1, "convergence": "off"},
+    }
+    w = 2 * np.pi * 40.0
+    given = {"kind": "harmonic", "applied_to": "base", "frequency": 40.0}
+    a = beamsim.run(load_scenario({**system, "excitation": {**given, "level": "2 g"}}))
+    d = beamsim.run(load_scenario({**system, "excitation": {**given, "level": f"{2 * G / w**2} m"}}))
+    one, other = a.summary["gapping"]["tip"], d.summary["gapping"]["tip"]
+    assert other["share_of_level"] == pytest.approx(one["share_of_level"])
+    assert other["level"] == pytest.approx(one["level"])
+
+
+def test_laws_that_are_no_single_spring_say_nothing_of_it():
+    """A table that stiffens while it is pressed leaves the linear motion before it opens."""
+    table = [[0, 0], [1e-3, 0.2], [2e-3, 1.0]]
+    result = beamsim.run(
+        load_scenario(
+            {
+                "chain": {"masses": [2.0], "springs": [500.0],
+                          "snubbers": [{"name": "stop", "mass": 1, "side": "below", "gap": 0.001,
+                                        "force_deflection": table}]},
+                "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "1 N", "frequency": "1 Hz"},
+                "run": {"duration": 2.0, "sample_rate": 200.0},
+            }
+        )
+    )  # fmt: skip
+    assert "gapping" not in result.summary
+
+
+def test_the_table_reads(tmp_path):
+    case = tmp_path / "case.yaml"
+    case.write_text(mass(gap="-1 mm").to_yaml(), encoding="utf-8")
+    for command in ("run", "sweep"):
+        done = CliRunner().invoke(app, [command, str(case), "-o", str(tmp_path / f"{command}.h5"), "--no-plots"])
+        assert done.exit_code == 0, done.output
+        assert "stop  opens from" in done.output
+        assert "preload that keeps contact:" in done.output
