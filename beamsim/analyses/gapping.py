@@ -39,10 +39,9 @@ class ContactLevels:
     loss: Floats = dataset(  # nan where the snubber is open at equilibrium
         "1", "level of the excitation, SI, at which the linear motion first loses contact", along=_FREQUENCY
     )
-    preload_needed: Floats = dataset(
-        "1", "N per unit of level: contact force at equilibrium that just keeps contact, all snubbers closed",
-        along=_FREQUENCY,
-    )  # fmt: skip
+    preload_needed: Floats = dataset(  # all snubbers closed
+        "1", "N per unit of level: contact force at equilibrium that just keeps contact", along=_FREQUENCY
+    )
     preload_alone: Floats | None = dataset(  # None in files of earlier versions
         "1", "the same with the other snubbers as they are at equilibrium", along=_FREQUENCY, default=None
     )
