@@ -94,8 +94,8 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
 
     resting = contacts.resting_phases(penetration)
     pressed = resting.copy()  # piecewise-linear springs keep their phase at rest
-    for j in np.flatnonzero(~closed[:count]):
-        pressed[j] = contacts.laws[j].resting_phase(SLIGHT * abs(penetration[j]) or SLIGHT)
+    for k in np.flatnonzero(~closed[:count]).tolist():
+        pressed[k] = contacts.laws[k].resting_phase(SLIGHT * abs(float(penetration[k])) or SLIGHT)
     at_rest, shut = opening(resting), opening(pressed)
     impedance = contacts.dynamic_stiffness(pressed, omega)
     unknown = np.full(omega.size, np.nan)
