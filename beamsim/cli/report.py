@@ -188,7 +188,7 @@ def base_correction(result: Result, share: float) -> str:
     return f"{si(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
 
 
-def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
     """By snubber: the level of the linear motion that changes contact, what the motion did, and the preload."""
     width = max((len(name) for name in snubbers), default=0)
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
@@ -219,7 +219,6 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
 
 
 SHARED: Texts = {
-    "gapping": _gapping,
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_error": _reduction,

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
-from beamsim.cli.report import SHARED, Row, Texts, base_correction, change_text, counted, percent, si
+from beamsim.cli.report import SHARED, Row, Texts, base_correction, change_text, counted, gapping, percent, si
 from beamsim.fields import rows_of
 
 LINES_SHOWN = 6
@@ -253,6 +253,7 @@ TEXTS: Texts = {
     "base_correction_share": base_correction,
     "memory_bytes": _memory,
     "method": _method,
+    "gapping": gapping,
     "peak_displacement_m": _displacement,
     "contact_share": _contact,
     "peak_spring_force_n": _spring_force,

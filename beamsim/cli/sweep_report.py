@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.report import SHARED, Row, Texts, base_correction, percent, si
+from beamsim.cli.report import SHARED, Row, Texts, base_correction, gapping, percent, si
 from beamsim.plots.style import level_text
 
 PEAKS_SHOWN = 6
@@ -45,6 +45,7 @@ def _solver(result: SweepResult, time: float) -> str:
 TEXTS: Texts = {
     **SHARED,
     "base_correction_share": base_correction,
+    "gapping": gapping,
     "peaks": _curves,
     "contact_share": _contact,
     "processor_time_s": _solver,
