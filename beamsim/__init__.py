@@ -13,6 +13,7 @@ function              writes                      reads
 `identify_stiffness`  `write_identification`      `open_identification`
 `nnm`                 `write_nnm`                 `open_nnm`
 `compare`             `write_comparison`          `open_comparison`
+`compare_modes`       `write_mode_comparison`     `open_mode_comparison`
 ====================  ==========================  ======================
 
 `write_result` and `open_result` write and read a result of any kind, `export_result` writes it in another format.
@@ -36,6 +37,8 @@ from beamsim.version import __version__
 if TYPE_CHECKING:
     from beamsim.analyses.compare.analysis import compare
     from beamsim.analyses.compare.result import Comparison
+    from beamsim.analyses.compare_modes.analysis import compare_modes
+    from beamsim.analyses.compare_modes.result import ModeComparison
     from beamsim.analyses.designs.analysis import design_study, plan_designs
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
@@ -58,6 +61,7 @@ if TYPE_CHECKING:
         open_comparison,
         open_designs,
         open_identification,
+        open_mode_comparison,
         open_nnm,
         open_response,
         open_result,
@@ -67,11 +71,13 @@ if TYPE_CHECKING:
         write_designs,
         write_frequency_response,
         write_identification,
+        write_mode_comparison,
         write_nnm,
         write_result,
         write_run,
         write_sweep,
     )
+    from beamsim.store.shapes import read_shapes
 
 _NAMES = {
     "beamsim.analyses.designs.analysis": ("plan_designs",),
@@ -81,10 +87,12 @@ _NAMES = {
     "beamsim.store.export": ("export_result",),
     "beamsim.store.measurement": ("read_tests",),
     "beamsim.store.pairing": ("pair_channels",),
+    "beamsim.store.shapes": ("read_shapes",),
     "beamsim.store.results": (
         "open_comparison",
         "open_designs",
         "open_identification",
+        "open_mode_comparison",
         "open_nnm",
         "open_response",
         "open_result",
@@ -94,6 +102,7 @@ _NAMES = {
         "write_designs",
         "write_frequency_response",
         "write_identification",
+        "write_mode_comparison",
         "write_nnm",
         "write_result",
         "write_run",
@@ -112,6 +121,7 @@ __all__ = [
     "DesignsResult",
     "FrequencyResponse",
     "IdentificationResult",
+    "ModeComparison",
     "NormalModeResult",
     "NotTrustedError",
     "Problem",
@@ -122,6 +132,7 @@ __all__ = [
     "SweepResult",
     "__version__",
     "compare",
+    "compare_modes",
     "design_study",
     "ensemble",
     "export_result",
@@ -132,6 +143,7 @@ __all__ = [
     "open_comparison",
     "open_designs",
     "open_identification",
+    "open_mode_comparison",
     "open_nnm",
     "open_response",
     "open_result",
@@ -139,6 +151,7 @@ __all__ = [
     "open_sweep",
     "pair_channels",
     "plan_designs",
+    "read_shapes",
     "read_tests",
     "run",
     "sweep",
@@ -146,6 +159,7 @@ __all__ = [
     "write_designs",
     "write_frequency_response",
     "write_identification",
+    "write_mode_comparison",
     "write_nnm",
     "write_result",
     "write_run",

@@ -79,6 +79,14 @@ KINDS = {
         texts="beamsim.cli.comparison_report:TEXTS",
         plots="beamsim.plots.comparison:save_comparison_plots",
     ),
+    "compare-modes": Kind(
+        "compare-modes", "the result of `beamsim compare-modes`",
+        analysis="beamsim.analyses.compare_modes.analysis:compare_modes",
+        result="beamsim.analyses.compare_modes.result:ModeComparison",
+        commands="beamsim.cli.mode_comparison",
+        texts="beamsim.cli.mode_comparison:TEXTS",
+        plots="beamsim.plots.mode_comparison:save_mode_plots",
+    ),
 }  # fmt: skip
 
 

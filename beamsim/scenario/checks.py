@@ -107,10 +107,11 @@ def _places(scenario: _Checked) -> Problems:
         if isinstance(part, DistributedLoad):
             yield from _guarded(distributed_problems(scenario, path, part))
         else:
-            yield from _guarded(_place(scenario, path, part))
+            yield from _guarded(place_problems(scenario, path, part))
 
 
-def _place(scenario: _Checked, path: Path, part: Schema) -> Problems:
+def place_problems(scenario: _Checked, path: Path, part: Schema) -> Problems:
+    """What is wrong with a place of a part of a scenario, written at a path."""
     if path[:1] in (("beam",), ("chain",), ("bodies",)):  # see `_structure`
         return
     if isinstance(part, AtPlace):

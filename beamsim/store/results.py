@@ -25,6 +25,7 @@ from beamsim.store.stored import (
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
+    from beamsim.analyses.compare_modes.result import ModeComparison
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
@@ -108,7 +109,7 @@ def _stored(cls: Any) -> Any:
 
 
 write_run = write_sweep = write_frequency_response = write_designs = write_result
-write_identification = write_nnm = write_comparison = write_result
+write_identification = write_nnm = write_comparison = write_mode_comparison = write_result
 
 
 def open_run(path: Path | str) -> RunResult:
@@ -144,3 +145,8 @@ def open_identification(path: Path | str) -> IdentificationResult:
 def open_comparison(path: Path | str) -> Comparison:
     """Read a file written by ``beamsim compare``; see `open_result`."""
     return open_result(path, "compare")  # type: ignore[no-any-return]
+
+
+def open_mode_comparison(path: Path | str) -> ModeComparison:
+    """Read a file written by ``beamsim compare-modes``; see `open_result`."""
+    return open_result(path, "compare-modes")  # type: ignore[no-any-return]

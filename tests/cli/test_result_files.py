@@ -51,8 +51,9 @@ CASES = {
     ),
     "nnm": ("nnm", CHAIN.replace(", gap: 0.2", "").replace("  dashpots: [0.05, 0.05]\n", "") + "nnm: {mode: 1}\n"),
     "compare": ("compare", ""),
+    "compare-modes": ("compare-modes", BEAM),
 }
-WITHOUT_RECORDS = {"designs", "identify-stiffness"}
+WITHOUT_RECORDS = {"compare-modes", "designs", "identify-stiffness"}
 
 
 def call(*arguments):
@@ -75,7 +76,11 @@ def files(tmp_path_factory):
                 done = call("compare", run, folder / "measured.uff", "-o", folder / "compare.h5", "--no-plots")
             else:
                 (folder / f"{name}.yaml").write_text(text)
-                done = call(command, folder / f"{name}.yaml", "-o", folder, "--no-plots", "--json")
+                more = [folder / f"{name}.h5"] if name == "compare-modes" else [folder]
+                if name == "compare-modes":
+                    (folder / "shapes.csv").write_text("position,50 Hz,320 Hz\n0.13,0.35,-0.7\n0.27,1,1\n")
+                    more = [*more, folder / "shapes.csv"]
+                done = call(command, folder / f"{name}.yaml", *more[1:], "-o", more[0], "--no-plots", "--json")
                 json.loads(done.stdout)
             assert done.exit_code == 0, done.output
             made[name] = folder / f"{name}.h5"

@@ -9,7 +9,7 @@ import pytest
 import beamsim
 from beamsim.kinds import KINDS, named
 
-VERBS = ("run", "sweep", "frequency_response", "design_study", "identify_stiffness", "nnm", "compare")
+VERBS = ("run", "sweep", "frequency_response", "design_study", "identify_stiffness", "nnm", "compare", "compare_modes")
 
 
 @pytest.mark.parametrize("name", beamsim.__all__)
@@ -21,7 +21,7 @@ def test_every_name_resolves_and_is_documented(name):
 
 def test_every_verb_and_every_reader_is_there():
     assert set(VERBS) <= set(beamsim.__all__)
-    readers = ("run", "sweep", "response", "designs", "identification", "nnm", "comparison")
+    readers = ("run", "sweep", "response", "designs", "identification", "nnm", "comparison", "mode_comparison")
     assert len(readers) == len(KINDS)
     assert {f"open_{name}" for name in readers} <= set(beamsim.__all__)
 

@@ -18,6 +18,7 @@ WRITERS = {
     "identify-stiffness": beamsim.write_identification,
     "nnm": beamsim.write_nnm,
     "compare": beamsim.write_comparison,
+    "compare-modes": beamsim.write_mode_comparison,
 }
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 # What may differ: the scenario's text has the form of the version that writes it.

@@ -1,0 +1,168 @@
+r"""``beamsim compare-modes``: which computed mode is which measured one.
+
+Shapes m and p at the same places are compared by the modal assurance criterion
+:math:`|m^H p|^2 / (m^H m\; p^T p)` (R. J. Allemang, D. L. Brown, A correlation coefficient for modal vector analysis,
+IMAC 1982), which is 1 for shapes that differ by a factor alone. Modes are paired so that the sum of the criterion is
+largest; of shapes that are alike at the places, the nearer frequency decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from beamsim.analyses.compare_modes.measured import ShapesAtPlaces
+from beamsim.analyses.compare_modes.result import UNPAIRED, ModeComparison
+from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import COMPLETE
+from beamsim.scenario.checks import place_problems
+from beamsim.scenario.run import Reduction
+from beamsim.structures.assembly import site_in
+from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
+from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+    from beamsim.scenario.place import AtPlace
+
+HIGHEST = 1.5  # times the highest measured frequency, up to which computed modes are compared
+LEAST_MODES = 4  # more than were measured
+ALIKE = 0.9  # MAC of two computed shapes that the places cannot tell apart
+_BY_FREQUENCY = 0.01  # weight of a frequency's logarithm beside the MAC
+
+
+def compare_modes(
+    scenario: Scenario, measured: ShapesAtPlaces, *, contacts: Literal["open", "closed"] = "open"
+) -> ModeComparison:
+    """Compare measured mode shapes with those of the structure.
+
+    Parameters
+    ----------
+    contacts : whether the snubbers are open or all closed in the computed modes.
+
+    Raises
+    ------
+    ScenarioError
+        If a place is not on the structure, there are less than two places, or a shape is zero.
+    """
+    begin = perf_counter()
+    _check(measured)
+    frequencies, shapes = _computed(scenario, measured, closed=contacts == "closed")
+    mac = _mac(measured.shapes, shapes)
+    auto = _mac(shapes, shapes)
+    paired = _paired(mac, measured.frequency_hz, frequencies)
+    pairs = [
+        {
+            "number": k + 1,
+            "measured_hz": float(f),
+            "predicted": int(number),
+            "predicted_hz": float(frequencies[number - 1]) if number else None,
+            "difference": float(frequencies[number - 1] / f - 1.0) if number else None,
+            "mac": float(mac[k, number - 1] if number else mac[k].max(initial=0.0)),
+        }
+        for k, (f, number) in enumerate(zip(measured.frequency_hz, paired, strict=True))
+    ]
+    fitting: list[dict[str, Any]] = [pair for pair in pairs if pair["predicted"]]
+    return ModeComparison(
+        scenario=scenario,
+        outcome=COMPLETE,
+        warnings=tuple(_warnings(scenario, paired, auto, measured)),
+        contacts=contacts,
+        source=measured.source,
+        measured_hz=measured.frequency_hz,
+        predicted_hz=frequencies,
+        mac=mac,
+        auto_mac=auto,
+        paired=paired,
+        wall_time_s=perf_counter() - begin,
+    ).with_summary(
+        pairs=pairs,
+        lowest_mac=min(pair["mac"] for pair in fitting) if len(fitting) == len(pairs) else 0.0,
+        largest_difference=max((abs(pair["difference"]) for pair in fitting), default=float("nan")),
+    )
+
+
+def _check(measured: ShapesAtPlaces) -> None:
+    if len(measured.places) < 2:
+        raise _wrong(measured, f"has {len(measured.places)} place", "shapes need two places at least")
+    norms = np.linalg.norm(measured.shapes, axis=0)
+    if not np.all(np.isfinite(norms)) or np.any(norms == 0.0):
+        k = int(np.flatnonzero(~(norms > 0.0) | ~np.isfinite(norms))[0])
+        raise _wrong(measured, f"has no motion in the mode at {measured.frequency_hz[k]:g} Hz", "leave the mode out")
+    if np.any(measured.frequency_hz <= 0.0):
+        raise _wrong(measured, "has a frequency that is not above zero", "give natural frequencies in Hz")
+
+
+def _wrong(measured: ShapesAtPlaces, message: str, remedy: str) -> ScenarioError:
+    return ScenarioError(Problem("", f"{measured.source or 'the measurement'} {message}", remedy))
+
+
+def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> tuple[Floats, Floats]:
+    """(n,) Hz and (p, n) shapes of computed modes at the places."""
+    highest, least = HIGHEST * float(measured.frequency_hz.max()), measured.frequency_hz.size + LEAST_MODES
+    sites = []
+    for label, place in zip(measured.labels or [""] * len(measured.places), measured.places, strict=True):
+        place = _on_body(scenario, place)
+        for problem in place_problems(scenario, ("probes",), place):
+            raise _wrong(measured, f"{label}: {problem.message}".strip(": "), problem.remedy)
+        sites.append(site_in(scenario, place))
+    if scenario.reduction is None:
+        scenario = scenario.model_copy(update={"reduction": Reduction(highest_frequency=highest)})
+        if reduced_parts(scenario).basis.modes < least:
+            scenario = scenario.model_copy(update={"reduction": Reduction(modes=least)})
+    parts = reduced_parts(scenario)
+    try:
+        shapes = parts.shapes(sites)
+    except ValueError as error:
+        raise _wrong(measured, f"names a place that the structure does not have: {error}", "") from None
+    omega = parts.omega[: parts.basis.modes]
+    if closed:
+        contacts, count = build_system(scenario, assessed=False).dynamics.contacts, len(parts.snubber_sites)
+        stops, stiffness = contacts.shape[:count], contacts.slow[0][:count]
+        squared, vectors = np.linalg.eigh(np.diag(parts.stiffness) + (stops.T * stiffness) @ stops)
+        omega, shapes = np.sqrt(np.maximum(squared, 0.0)), shapes @ vectors
+    frequencies = omega / (2 * np.pi)
+    order = np.argsort(frequencies, kind="stable")
+    most = max(int(np.sum(frequencies <= highest)), min(least, frequencies.size))
+    return frequencies[order][:most], shapes[:, order[:most]]
+
+
+def _on_body(scenario: Scenario, place: AtPlace) -> AtPlace:
+    """The place with shares of a body's length in m."""
+    body = scenario.all_bodies.get(place.body or scenario.default_body)
+    if body is None or place.position is None:
+        return place
+    return place.model_copy(update={"position": body.on_the_body(place.position)})
+
+
+def _mac(one: Any, other: Any) -> Floats:
+    """(m, n) modal assurance criterion of shapes (p, m) and (p, n); 0 where one of them does not move."""
+    product = np.abs(one.conj().T @ other) ** 2
+    norms = np.outer(np.sum(np.abs(one) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))
+    return np.asarray(np.divide(product, norms, out=np.zeros(product.shape), where=norms > 0))
+
+
+def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
+    """(m,) number from 1 of the computed mode of each measured one; 0 where none fits."""
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.abs(np.log(np.maximum(computed, 1e-3 * measured.min())[None, :] / measured[:, None]))
+    rows, columns = linear_sum_assignment(mac - _BY_FREQUENCY * apart, maximize=True)
+    paired = np.zeros(measured.size, dtype=np.int64)
+    fits = mac[rows, columns] > UNPAIRED
+    paired[rows[fits]] = columns[fits] + 1
+    return paired
+
+
+def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
+    for k in np.flatnonzero(paired == 0):
+        yield f"no computed mode fits the one measured at {measured.frequency_hz[k]:g} Hz"
+    for number in paired[paired > 0] - 1:
+        alike = [j + 1 for j in range(auto.shape[0]) if j != number and auto[number, j] > ALIKE]
+        if alike:
+            listed = ", ".join(map(str, alike))
+            yield f"at the measured places mode {number + 1} looks like mode {listed}: measure at more places"
