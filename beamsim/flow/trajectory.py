@@ -329,9 +329,10 @@ class Trajectory:
         if left.size:
             few, number = np.unique(segment[left], return_inverse=True)
             starts = self.time[few]
-            at = np.sort(np.concatenate([starts, times[left]]))
+            inside = _not_beyond(times[left], starts[number], self.length[few][number])
+            at = np.sort(np.concatenate([starts, inside]))
             values = self.only(few)._integrals(at, table, weight)
-            out[left] = values[np.searchsorted(at, times[left])] - values[np.searchsorted(at, starts)][number]
+            out[left] = values[np.searchsorted(at, inside)] - values[np.searchsorted(at, starts)][number]
         return np.asarray(out + before[segment])
 
     def segment_integrals(self, table: Complexes, weight: Floats) -> Floats:
@@ -340,7 +341,8 @@ class Trajectory:
         left = self._by_products(np.arange(self.time.size), self.length, table, weight, out)
         if left.size:
             few = self.only(left)
-            out[left] = np.diff(few._integrals(few.time + few.length, table, weight), axis=0, prepend=0.0)
+            ends = _not_beyond(few.time + few.length, few.time, few.length)
+            out[left] = np.diff(few._integrals(ends, table, weight), axis=0, prepend=0.0)
         return out
 
     @property
@@ -396,6 +398,11 @@ class Trajectory:
         while not product_integrals(*arguments, WORK_A_CALL):
             check_stop()
         return out
+
+
+def _not_beyond(times: Floats, start: Floats, length: Floats) -> Floats:
+    """Times that round-off does not put behind the ends of their segments, where there may be none."""
+    return np.where(times - start > length, np.nextafter(times, start), times)
 
 
 def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
