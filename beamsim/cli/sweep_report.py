@@ -42,7 +42,18 @@ def _solver(result: SweepResult, time: float) -> str:
     return f"{s['cycles']} cycles, {s['events']} contact events, processor time {si(time, 's')}"
 
 
+def _impacts(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, str]:
+    return {
+        f"{curve} {name}": f"at most {s['most_per_cycle']:.3g}, {si(s['longest_mean_contact_time_s'], 's')}, "
+        f"impulse {si(s['largest_impulse_n_s'], 'N s')}, loss {si(s['largest_energy_lost_j'], 'J')}, "
+        f"{si(s['highest_penetration_rate_m_s'], 'm/s')}"
+        for curve, snubbers in curves.items()
+        for name, s in snubbers.items()
+    }
+
+
 TEXTS: Texts = {
+    "impacts": _impacts,
     **SHARED,
     "base_correction_share": base_correction,
     "gapping": gapping,

@@ -350,6 +350,8 @@ def _sweep(scenario: _Checked) -> Problems:
         yield from level_problems(excitation, ("sweep", "levels", index), level)
     if isinstance(sweep, Continuation):
         yield from continuation_problems(scenario, sweep)
+    if not isinstance(sweep, Continuation) and sweep.impacts and not scenario.all_snubbers:
+        yield _problem(("sweep", "impacts"), "needs a snubber, and there is none", "leave it out, or add a snubber")
     if isinstance(sweep, SweptSine):
         for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
             for index, point in enumerate(points):

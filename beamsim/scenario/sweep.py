@@ -27,6 +27,8 @@ class _UpAndDown(FrequencyRange):
     """Harmonics that are tracked: multiples of the excitation frequency, 0.5 for the first subharmonic."""
     accelerations: bool = True
     """Whether absolute accelerations of the probes are stored in addition to relative displacements."""
+    impacts: bool = False
+    """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed."""
 
     def settle(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""

@@ -217,6 +217,12 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
             curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
             for curve in curves.values()
         },
+        "impacts": {
+            curve.name: {name: impacts.summary() for name, impacts in curve.impacts.items()}
+            for curve in curves.values()
+            if curve.impacts
+        }
+        or None,
         "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
                             default=None),
         "margins": _margins(scenario, curves),

@@ -10,7 +10,8 @@ import numpy as np
 
 from beamsim.analyses.run.outputs import accelerations, bending_stress, displacements, first_rows, stack
 from beamsim.analyses.sweep.peaks import bent
-from beamsim.analyses.sweep.result import Envelope, LevelWork, SweepCurve, SweepHistory
+from beamsim.analyses.sweep.result import CycleImpacts, Envelope, LevelWork, SweepCurve, SweepHistory
+from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.structural import StructuralSystem
@@ -37,6 +38,8 @@ class CycleValues:
     harmonics: Complexes  # (R, C, K) zero to peak
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
+    period: Floats  # (C,) s, of a cycle
+    cycles: Ints | int = 1  # (C,) over which the values are taken at each frequency
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,13 @@ class SweepOutputs:
     with_accelerations : whether the accelerations are among them.
     limited : names of the limits. The penetrations of the snubbers come last where it holds "gap", and then the stress
         along the beam where it holds "bending_stress".
+    with_impacts : whether the rates and losses of the impacts are among them, before what limits ask for.
     """
 
     system: StructuralSystem
     with_accelerations: bool
     limited: Collection[str] = ()
+    with_impacts: bool = False
 
     def rows(self, template: ExactFlow) -> Callable[[Ints], LinearOutput]:
         """The outputs by the phases of the contacts, written for a flow."""
@@ -70,6 +75,8 @@ class SweepOutputs:
             parts = [displacement, first_rows(template.contact_forces(phases), count)]
             if self.with_accelerations:
                 parts.append(accelerations(template, shapes, phases, absolute=system.base_acceleration is not None))
+            if self.with_impacts:
+                parts.append(_impact_rows(template, phases, count))
             return stack(*parts, *of_limits)
 
         return output_of
@@ -105,14 +112,38 @@ class SweepOutputs:
             contact_share={name: values.contact_share[:, k] for k, name in enumerate(force)},
             contacts={name: values.closings[:, k] for k, name in enumerate(force)},
             bent=bent(values.contact_share[:, len(force) :]),
+            impacts=self._impacts(values),
             **self._of_limits(values),
             **fields,
         )
+
+    def _impacts(self, values: CycleValues) -> dict[str, CycleImpacts]:
+        """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost."""
+        if not self.with_impacts:
+            return {}
+        displacement, acceleration, force = self._columns()
+        first, count = len(displacement) + len(force) + len(acceleration), len(force)
+        period, out = values.period, {}
+        for k, (name, column) in enumerate(force.items()):
+            lossy = first + count + np.flatnonzero(loss_owner(self.system.dynamics.contacts) == k)
+            per_cycle = values.closings[:, k] / values.cycles
+            with np.errstate(divide="ignore", invalid="ignore"):
+                time = np.where(per_cycle > 0, values.contact_share[:, k] * period / per_cycle, np.nan)
+            out[name] = CycleImpacts(
+                per_cycle=per_cycle,
+                contact_time=time,
+                impulse=values.mean[:, column] * period,
+                energy_lost=np.maximum(values.mean_square[:, lossy].sum(axis=1), 0.0) * period,
+                penetration_rate=values.high[:, first + k],
+            )
+        return out
 
     def _of_limits(self, values: CycleValues) -> dict[str, Any]:
         """Fields of a curve that are computed for limits only."""
         displacement, acceleration, force = self._columns()
         first = len(displacement) + len(force) + len(acceleration)
+        if self.with_impacts:
+            first += len(force) + loss_owner(self.system.dynamics.contacts).size
         fields: dict[str, Any] = {}
         if "gap" in self.limited:
             fields["peak_gap"] = {name: -values.low[:, first + k] for k, name in enumerate(force)}
@@ -125,3 +156,18 @@ class SweepOutputs:
     def history(self, time: Floats, values: Floats) -> SweepHistory:
         """The time history of outputs (nt, K)."""
         return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in self._columns()))
+
+
+def loss_owner(contacts: Contacts) -> Ints:
+    """(m + r,) contact of each output whose square is a power lost: the dashpots, then the internal states."""
+    return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.arrays.states)])
+
+
+def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
+    """Penetration rates of the snubbers in contact, 0 elsewhere, and outputs whose squares are the power lost."""
+    contacts, rate = flow.system.contacts, flow.penetrations[1]
+    moved = stack(rate, flow.internal_rates(phases)) if contacts.internal_states else rate
+    rows = stack(first_rows(rate, snubbers), moved)
+    touching = contacts.touching(phases)[:snubbers].astype(float)
+    factor = np.concatenate([touching, np.sqrt(np.concatenate(contacts.losses(phases)))])[:, None]
+    return LinearOutput(rows.row * factor, rows.direct * factor, rows.direct_slope * factor)

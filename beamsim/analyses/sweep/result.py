@@ -73,6 +73,32 @@ class Envelope:
 
 
 @declared
+class CycleImpacts:
+    """Impacts at one snubber, cycle by cycle; at each frequency of a stepped sweep means over the cycles measured."""
+
+    per_cycle: Floats = dataset("1", "impacts per cycle: closings", along=_FREQUENCY, name="impacts_per_cycle")
+    contact_time: Floats = dataset(
+        "s", "mean time in contact of an impact; NaN in a cycle without closing", along=_FREQUENCY
+    )
+    impulse: Floats = dataset("N s", "integral of the contact force over a cycle", along=_FREQUENCY)
+    energy_lost: Floats = dataset("J", "energy lost in the snubber in a cycle", along=_FREQUENCY)
+    penetration_rate: Floats = dataset(
+        "m/s", "highest rate of penetration in contact, which is the approach speed unless the load still accelerates",
+        along=_FREQUENCY,
+    )  # fmt: skip
+
+    def summary(self) -> dict[str, float]:
+        """Largest values along the curve, by name."""
+        return {
+            "most_per_cycle": float(np.max(self.per_cycle, initial=0.0)),
+            "longest_mean_contact_time_s": float(np.nanmax(self.contact_time, initial=0.0)),
+            "largest_impulse_n_s": float(np.max(self.impulse, initial=0.0)),
+            "largest_energy_lost_j": float(np.max(self.energy_lost, initial=0.0)),
+            "highest_penetration_rate_m_s": float(np.max(self.penetration_rate, initial=0.0)),
+        }
+
+
+@declared
 class SteadyStates:
     """What the stepped sweep found at every frequency."""
 
@@ -128,6 +154,9 @@ class SweepCurve:
     )
     peak_bending_stress: Floats | None = dataset(
         "Pa", "largest bending stress along the beam in the cycle", along=_FREQUENCY, default=None
+    )
+    impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
+        "snubbers", having="impacts_per_cycle", default_factory=dict
     )
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
@@ -233,6 +262,8 @@ _SUMMARY = (
     Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
              "the frequencies", "time in contact"),
+    Entry("impacts", "", "by curve and snubber the largest values per cycle, if sweep.impacts asks for them",
+             "impacts per cycle"),
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),
     MARGINS,
     *MODES,

@@ -73,7 +73,7 @@ def step_level(
     first = constant_windows(float(directions[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
     flow = swept_flow(system, first)
     stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel, stop=stop)
-    outputs = SweepOutputs(system, settings.accelerations, limited)
+    outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
     output_of = outputs.rows(flow.template)
     orders = np.array((0.0, *settings.orders))
     motion = Motion(flow.bare.whole_state(system.initial_state), -1)
@@ -166,6 +166,8 @@ def _curve(
         harmonics=np.ascontiguousarray(np.moveaxis(harmonic[:, :, 1:], 2, 0)),
         contact_share=np.array([p.measured.contact_share.mean(axis=0) for p in points]),
         closings=np.array([p.measured.closings.sum(axis=0) for p in points]),
+        period=np.array([1.0 / p.frequency_hz for p in points]),
+        cycles=np.array([p.measured.closings.shape[0] for p in points], dtype=np.int64),
     )
     frequency = np.array([p.frequency_hz for p in points])
     shapes = np.array([p.shape for p in probes]).reshape(-1, n)

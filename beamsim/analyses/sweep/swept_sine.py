@@ -87,7 +87,7 @@ def sweep_level(
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     flow = swept_flow(system, windows)
-    outputs = SweepOutputs(system, settings.accelerations, limited)
+    outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
     output_of = outputs.rows(flow.template)
     record = sweep(
         flow, system.initial_state, output_of, orders=(0.0, *settings.orders),
@@ -125,6 +125,7 @@ def _curves(
     tracked = np.stack([record.tracked(order) for order in (0.0, *settings.orders)])  # (1 + R, C, K)
     quantity = excitation.quantity or "acceleration"
     unit = "" if settings.profile else LEVEL_DIMENSIONS[quantity].unit
+    period = np.asarray(np.bincount(windows.cycle, windows.length, minlength=windows.cycles), dtype=float)
     curves = []
     for index, leg in enumerate(legs):
         direction = "up" if leg.last_hz > leg.first_hz else "down"
@@ -135,7 +136,7 @@ def _curves(
             continue
         values = CycleValues(
             record.high[cycles], record.low[cycles], record.mean_square[cycles], tracked[0, cycles].real,
-            tracked[1:, cycles], record.contact_share[cycles], record.closings[cycles],
+            tracked[1:, cycles], record.contact_share[cycles], record.closings[cycles], period[cycles],
         )  # fmt: skip
         frequency = windows.frequency_hz[cycles]
         curve = outputs.curve(

@@ -1,0 +1,75 @@
+"""Impacts per cycle of swept and stepped sines against the impacts of a run in time."""
+
+import json
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import Scenario, load_scenario
+
+LAWS = ["kelvin_voigt", "no_tension"]
+
+
+def case(law, **sections):
+    stop = {
+        "name": "stop", "mass": 1, "side": "below", "stiffness": 9e4, "gap": 1e-4, "law": law,
+        "damping": {"kind": "viscous", "coefficient": 25.0},
+    }  # fmt: skip
+    chain = {"masses": [1.0], "springs": [1e4], "snubbers": [stop], "damping": {"kind": "modal", "ratio": 0.02}}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 5.0, "frequency": 20.0}
+    return Scenario.model_validate({"chain": chain, "excitation": base, **sections})
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_stepped_sine_against_the_end_of_a_run(law):
+    sweep = {"kind": "stepped", "from": 18.0, "to": 22.0, "points": 3, "impacts": True, "steady_to": 1e-10}
+    (curve,) = swept(case(law, sweep=sweep))
+    run = {"duration": 4.0, "sample_rate": 500.0, "convergence": "off", "impacts": {}}
+    impacts = beamsim.run(case(law, run=run)).impacts
+    cycles, last = 20, impacts.begin > 3.0 - 1e-3
+    stop = curve.impacts["stop"]
+    k = int(np.argmin(np.abs(curve.frequency_hz - 20.0)))
+    assert curve.steady.period_cycles[k] == 1
+    whole = last & (impacts.begin < 4.0 - 1e-3)
+    assert stop.per_cycle[k] == pytest.approx(whole.sum() / cycles, rel=1e-12)
+    assert stop.contact_time[k] == pytest.approx(impacts.contact_time[whole].mean(), rel=1e-6)
+    assert stop.impulse[k] == pytest.approx(impacts.impulse[whole].sum() / cycles, rel=1e-6)
+    assert stop.energy_lost[k] == pytest.approx(impacts.energy_lost[whole].sum() / cycles, rel=1e-6)
+    assert stop.penetration_rate[k] == pytest.approx(impacts.approach_speed[whole].max(), rel=1e-6)
+
+
+def swept(scenario):
+    return beamsim.sweep(scenario).curves.values()
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_swept_sine_against_the_same_run(law):
+    """The sums over all cycles are those of a run with the same swept sine."""
+    sweep = {"kind": "swept_sine", "from": 15.0, "to": 25.0, "rate": "20 oct/min", "impacts": True}
+    (curve,) = swept(case(law, sweep=sweep))
+    end = float(curve.time[-1])
+    sine = {"kind": "swept_sine", "applied_to": "base", "level": 5.0, "from": 15.0, "to": 25.0, "rate": "20 oct/min"}
+    run = {"duration": end, "sample_rate": 500.0, "convergence": "off", "impacts": {}}
+    stop = beamsim.run(case(law, excitation=sine, run=run)).impacts.snubbers["stop"]
+    cycles = curve.impacts["stop"]
+    before = curve.time < end - 1e-9
+    assert cycles.per_cycle[before].sum() == stop.number > 20
+    assert cycles.impulse[before].sum() == pytest.approx(stop.impulse_n_s, rel=1e-8)
+    assert cycles.energy_lost[before].sum() == pytest.approx(stop.energy_lost_j, rel=1e-8)
+    assert cycles.penetration_rate[before].max() == pytest.approx(stop.highest_approach_speed_m_s, rel=1e-6)
+
+
+def test_without_snubbers_there_are_none():
+    sweep = {"kind": "stepped", "from": 18.0, "to": 22.0, "impacts": True}
+    values = {"chain": {"masses": [1.0], "springs": [1e4]}, "sweep": sweep}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 5.0, "frequency": 20.0}
+    with pytest.raises(ScenarioError, match=r"sweep\.impacts needs a snubber"):
+        load_scenario(json.dumps({**values, "excitation": base}))
+
+
+def test_sweeps_without_them_have_none():
+    sweep = {"kind": "stepped", "from": 18.0, "to": 22.0, "points": 2}
+    (curve,) = swept(case("kelvin_voigt", sweep=sweep))
+    assert curve.impacts == {}
