@@ -258,9 +258,9 @@ class Contacts:
         a, r = self.arrays, self.internal_states
         by_states, constant = np.zeros((r, r)), np.zeros(r)
         for j in np.flatnonzero(a.states):
-            own = slice(a.first[j], a.first[j] + a.states[j])
+            states = slice(a.first[j], a.first[j] + a.states[j])
             stored = a.stored[j, phases[j], : 1 + a.states[j], : 1 + a.states[j]]
-            by_states[own, own], constant[own] = stored[1:, 1:], stored[1:, 0]
+            by_states[states, states], constant[states] = stored[1:, 1:], stored[1:, 0]
         return by_states, constant
 
     def resting_phases(self, penetration: Floats) -> Ints:

@@ -154,8 +154,8 @@ def _moved_together(x: Floats, y: Floats, knots: Floats) -> Floats:
     slopes, square = _slopes(x, y, knots)
     start = np.concatenate([np.diff(knots) / reach, slopes * reach / top])
     low = np.concatenate([np.full(count, 1e-9), np.zeros(count + 1)])
-    found = least_squares(residual, np.maximum(start, low + 1e-12), jacobian, bounds=(low, np.inf), max_nfev=200)
-    moved = parts(found.x)[0] * reach
+    fit = least_squares(residual, np.maximum(start, low + 1e-12), jacobian, bounds=(low, np.inf), max_nfev=200)
+    moved = parts(fit.x)[0] * reach
     moved = moved[moved < reach]
     return moved if _slopes(x, y, moved)[1] < square else knots
 
@@ -180,8 +180,8 @@ def _moved_one_by_one(x: Floats, y: Floats, knots: Floats) -> Floats:
             values = [misfit(place) for place in places]
             k = int(np.argmin(values))
             bounds = (low if k == 0 else places[k - 1], high if k == places.size - 1 else places[k + 1])
-            found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-9 * x[-1]})
-            for at, value in ((places[k], values[k]), (float(found.x), float(found.fun))):
+            lowest = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-9 * x[-1]})
+            for at, value in ((places[k], values[k]), (float(lowest.x), float(lowest.fun))):
                 if value < square and low < at < high:
                     knots, square = np.concatenate([knots[:i], [at], knots[i + 1 :]]), value
         if square <= floor or before - square <= CONVERGED * before:

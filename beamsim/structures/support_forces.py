@@ -76,10 +76,12 @@ class SupportForce:
 def supports_of(structure: Structure) -> tuple[Support, ...]:
     """All supports of the bodies, then joints and springs, direction by direction."""
     if structure.parts:
-        found: list[Support] = []
+        supports: list[Support] = []
         for part in structure.parts:
-            found += [each.mapped(partial(_widened, part.dofs, structure.size)) for each in supports_of(part.structure)]
-        return tuple(found)
+            supports += [
+                each.mapped(partial(_widened, part.dofs, structure.size)) for each in supports_of(part.structure)
+            ]
+        return tuple(supports)
     held = [
         replace(support.mapped(member.on_whole), direct=partial(_on_body, support.direct, member.body.name))
         for member in structure.members
@@ -102,17 +104,17 @@ def _coupling_supports(structure: Structure) -> list[Support]:
     """Springs pull along their row; of constraints each is moved by one unit while the others hold."""
     held = [coupling for coupling in structure.couplings if coupling.stiffness is None]
     motions = iter(_unit_motions(structure, held))
-    found = []
+    supports = []
     for coupling in structure.couplings:
         if coupling.stiffness is None:
-            found.append(_constraint(structure, coupling, *next(motions)))
+            supports.append(_constraint(structure, coupling, *next(motions)))
             continue
         spring = spring_support(
             coupling.name, _direction(coupling), structure.row(coupling.site), coupling.stiffness, coupling.dashpot, "",
             to_ground=coupling.to_ground,
         )  # fmt: skip
-        found.append(replace(spring, at=coupling.site, base_motion=_base_motion(coupling)))
-    return found
+        supports.append(replace(spring, at=coupling.site, base_motion=_base_motion(coupling)))
+    return supports
 
 
 def _direction(coupling: Coupling) -> str:

@@ -58,7 +58,7 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
         table = snubber.table
         file, changed = None, 0
         if table.file is not None:
-            file = _found(scenario.folder_of(*at, "file"), scenario.folder_of(*at), table.file)
+            file = _first_file(scenario.folder_of(*at, "file"), scenario.folder_of(*at), table.file)
             if file is None:
                 remedy = "give its path, relative to the folder of the scenario"
                 raise ScenarioError(Problem(path_text(at), f"= {table.file} does not exist", remedy))
@@ -79,7 +79,7 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
     return tuple(tables)
 
 
-def _found(*folders_and_name: Path | str) -> Path | None:
+def _first_file(*folders_and_name: Path | str) -> Path | None:
     *folders, name = folders_and_name
     return next((path for folder in (*folders, ".") if (path := Path(folder) / name).is_file()), None)
 

@@ -175,8 +175,8 @@ class _Asked:
         body = output.body or self.parts.scenario.default_body
         held = [each for each in self.supports if each.body == body]
         direction = output.direction or ("ry" if moment else DEFLECTION)
-        wanted = (direction, SLOPE) if moment and output.direction is None else (direction,)
-        fits = [each for each in held if each.name == output.support and each.direction in wanted]
+        directions = (direction, SLOPE) if moment and output.direction is None else (direction,)
+        fits = [each for each in held if each.name == output.support and each.direction in directions]
         if not fits:
             names = list(dict.fromkeys(each.name for each in held))
             if output.support in names:

@@ -110,16 +110,7 @@ class ModePath:
                 Problem("nnm.mode", f"= {self.mode + 1} gives no motion to start from", "ask for another")
             )
         if self.first != 0.0:
-            lead_in = Backbone(orbits, start, self.first, self.mode, points=1)
-            start = list(lead_in)[-1]
-            if lead_in.outcome.code is not OutcomeCode.REACHED_END:
-                raise ScenarioError(
-                    Problem(
-                        "nnm.continue_in.from",
-                        f"= {self.first:g} was not reached: {self.ended(lead_in.outcome, start)}",
-                        f"begin at {start.parameter:.4g} or below",
-                    )
-                )
+            start = self._led_to(orbits, start, self.first)
         return self._backbone(orbits, start, self.last, progress, stop)
 
     def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
@@ -167,21 +158,22 @@ class ModePath:
             return None
         return point
 
+    def _led_to(self, orbits: BrakeOrbits, start: BranchPoint, first: float, unit: str = "") -> BranchPoint:
+        """The motion where the path begins, followed from a nearly linear one."""
+        lead_in = Backbone(orbits, start, first, self.mode, points=1)
+        reached = list(lead_in)[-1]
+        if lead_in.outcome.code is not OutcomeCode.REACHED_END:
+            asked, possible = (f"{self.shown(x):.4g}{unit}" for x in (first, reached.parameter))
+            problem = f"= {asked} was not reached: {self.ended(lead_in.outcome, reached)}"
+            raise ScenarioError(Problem("nnm.continue_in.from", problem, f"begin at {possible} or below"))
+        return reached
+
     def _in_energy(
         self, first: float, last: float, progress: Callable[[float], None] | None, stop: Stop
     ) -> ModeBranches:
         orbits, start = self._small()
         if abs(start.parameter - first) > 1e-12:
-            lead_in = Backbone(orbits, start, first, self.mode, points=1)
-            start = list(lead_in)[-1]
-            if lead_in.outcome.code is not OutcomeCode.REACHED_END:
-                raise ScenarioError(
-                    Problem(
-                        "nnm.continue_in.from",
-                        f"was not reached: {self.ended(lead_in.outcome, start)}",
-                        f"begin at {self.shown(start.parameter):.4g} J or below",
-                    )
-                )
+            start = self._led_to(orbits, start, first, " J")
         return self._backbone(orbits, start, last, progress, stop)
 
     def _in_frequency(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:

@@ -93,7 +93,7 @@ def _curve(
     present = _present(model, level)
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
-    ways: list[list[BranchPoint]] = []
+    halves: list[list[BranchPoint]] = []
     outcomes: list[Outcome] = []
     for direction in (1.0, -1.0):
         edge = high if direction > 0 else low
@@ -112,9 +112,9 @@ def _curve(
             continue
         curve, start = begun
         points, outcome = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
-        ways.append(points)
+        halves.append(points)
         outcomes.append(outcome)
-    points = [*ways[1][::-1][:-1], *ways[0]] if len(ways) == 2 else ways[0] if ways else []
+    points = [*halves[1][::-1][:-1], *halves[0]] if len(halves) == 2 else halves[0] if halves else []
     outcome = both_directions(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
     peak = np.empty((len(points), len(names)))
