@@ -72,6 +72,23 @@ def test_static_reactions_of_a_beam_clamped_at_both_ends(modes):
         assert found["moment_right"][0] == pytest.approx(-force * a**2 * b / length**2, rel=1e-9)
 
 
+def test_reactions_under_a_distributed_load():
+    """w L / 2 and w L^2 / 12 at both ends, long after a load on a beam with much damping came on."""
+    length, load = BEAM["length"], 60.0
+    case = {
+        "beam": held("clamped", "clamped", damping={"kind": "modal", "ratio": 0.7}),
+        "excitation": {"kind": "step", "applied_to": {"line": "whole"}, "level": -load},
+        "probes": [{"name": "middle", "position": length / 2}],
+    }
+    names = [support(kind, end) for kind in ("force", "moment") for end in ("left", "right")]
+    found = values(run(case, [*names, support("force", "base")], duration=1.0, start="rest"))
+    assert found["force_left"][-1] == pytest.approx(load * length / 2, rel=1e-9)
+    assert found["force_right"][-1] == pytest.approx(load * length / 2, rel=1e-9)
+    assert found["force_base"][-1] == pytest.approx(load * length, rel=1e-9)
+    assert found["moment_left"][-1] == pytest.approx(load * length**2 / 12, rel=1e-9)
+    assert found["moment_right"][-1] == pytest.approx(-load * length**2 / 12, rel=1e-9)
+
+
 CONTACT = {
     "bodies": {
         "inner": {"kind": "beam", **held("clamped", "free", damping={"kind": "modal", "ratio": 0.02})},
