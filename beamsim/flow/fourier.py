@@ -11,6 +11,7 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.stopping import check_stop
+from beamsim.flow.term_integrals import summed_integrals
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -131,6 +132,8 @@ class MotionPart:
 
     def _integrals(self, omega: Floats) -> Complexes:
         """The same of the outputs of this part alone."""
+        if self.motion.exponentials:
+            return self._by_products(omega)
         from beamsim.flow.fourier_kernels import fourier_integrals
 
         m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)
@@ -142,6 +145,24 @@ class MotionPart:
             for first, last in self._ranges(m.time.size, some.size):
                 fourier_integrals(*logged, some, first, last, part)
             out[:, begin : begin + columns] = part
+        return out
+
+    def _by_products(self, omega: Floats) -> Complexes:
+        """The same without powers of time: sums over all segments of one contact state are products of matrices."""
+        m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)
+        for number in np.unique(m.state):
+            state, segments = m.flow.states[number], np.flatnonzero(m.state == number)
+            begin, exponent = m.amplitudes(state, segments), state.exponent[state.term_basis]
+            end = begin * np.exp(m.length[segments, None] * exponent)
+            elapsed, c = (m.time[segments] - m.time[0])[:, None], self.table[number, : exponent.size].T
+            columns = max(EXPONENTIALS_A_CALL // (segments.size + exponent.size), FEWEST_FREQUENCIES)
+            for first in range(0, omega.size, columns):
+                check_stop()
+                part = slice(first, first + columns)
+                turned = begin, end, np.exp(-1j * omega[part] * elapsed), m.length[segments]
+                of_terms = summed_integrals(exponent, omega[part], *turned)
+                conjugate = summed_integrals(exponent.conj(), omega[part], begin.conj(), end.conj(), *turned[2:])
+                out[:, part] += 0.5 * (c @ of_terms + c.conj() @ conjugate)
         return out
 
     @property

@@ -110,6 +110,28 @@ def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -
     return sums[0], sums[1]
 
 
+def summed_integrals(
+    exponent: Complexes, omega: Floats, begin: Complexes, end: Complexes, turned: Complexes, length: Floats
+) -> Complexes:
+    r"""(T, W) sums over segments of :math:`\int u_i(\tau) e^{-i \omega (t_g + \tau)} d\tau` from 0 to their lengths.
+
+    Parameters
+    ----------
+    exponent : (T,) of the terms u, which are ``begin`` (S, T) and ``end`` (S, T) where segments begin and end.
+    omega : (W,) rad/s.
+    turned : (S, W) :math:`e^{-i \omega t_g}` where the segments begin.
+    length : (S,) s.
+    """
+    rate, longest = exponent[:, None] - 1j * omega, float(length.max())
+    slow = np.abs(rate) * longest <= SLOW * (1.0 + longest * (np.abs(exponent)[:, None] + omega))
+    sums = end.T @ (turned * np.exp(-1j * omega * length[:, None])) - begin.T @ turned
+    sums /= np.where(slow, 1.0, rate)
+    for i, w in zip(*np.nonzero(slow), strict=True):
+        grown = length if rate[i, w] == 0.0 else np.expm1(rate[i, w] * length) / rate[i, w]
+        sums[i, w] = (begin[:, i] * turned[:, w]) @ grown
+    return np.asarray(sums)
+
+
 def _slow(rate: Complexes, exponent: Complexes, longest: float) -> Bools:
     """(..., T, T) rates of pairs that are too small for their antiderivative within a time, s."""
     size = np.abs(exponent)
