@@ -17,14 +17,12 @@ def as_real(zeta: Complexes) -> Floats:
 def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
     r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
     out = np.zeros((orders, exponent.size), dtype=complex)
-    grown = np.exp(exponent * tau)
-    for b, (lam, p) in enumerate(zip(exponent, power, strict=True)):
-        for order in range(orders):
-            out[order, b] = sum(
-                comb(order, i) * perm(int(p), i) * tau ** (int(p) - i) * lam ** (order - i)
-                for i in range(min(int(p), order) + 1)
-            )
-    return np.asarray(out * grown)
+    for order in range(orders):
+        for i in range(order + 1):  # the i-th derivative of the power
+            left = np.flatnonzero(power >= i)
+            factor = comb(order, i) * np.array([perm(int(p), i) for p in power[left]], dtype=float)
+            out[order, left] += factor * tau ** (power[left] - i) * exponent[left] ** (order - i)
+    return np.asarray(out * np.exp(exponent * tau))
 
 
 def largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:

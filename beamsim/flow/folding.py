@@ -1,4 +1,9 @@
-"""The bound on what samples of a motion of very many pieces fold, see `beamsim.flow.fourier_kernels.folded`.
+r"""The bound on what samples of a motion fold.
+
+The sum over the samples of an exponential that begins or ends at a time theta steps from a sample differs from its
+integral by ``-step sum_k B_k(theta) / k! (s step)^(k - 1)`` (Euler-Maclaurin). Where two segments join only the jumps
+of the output and its derivatives remain: those of the first orders are taken as they are, the rest by the sizes of the
+exponentials (none where the contacts stay as they are).
 
 The derivatives of outputs in a contact state are linear in the amplitudes of the inputs and in the state, so that they
 come from products of matrices. Where two segments of one contact state join, the state is the same on both sides, and
@@ -15,50 +20,67 @@ import numpy as np
 from beamsim.flow.basis import as_real, basis_derivatives
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.equal_pieces import AT_ONCE, Segments
-from beamsim.flow.fourier_kernels import BERNOULLI, CONVERGENT, ORDERS
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
+
+ORDERS = 8  # of the terms of the Euler-Maclaurin series in which jumps are taken as they are
+# Largest |B_k(theta)| / k! of the Bernoulli polynomials on [0, 1]: 1/2, 1/12, then at most 2.05 / (2 pi)^k
+BERNOULLI = (0.5, 1.0 / 12.0, *(2.05 / (2.0 * pi) ** k for k in range(3, ORDERS + 1)))
+CONVERGENT = 0.9  # |s| step / 2 pi below which the series is used
 
 
 @dataclass(frozen=True)
 class _Derivatives:
-    """What k outputs and their derivatives are made of in a contact state, at a unit of each of X = 2 F + N numbers:
-    real and imaginary parts of the inputs' amplitudes in turn, and the state."""
+    """What k outputs and their derivatives are made of in a contact state: of the amplitudes of F inputs and of Z free
+    motions, which `amplitude` gives for a unit of each of X = 2 F + N numbers: real and imaginary parts of the inputs'
+    amplitudes in turn, and the state."""
 
-    jets: Floats  # (X, ORDERS k) derivatives, exponentials too fast for the series left out
-    beyond: Complexes  # (X, E, k) of each of E exponentials: its size bounds the terms beyond them
-    fast: Complexes  # (X, D) free motions left out of the samples
+    amplitude: Complexes  # (X, F + Z)
+    jets: Floats  # (2 (F + Z), ORDERS k) derivatives, exponentials too fast for the series left out
+    beyond: list[tuple[Ints, Complexes]]  # of each exponential: its amplitudes, and (., k) what bounds the terms beyond
+    fast: Ints  # (D,) free motions left out of the samples
     decay: Floats  # (D,) 1/s, theirs
     left_out: Floats  # (D, k) bounds on their integrals but for what they grow over a segment
 
     @classmethod
     def of(cls, state: ContactState, table: Complexes, dropped: Complexes, step: float, reach: float) -> _Derivatives:
         """``table`` and ``dropped`` (T, k) as in `folded_by_products`."""
-        amplitude, k, of_term = state.amplitude_map(), table.shape[1], state.term_basis
+        of_term = state.term_basis
         ratio = (np.abs(state.exponent) + reach) * step / (2.0 * pi)
         slow = ratio < CONVERGENT
         jets = [
             state.of_amplitudes(np.where(slow, of_order, 0.0)[of_term, None] * table)
             for of_order in basis_derivatives(state.exponent, state.power, 0.0, ORDERS)
         ]
-        doubt = np.where(slow, ratio**ORDERS / np.where(slow, 1.0 - ratio, 1.0) / 3.0, 1.2)
-        begins = np.zeros((amplitude.shape[1], state.exponent.size, k), dtype=complex)
-        np.add.at(begins, (state.term_source, of_term), doubt[of_term, None] * table)
-        beyond = np.tensordot(amplitude, begins[:, state.power == 0], axes=1)
+        doubt = np.where(slow, ratio**ORDERS / np.where(slow, 1.0 - ratio, 1.0) / 3.0, 1.2)[of_term, None] * table
+        starts = (np.flatnonzero(of_term == b) for b in np.flatnonzero(state.power == 0))
+        beyond = [(state.term_source[terms], doubt[terms]) for terms in starts]
         terms = np.flatnonzero(np.any(dropped != 0.0, axis=1))
         exponent = state.exponent[of_term[terms]]
         return cls(
-            as_real(amplitude) @ np.hstack(jets), beyond, amplitude[:, state.term_source[terms]], -exponent.real,
+            state.amplitude_map(), np.hstack(jets), beyond, state.term_source[terms], -exponent.real,
             np.abs(dropped[terms]) / (np.abs(exponent) - reach)[:, None],
         )  # fmt: skip
 
+    def sizes_beyond(self, zeta: Complexes) -> Floats:
+        """(k,) sum over amplitudes (n, F + Z) of the bounds on the terms beyond."""
+        total = np.zeros(self.left_out.shape[1])
+        alone = [(source[0], np.abs(weight[0])) for source, weight in self.beyond if source.size == 1]
+        if alone:
+            sources, weights = zip(*alone, strict=True)
+            total += np.abs(zeta[:, sources]).sum(axis=0) @ np.array(weights)
+        for source, weight in self.beyond:
+            if source.size > 1:
+                total += np.abs(zeta[:, source] @ weight).sum(axis=0)
+        return total
+
 
 def folded_by_products(
-    motion: Segments, final: Floats, table: Complexes, dropped: Complexes, step: float, reach: float, open_ends: bool
+    motion: Segments, table: Complexes, dropped: Complexes, step: float, reach: float, open_ends: bool
 ) -> Floats:
-    """(k,) bound, see `beamsim.flow.fourier.MotionPart.folded`; the motion ends in the state ``final`` (N,).
+    """(k,) bound, see `beamsim.flow.fourier.MotionPart.folded`.
 
-    Events must not reset internal states of the contacts. Joint g is where segment g begins; the last one is the end.
+    Joint g is where segment g begins; the last one is the end of the motion.
     """
     count, k, inputs = motion.time.size, table.shape[2], 2 * motion.flow.sources.count
     of_state = {}
@@ -71,6 +93,10 @@ def folded_by_products(
         """(n, 2 F) amplitudes of the inputs in the pieces of segments, about times."""
         return as_real(motion.flow.sources.amplitudes_at(time, motion.piece[segments]))
 
+    def amplitudes(of: _Derivatives, segments: Ints, time: Floats, y: Floats) -> Complexes:
+        """(n, F + Z) amplitudes about times at which the states are y."""
+        return np.asarray(np.hstack([given(segments, time), y]) @ of.amplitude)
+
     bound, jumps, at_ends = np.zeros(k), np.zeros((ORDERS, k)), np.zeros((ORDERS, k))
     for begin in range(0, count, AT_ONCE):
         check_stop()
@@ -78,24 +104,28 @@ def folded_by_products(
         for s in np.unique(motion.state[part]):
             of = of_state[int(s)]
             segments = begin + np.flatnonzero(motion.state[part] == s)
-            start = given(segments, motion.time[segments])
-            free = np.abs(start @ of.fast[:inputs] + motion.y[segments] @ of.fast[inputs:])
+            loads = given(segments, motion.time[segments])
+            free = np.abs(loads @ of.amplitude[:inputs, of.fast] + motion.y[segments] @ of.amplitude[inputs:, of.fast])
             grown = 1.0 + np.exp(-of.decay * motion.length[segments, None])
             bound += (free * grown).sum(axis=0) @ of.left_out
             on = (segments > 0) & (motion.state[segments - 1] == s)
-            jump = start[on] - given(segments[on] - 1, motion.time[segments[on]])
-            jumps += np.abs(jump @ of.jets[:inputs]).sum(axis=0).reshape(ORDERS, k)
+            jump = loads[on] - given(segments[on] - 1, motion.time[segments[on]])
+            jumped = np.asarray(jump @ of.amplitude[:inputs])
+            jumps += np.abs(as_real(jumped) @ of.jets).sum(axis=0).reshape(ORDERS, k)
     inside = 1 + np.flatnonzero(np.diff(motion.state))
     for joints, total in ((inside, jumps), (np.array([0, count]) if open_ends else inside[:0], at_ends)):
-        time, y = np.append(motion.time, motion.end)[joints], motion.y[np.minimum(joints, count - 1)]
-        y[joints == count] = final
         difference = np.zeros((joints.size, ORDERS * k))
-        for sign, side in ((1.0, joints), (-1.0, joints - 1)):
-            for s, of in of_state.items():
-                at = np.flatnonzero((side >= 0) & (side < count) & (motion.state[np.clip(side, 0, count - 1)] == s))
-                x = np.hstack([given(side[at], time[at]), y[at]])
-                difference[at] += sign * (x @ of.jets)
-                bound += step * np.abs(np.tensordot(x, of.beyond, axes=1)).sum(axis=(0, 1))
+        for s, of in of_state.items():
+            after = np.flatnonzero((joints < count) & (motion.state[np.minimum(joints, count - 1)] == s))
+            before = np.flatnonzero((joints > 0) & (motion.state[joints - 1] == s))
+            began, ended = joints[after], joints[before] - 1
+            start = amplitudes(of, began, motion.time[began], motion.y[began])
+            at_start = amplitudes(of, ended, motion.time[ended], motion.y[ended])
+            y = _states(motion.flow.states[s], at_start, motion.length[ended, None])  # before what an event resets
+            end = amplitudes(of, ended, motion.time[ended] + motion.length[ended], y)
+            difference[after] += as_real(start) @ of.jets
+            difference[before] -= as_real(end) @ of.jets
+            bound += step * (of.sizes_beyond(start) + of.sizes_beyond(end))
         total += np.abs(difference).sum(axis=0).reshape(ORDERS, k)
     return bound + _factors(step, reach, 0) @ jumps + _factors(step, reach, 1) @ at_ends
 
@@ -107,3 +137,9 @@ def _factors(step: float, reach: float, lowest: int) -> Floats:
         sum(scale[order] * comb(order, m) * reach ** (order - m) for order in range(max(m, lowest), ORDERS))
         for m in range(ORDERS)
     ])  # fmt: skip
+
+
+def _states(state: ContactState, zeta: Complexes, tau: Floats) -> Floats:
+    """(n, N) states at times tau (n, 1) after amplitudes zeta (n, F + Z)."""
+    terms = zeta[:, state.term_source] * (tau**state.power * np.exp(tau * state.exponent))[:, state.term_basis]
+    return np.asarray((terms @ state.term_vector).real)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
-from beamsim.flow.equal_pieces import many_pieces
+from beamsim.flow.folding import folded_by_products
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.term_integrals import summed_integrals
 from beamsim.flow.trajectory import Trajectory
@@ -194,17 +194,4 @@ class MotionPart:
         return self.bounds[known]
 
     def _folded(self, step: float, reach: float, open_ends: bool) -> Floats:
-        from beamsim.flow.folding import folded_by_products
-        from beamsim.flow.fourier_kernels import ORDERS, folded
-
-        m, out = self.motion, np.zeros(self.table.shape[2])
-        if many_pieces(m) and not m.flow.system.contacts.arrays.resets.any():
-            final = m.states_at(np.array([m.end]))[0]
-            return folded_by_products(m, final, self.table, self.dropped, step, reach, open_ends)
-        before, beyond = np.zeros((out.size, ORDERS)), np.zeros(out.size)
-        for first, until in self._ranges(m.time.size + 1, 2 * ORDERS):
-            folded(
-                m.flow.tables(), m.flow.inputs(), self.table, self.dropped, m.time, m.length, m.state, m.piece, m.y,
-                step, reach, open_ends, first, until, before, beyond, out,
-            )  # fmt: skip
-        return out
+        return folded_by_products(self.motion, self.table, self.dropped, step, reach, open_ends)

@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.windows import Window
-from beamsim.flow import folding
+from beamsim.flow import fourier
 from beamsim.flow.fourier import MotionPart
 from tests.unit.test_equal_pieces import DURATION, motion  # noqa: F401
 
@@ -50,8 +50,8 @@ def test_a_time_stepped_run_states_what_it_folds_and_warns():
 def test_the_spectra_of_one_part_share_one_bound(motion, monkeypatch):  # noqa: F811
     trajectory, groups = motion
     calls = []
-    right = folding.folded_by_products
-    monkeypatch.setattr(folding, "folded_by_products", lambda *of: (calls.append(1), right(*of))[1])
+    right = fourier.folded_by_products
+    monkeypatch.setattr(fourier, "folded_by_products", lambda *of: (calls.append(1), right(*of))[1])
     part = MotionPart.of(trajectory, groups, 0.01, DURATION, np.pi * 60e3)
     bounds = [part.one(j).folded(1 / 60e3, 1e5, open_ends=False) for j in range(part.table.shape[2])]
     assert len(calls) == 1

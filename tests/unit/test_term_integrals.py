@@ -111,7 +111,7 @@ def test_what_outputs_ask_for_alike_is_worked_out_once_for_all(monkeypatch):
     outputs, omega = whole.table.shape[2], np.array([0.0, 3.0, 5.1])
     alone = [whole.between(5.0, 30.0).one(j).integrals(omega) for j in range(outputs)]
     squares = [whole.between(5.0, 30.0).one(j).mean_squares() for j in range(outputs)]
-    calls, compiled, summed = [], fourier_kernels.fourier_integrals, type(motion).square_integrals
+    calls, transformed, summed = [], MotionPart._integrals, type(motion).square_integrals
 
     def counted(name, function):
         def call(*arguments):
@@ -120,15 +120,32 @@ def test_what_outputs_ask_for_alike_is_worked_out_once_for_all(monkeypatch):
 
         return call
 
-    monkeypatch.setattr(fourier_kernels, "fourier_integrals", counted("fourier", compiled))
+    monkeypatch.setattr(MotionPart, "_integrals", counted("fourier", transformed))
     monkeypatch.setattr(type(motion), "square_integrals", counted("squares", summed))
     assert outputs > 3
     for j in range(outputs):
         one = whole.one(j)
-        np.testing.assert_array_equal(one.integrals(omega), alone[j])
+        np.testing.assert_allclose(one.integrals(omega), alone[j], rtol=1e-12, atol=1e-14 * np.abs(alone[j]).max())
         np.testing.assert_allclose(one.mean_squares(), squares[j], rtol=1e-13)
     assert calls.count("fourier") == 2  # of the first output, and of all
     assert calls.count("squares") == 1
+
+
+def test_fourier_integrals_are_those_of_the_kernel():
+    """At zero, at the load's own frequency, next to it and to one of a free motion, and far away."""
+    system = build_system(light_chain(0.3))
+    flow = exact_flow(system, 30.0)
+    motion = simulate(flow, system.initial_state)
+    assert motion.exponentials
+    part = MotionPart.of(motion, output_groups(system, flow), 5.0, 30.0, 1e9)
+    m, load = part.motion, float(np.abs(flow.sources.exponent).max())
+    free = float(np.abs(flow.states[0].exponent.imag).max())
+    omega = np.array([0.0, load, load * (1.0 + 1e-9), load * (1.0 + 1e-4), free, free * (1.0 + 1e-7), 400.0])
+    compiled = np.zeros((part.table.shape[2], omega.size), dtype=complex)
+    logged = (m.flow.tables(), m.flow.inputs(), part.table, m.time, m.length, m.state, m.piece, m.y)
+    fourier_kernels.fourier_integrals(*logged, omega, 0, m.time.size, compiled)
+    largest = np.abs(compiled).max(axis=1, keepdims=True)
+    assert np.all(np.abs(part.integrals(omega) - compiled) < 1e-11 * largest)
 
 
 def test_samples_at_uneven_times_are_those_of_the_kernel():

@@ -164,7 +164,7 @@ class MotionRecord:
         return min(lines, int(self.highest_hz * self.duration * (1 + 1e-12)) + 1)
 
     def folded(self, window: Window) -> float:
-        """In closed form, see `beamsim.flow.fourier_kernels.folded`."""
+        """In closed form, see `beamsim.flow.folding`."""
         turn, step = window.turn(self.duration), self.duration / self.x.size
         reach = 2.0 * np.pi * self.highest_hz + (window.cosines.size - 1) * turn
         bound = float(self.part.folded(step, reach, open_ends=window.open_ended)[0])
