@@ -88,6 +88,11 @@ class ContactState:
         np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
         return forced
 
+    def states_after(self, zeta: Complexes, tau: Floats) -> Floats:
+        """(n, N) states at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
+        basis = tau[:, None] ** self.power * np.exp(tau[:, None] * self.exponent)
+        return np.asarray(((zeta[:, self.term_source] * basis[:, self.term_basis]) @ self.term_vector).real)
+
     def amplitude_map(self) -> Complexes:
         """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary
         part of each input in turn, and of each number of the state."""

@@ -295,22 +295,24 @@ class ExactFlow:
         the first derivative that is not zero decides, which counts as zero when it is below the round-off of the terms
         that make it up; the phase that it hands over to is entered here.
         """
-        from beamsim.flow.kernels import segment_coefficients
-
         contacts = self.system.contacts
         phases, entered = contacts.start, np.zeros(contacts.count, dtype=bool)
-        piece = max(int(np.searchsorted(self.sources.start, time, side="right")) - 1, 0)
+        piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
+        given = self.sources.amplitudes_at(np.array([time]), piece)
         unvisited = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
         while True:
             index = self.state_index(phases)
-            tables, watched, s = self.tables(), self._tables.watched[index], self.states[index]
-            gamma = segment_coefficients(tables, self.inputs(), tables.watch, index, piece, time, state)
+            watched, s = self._tables.watched[index], self.states[index]
+            zeta = s.amplitudes(given, state[None])[0, s.term_source]
+            watch = self.tables().watch[index, : zeta.size, : watched.guards]
+            gamma = np.zeros((watched.guards, s.exponent.size), dtype=complex)
+            np.add.at(gamma.T, s.term_basis, zeta[:, None] * watch)
             for g in range(watched.guards):
                 j = int(watched.contact[g])
                 following = int(watched.following[g])
                 if following not in unvisited[j]:
                     continue
-                sign, order = _first_sign(gamma[g, : s.exponent.size], s.exponent, s.power)
+                sign, order = _first_sign(gamma[g], s.exponent, s.power)
                 if sign < 0:
                     unvisited[j].discard(following)
                     phases = contacts.after(phases, j, following)

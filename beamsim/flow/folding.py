@@ -121,7 +121,7 @@ def folded_by_products(
             began, ended = joints[after], joints[before] - 1
             start = amplitudes(of, began, motion.time[began], motion.y[began])
             at_start = amplitudes(of, ended, motion.time[ended], motion.y[ended])
-            y = _states(motion.flow.states[s], at_start, motion.length[ended, None])  # before what an event resets
+            y = motion.flow.states[s].states_after(at_start, motion.length[ended])  # before what an event resets
             end = amplitudes(of, ended, motion.time[ended] + motion.length[ended], y)
             difference[after] += as_real(start) @ of.jets
             difference[before] -= as_real(end) @ of.jets
@@ -137,9 +137,3 @@ def _factors(step: float, reach: float, lowest: int) -> Floats:
         sum(scale[order] * comb(order, m) * reach ** (order - m) for order in range(max(m, lowest), ORDERS))
         for m in range(ORDERS)
     ])  # fmt: skip
-
-
-def _states(state: ContactState, zeta: Complexes, tau: Floats) -> Floats:
-    """(n, N) states at times tau (n, 1) after amplitudes zeta (n, F + Z)."""
-    terms = zeta[:, state.term_source] * (tau**state.power * np.exp(tau * state.exponent))[:, state.term_basis]
-    return np.asarray((terms @ state.term_vector).real)

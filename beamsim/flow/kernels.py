@@ -441,18 +441,6 @@ def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-d
                 out[j] += rows_real[b, j] * re - rows_imag[b, j] * im
 
 
-@kernel
-def segment_coefficients(tables, inputs, table, state, piece, t, y):  # type: ignore[no-untyped-def]
-    """(k, B) coefficients of the basis functions in the outputs on a segment that starts with (t, y)."""
-    k = table.shape[2]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    rest = np.empty(tables.projector.shape[2])
-    gamma = np.zeros((tables.exponent.shape[1], k), dtype=np.complex128)
-    _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
-    _coefficients(tables, state, table, zeta, k, gamma)
-    return gamma.T
-
-
 @inner
 def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
     """A local maximum near tau: secant steps on the slope, kept inside [0, H]; returns (time, value)."""

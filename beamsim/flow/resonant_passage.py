@@ -167,16 +167,11 @@ def _by_start(flow: SeriesFlow, exact: ExactFlow, passage: Passage, t: float) ->
 
 def segment_end(exact: ExactFlow, passage: Passage, g: int) -> Floats:
     """(N,) the state where a segment ends, before the event there."""
-    from beamsim.flow.kernels import segment_coefficients
-
-    tables, index = exact.tables(), int(passage.state[g])
-    table = np.ascontiguousarray(tables.term_vector)
-    time = float(passage.time[g])
-    piece = max(int(np.searchsorted(exact.sources.start, time, side="right")) - 1, 0)
-    gamma = segment_coefficients(tables, exact.inputs(), table, index, piece, time, passage.y[g])
-    s, tau = exact.states[index], float(passage.length[g])
-    basis = tau**s.power * np.exp(s.exponent * tau)
-    return np.asarray((gamma[:, : basis.size] @ basis).real)
+    part = slice(g, g + 1)
+    piece = np.maximum(np.searchsorted(exact.sources.start, passage.time[part], side="right") - 1, 0)
+    state = exact.states[int(passage.state[g])]
+    zeta = state.amplitudes(exact.sources.amplitudes_at(passage.time[part], piece), passage.y[part])
+    return np.asarray(state.states_after(zeta, passage.length[part])[0])
 
 
 def _saltation(flow: SeriesFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
