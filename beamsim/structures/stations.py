@@ -89,7 +89,7 @@ class Stations:
         """The bodies; one alone is called after its axis."""
         if self.body is None or self.names is None or self.axes is None:
             only = AXES[self.meaning]
-            name = {ALONG: "beam", IN_PLANE: "plate", MASSES: "chain"}[only]
+            name = {ALONG: "beam", IN_PLANE: "plate", MASSES: "chain", NODES: "matrices"}[only]
             return (StationPart(name, only, slice(0, self.position.size)),)
         ends = np.cumsum(np.bincount(self.body, minlength=len(self.names))).tolist()
         return tuple(

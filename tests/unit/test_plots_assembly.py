@@ -6,6 +6,7 @@ import pytest
 import beamsim
 from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.plates import plate_figures
+from beamsim.plots.run import save_run_plots
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
 
@@ -115,3 +116,19 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
     assert max(ax.get_position().x1 for ax in panels) > 0.8
     texts = [text.get_text() for ax in figure.axes if ax.get_legend() for text in ax.get_legend().get_texts()]
     assert texts == ["snubber below", "snubber above"]
+
+
+def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):
+    (tmp_path / "dofs.csv").write_text("node,direction\n1,z\n2,z\n3,z\n")
+    np.savez(tmp_path / "m.npz", mass=np.diag([1.0, 1.0, 0.5]),
+             stiffness=1e4 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]))  # fmt: skip
+    case = {
+        "excitation": SHAKEN["excitation"], "run": SHAKEN["run"],
+        "bodies": {"m": {"kind": "matrices", "mass": {"file": str(tmp_path / "m.npz"), "name": "mass"},
+                         "stiffness": {"file": str(tmp_path / "m.npz"), "name": "stiffness"},
+                         "dofs": str(tmp_path / "dofs.csv"), "base": {"nodes": [1], "direction": "z"}}},
+        "probes": [{"name": "end", "at": {"node": 3}}],
+    }  # fmt: skip
+    result = beamsim.run(load_scenario(case))
+    assert result.modes.stations.parts[0].body == "matrices"
+    assert {path.name for path in save_run_plots(result, tmp_path, "m")} >= {"m_displacement.png", "m_spectrum.png"}
