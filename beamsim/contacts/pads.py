@@ -76,6 +76,33 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
     )
 
 
+def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> ContactLaw:
+    """Branches beside a two-sided law without internal states, or alone: a spring that relaxes.
+
+    Examples
+    --------
+    >>> (phase,) = relaxing_law(None, [MaxwellBranch(3.0, 0.5)]).phases
+    >>> phase.stiffness, phase.internal, phase.dynamics, phase.drive
+    (3.0, (-3.0,), ((-2.0,),), ((2.0, 0.0, 0.0),))
+    """
+    k = [b.stiffness for b in branches]
+    rows = np.zeros((len(k), 3 + len(k)))
+    for j, branch in enumerate(branches):
+        rows[j, 0], rows[j, 3 + j] = 1.0 / branch.relaxation_time, -1.0 / branch.relaxation_time
+    memory: dict[str, Any] = {
+        **_motion(rows), "internal": tuple(-x for x in k), "stored": _tuples(np.diag(k)),
+        "losses": tuple(b.stiffness * b.relaxation_time for b in branches),
+    }  # fmt: skip
+    phases = (Phase("stretched", (), touching=False),) if law is None else law.phases
+    return ContactLaw(
+        tuple(replace(phase, stiffness=phase.stiffness + sum(k), **memory) for phase in phases),
+        internal_states=len(k),
+        start=0 if law is None else law.start,
+        static=() if law is None else law.parts,
+        settled=lambda stretch: (stretch,) * len(k),
+    )
+
+
 @dataclass(frozen=True)
 class _Pad:
     """Rows are factors of the penetration, its rate, 1, and the internal states."""

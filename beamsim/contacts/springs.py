@@ -23,6 +23,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
+from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.places import ends_of, site_of
@@ -32,35 +33,43 @@ if TYPE_CHECKING:
     from beamsim.scenario import Located
 
 
+JOINT = "spring"  # kind of the joints that relax
+
+
 @dataclass(frozen=True)
 class SpringInfo:
-    """One nonlinear spring: where it acts and its law, F = linear x + the piecewise-linear rest, or cubic x^3."""
+    """One spring with a law of its own: where it acts, and F = linear x + that of the law, or cubic x^3."""
 
     name: str
-    kind: str  # "cubic" or "piecewise_linear"
+    kind: str  # "linear" (which relaxes), "cubic", "piecewise_linear", or "spring" of a joint
     places: tuple[str, ...]  # what it connects to the ground, or the two places that it joins, for people
     masses: tuple[int, ...]  # their numbers where they are masses
     shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
-    law: ContactLaw | None  # of a piecewise-linear spring: the force apart from the linear part, by the stretch
+    law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
 
     @property
     def on_ground(self) -> bool:
-        """Whether it depends on the absolute displacement."""
-        return len(self.places) == 1
+        """Whether it depends on the absolute displacement; a joint is to the base."""
+        return len(self.places) == 1 and self.kind != JOINT
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether the force depends on more than the stretch."""
+        return self.law is not None and self.law.internal_states > 0
 
     def force(self, stretch: Floats) -> Floats:
-        """N, positive where it pulls back a positive stretch (any shape)."""
+        """N, positive where it pulls back a positive stretch (any shape); of one that relaxes after a long rest."""
         force = self.linear * stretch + self.cubic * stretch**3
-        for part in () if self.law is None else self.law.parts or ():
+        for part in () if self.law is None else self.law.static_springs:
             pressed = np.maximum(part.direction * stretch - part.offset, 0.0)
             force = force + part.direction * part.stiffness * pressed
         return np.asarray(force)
 
 
 def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringInfo, ...]:
-    """The nonlinear springs; ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
+    """Springs and joints with laws; ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
 
     Raises ScenarioError if breakpoints do not increase, as cases of a study that varies them may.
     """
@@ -69,8 +78,11 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
     for row, (path, body, spring) in zip(shape, springs, strict=True):
         places = tuple(end.label for end in ends_of(site_of(spring, body)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
+        branches = [MaxwellBranch(b.stiffness, b.relaxation_time) for b in getattr(spring, "maxwell", ())]
         if spring.kind == "cubic":
             numbers = (float(spring.stiffness), 0.0, None)
+        elif spring.kind in ("linear", JOINT):
+            numbers = (0.0, float(spring.stiffness), relaxing_law(None, branches))
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):
                 raise ScenarioError(
@@ -81,7 +93,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
                     )
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
-            numbers = (0.0, float(spring.slope_at_rest), law)
+            numbers = (0.0, float(spring.slope_at_rest), relaxing_law(law, branches) if branches else law)
         infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, *numbers))
     return tuple(infos)
 
@@ -97,7 +109,7 @@ def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
 
 
 def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
-    """The piecewise-linear springs as contacts whose penetration is the stretch."""
+    """Springs with laws of phases as contacts whose penetration is the stretch."""
     piecewise = [s for s in springs if s.law is not None]
     count = len(piecewise)
     return Contacts(

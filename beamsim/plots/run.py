@@ -189,9 +189,10 @@ def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
     curves = []
     for spring in springs:
         force, stretch = rows_of(spring, "force"), rows_of(spring, "stretch")
-        if stretch.size > AT_ONCE:  # the force follows from the stretch
+        if stretch.size > AT_ONCE:  # the force follows from the stretch, or nearly so
             force, stretch = thinned(force, stretch, AT_ONCE)
-        order = np.argsort(stretch[:], kind="stable")
+        relaxes = spring.kind in ("linear", "spring")  # then the motion draws loops
+        order = slice(None) if relaxes else np.argsort(stretch[:], kind="stable")
         curves.append((stretch[:][order], force[:][order]))
     length = scale_for("m", *(stretch for stretch, _ in curves))
     newton = scale_for("N", *(force for _, force in curves))

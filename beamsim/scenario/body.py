@@ -80,7 +80,7 @@ class Body(Schema):
         return []
 
     def nonlinear_springs(self) -> list[tuple[Path, Any]]:
-        """Springs of the body that are not linear, with their paths below the body."""
+        """Springs of the body with a law of their own, with their paths below the body."""
         return []
 
     @property

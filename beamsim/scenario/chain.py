@@ -16,7 +16,7 @@ from beamsim.scenario.names import named
 from beamsim.scenario.place import AtPlace
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 from beamsim.scenario.snubber import ChainSnubber
-from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring
+from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
 
 _NAMED = ("snubbers", "springs_to_ground", "springs_between")
 
@@ -149,12 +149,12 @@ class Chain(Body):
         return self.snubbers
 
     def nonlinear_springs(self) -> list[tuple[Path, Any]]:
-        """Springs of the body that are not linear, with their paths below the body."""
+        """Springs of the body with a law of their own, with their paths below the body."""
         return [
             ((name, index), spring)
             for name in ("springs_to_ground", "springs_between")
             for index, spring in enumerate(getattr(self, name))
-            if spring.kind != "linear"
+            if has_own_law(spring)
         ]
 
     @property

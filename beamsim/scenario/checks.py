@@ -371,6 +371,9 @@ def _identification(scenario: _Checked) -> Problems:
     if section.snubber not in names:
         known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
         yield _problem(("identify_stiffness", "snubber"), f"= {section.snubber} is not the name of a snubber", known)
+    elif scenario.all_snubbers[names.index(section.snubber)].force_deflection is not None:
+        message = f"= {section.snubber} has a force_deflection table, and no one stiffness to be identified"
+        yield _problem(("identify_stiffness", "snubber"), message, "give it a stiffness, a first guess, in place of it")
     yield from identification_problems(scenario, scenario.whole, section)
 
 

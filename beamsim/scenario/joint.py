@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from beamsim.scenario.base import BY_KIND, Variants, counted, fail
+from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, BaseOrPlace, choose_base_or_place
 from beamsim.scenario.quantities import (
@@ -96,11 +97,13 @@ class SpringJoint(_Turning):
     """Force per difference of the deflections; none by default."""
     dashpot: Dashpot = 0.0
     """Force per difference of the velocities; none by default."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches between the deflections, any number of them."""
 
     def settle(self) -> None:
         """Demand something that acts."""
         super().settle()
-        if not (self.stiffness or self.dashpot or self.turns_against):
+        if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
             raise fail("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
 
 

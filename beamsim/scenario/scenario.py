@@ -26,7 +26,7 @@ from beamsim.scenario.place import AtPlace, ConstantForce, Probe
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Gravity, Name, Text
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
-from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring
+from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring, has_own_law
 from beamsim.scenario.sweep import Sweep
 from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
@@ -194,12 +194,12 @@ class Scenario(Schema):
 
     @property
     def nonlinear_springs(self) -> tuple[Located, ...]:
-        """The nonlinear springs of the scenario and of all bodies, with their paths."""
+        """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths."""
         shared = tuple(
             Located((key, index), self.default_body, spring)
-            for key in ("springs_to_ground", "springs_between")
+            for key in ("springs_to_ground", "springs_between", "joints")
             for index, spring in enumerate(getattr(self, key))
-            if spring.kind != "linear"
+            if has_own_law(spring)
         )
         return shared + tuple(
             Located((*self.body_path(name), *path), name, spring)

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_KIND, Schema, counted, fail
+from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named
 from beamsim.scenario.place import AtPlace, Sited
 from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
@@ -101,6 +102,13 @@ def check_places(places: tuple[AtPlace, ...]) -> None:
         raise fail("joins a place to itself", "name two different places", ("between",))
 
 
+def has_own_law(item: Schema) -> bool:
+    """Whether a spring or joint is more than a linear spring: nonlinear, or with Maxwell branches that act."""
+    kind = getattr(item, "kind", "")
+    branches = getattr(item, "maxwell", ())
+    return kind in ("cubic", "piecewise_linear") or any(branch.stiffness > 0.0 for branch in branches)
+
+
 class LinearSpring(Schema):
     """Force = stiffness times stretch."""
 
@@ -108,6 +116,8 @@ class LinearSpring(Schema):
     """Force = stiffness times stretch."""
     stiffness: NonNegativeStiffness
     """Stiffness."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches beside it, any number of them."""
 
 
 class CubicSpring(Schema):
@@ -128,6 +138,8 @@ class PiecewiseLinearSpring(Schema):
     """Stretches at which the slope changes, increasing."""
     stiffnesses: tuple[NonNegativeStiffness, ...]
     """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches beside it, any number of them."""
 
     def settle(self) -> None:
         """Check the lengths and the order."""

@@ -142,7 +142,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
     if cubic.count:  # what integrates these in time knows one-sided springs alone
-        _refuse_pads(snubbers, stops)
+        _refuse_pads(snubbers, stops, nonlinear)
         contacts = contacts.split()
     contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, loads, cubic)
     equilibrium = _equilibrium(parts, contacts, loads, cubic)
@@ -321,7 +321,7 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
         return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
 
 
-def _refuse_pads(snubbers: Sequence[Located], stops: Contacts) -> None:
+def _refuse_pads(snubbers: Sequence[Located], stops: Contacts, springs: Sequence[Located]) -> None:
     problems = [
         Problem(
             f"{path_text(path)}.{'maxwell' if snubber.maxwell else 'force_deflection'}",
@@ -330,6 +330,10 @@ def _refuse_pads(snubbers: Sequence[Located], stops: Contacts) -> None:
         )
         for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
         if law.family is None
+    ] + [
+        Problem(f"{path_text(path)}.maxwell", "cannot be combined with cubic springs", "leave one of the two out")
+        for path, _, spring in springs
+        if getattr(spring, "maxwell", ())
     ]
     if problems:
         raise ScenarioError(problems)

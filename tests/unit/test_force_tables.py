@@ -218,3 +218,11 @@ def test_the_path_is_relative_to_the_scenario(tmp_path, monkeypatch):
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(scenario))
     monkeypatch.chdir(Path("/"))
     assert build_system(load_scenario(tmp_path / "case.yaml")).snubbers[0].stiffness == pytest.approx(9000)
+
+
+def test_a_table_has_no_stiffness_to_be_identified():
+    with pytest.raises(ScenarioError, match=r"identify_stiffness.snubber = pad has a force_deflection table"):
+        case(
+            {"name": "pad", "force_deflection": POINTS},
+            identify_stiffness={"snubber": "pad", "measured_with": [100.0]},
+        )

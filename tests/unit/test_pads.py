@@ -288,3 +288,99 @@ def test_what_needs_contacts_without_losses_says_so():
     case["chain"]["springs_to_ground"] = springs
     with pytest.raises(ScenarioError, match=r"maxwell cannot be combined with cubic springs"):
         build_system(load_scenario(case))
+
+
+def driven(**sections):
+    """Two masses; the second is shaken."""
+    return load_scenario({**CHAIN, "chain": {**CHAIN["chain"], **sections}})
+
+
+def by_matrices(links, stiffness, damping_ratio=0.02):
+    """Displacements of CHAIN with branches on stretches, as one linear system: exact by its exponential."""
+    from scipy.linalg import expm
+
+    n, m = 2, len(links)
+    own = np.array([[800.0, -400.0], [-400.0, 400.0]]) + stiffness
+    omega2, modes = np.linalg.eigh(own)
+    damping = modes @ np.diag(2 * damping_ratio * np.sqrt(omega2)) @ modes.T
+    a = np.zeros((2 * n + m + 2, 2 * n + m + 2))  # and sine and cosine of the load
+    a[:n, n : 2 * n] = np.eye(n)
+    a[n : 2 * n, :n], a[n : 2 * n, n : 2 * n] = -own, -damping
+    for j, (row, k, tau) in enumerate(links):
+        row = np.array(row, dtype=float)
+        a[n : 2 * n, :n] -= k * np.outer(row, row)
+        a[n : 2 * n, 2 * n + j] += k * row
+        a[2 * n + j, :n], a[2 * n + j, 2 * n + j] = row / tau, -1.0 / tau
+    omega = 2 * np.pi * CHAIN["excitation"]["frequency"]
+    a[n + 1, -2] = 1.0
+    a[-2, -1], a[-1, -2] = omega, -omega
+    start = np.zeros(a.shape[0])
+    start[-1] = 1.0
+    step = expm(a / 200.0)
+    states = [start]
+    for _ in range(600):
+        states.append(step @ states[-1])
+    return np.array(states)
+
+
+def test_springs_with_branches_are_a_linear_system():
+    branch = {"stiffness": 500.0, "relaxation_time": 0.05}
+    other = {"stiffness": 200.0, "relaxation_time": 0.4}
+    run = beamsim.run(
+        driven(
+            springs_to_ground=[{"kind": "linear", "mass": 1, "stiffness": 100.0, "maxwell": [branch, other]}],
+            springs_between=[{"kind": "linear", "masses": [1, 2], "stiffness": 50.0, "maxwell": [other]}],
+        )
+    )
+    links = [([1, 0], 500.0, 0.05), ([1, 0], 200.0, 0.4), ([-1, 1], 200.0, 0.4)]
+    stiffness = np.diag([100.0, 0.0]) + 50.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    states = by_matrices(links, stiffness)
+    scale = np.abs(states[:, 1]).max()
+    (probe,) = run.probes.values()
+    np.testing.assert_allclose(probe.displacement, states[:, 1], atol=1e-11 * scale)
+    assert run.summary["energy_error"] < 1e-10
+    ground, link = run.springs["ground_spring_1"], run.springs["link_spring_1"]
+    x, p = states[:, 0], states[:, 4:7]
+    np.testing.assert_allclose(
+        ground.force, 100.0 * x + 500.0 * (x - p[:, 0]) + 200.0 * (x - p[:, 1]), atol=1e-9 * scale
+    )
+    stretch = states[:, 1] - x
+    np.testing.assert_allclose(link.force, 50.0 * stretch + 200.0 * (stretch - p[:, 2]), atol=1e-9 * scale)
+    assert run.summary["peak_spring_force_n"]["link_spring_1"] >= np.abs(link.force).max() * (1 - 1e-12)
+    assert run.summary["peak_spring_force_n"]["link_spring_1"] < np.abs(link.force).max() * 1.05
+
+
+def test_a_piecewise_linear_spring_with_a_branch_against_time_stepping():
+    bent = {"kind": "piecewise_linear", "mass": 2, "breakpoints": [-1e-3, 2e-3], "stiffnesses": [900.0, 100.0, 600.0],
+            "maxwell": [{"stiffness": 300.0, "relaxation_time": 0.1}]}  # fmt: skip
+    run = {**CHAIN["run"], "duration": 1.0}
+    chain = {**CHAIN, "run": run, "chain": {**CHAIN["chain"], "springs_to_ground": [bent]}}
+    exact = beamsim.run(load_scenario(chain))
+    stepped = beamsim.run(load_scenario({**chain, "run": {**run, "method": "reference"}}))
+    (one,), (other,) = exact.probes.values(), stepped.probes.values()
+    assert np.abs(one.displacement - other.displacement).max() < 1e-5 * np.abs(one.displacement).max()
+    assert np.abs(one.displacement).max() > 2.2e-3
+    assert exact.summary["energy_error"] < 1e-10
+
+
+def test_a_joint_with_a_branch():
+    """A beam on a joint to the base with a branch, and on a spring to ground with the same; nothing moves the base."""
+    beam = {
+        "length": 0.3, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700, "elements": 4,
+        "supports": {"left": "clamped", "right": "free"}, "damping": {"kind": "modal", "ratio": 0.01},
+    }  # fmt: skip
+    common = {
+        "beam": beam, "probes": [{"name": "tip", "position": 0.3}],
+        "excitation": {"kind": "step", "applied_to": {"position": 0.3}, "level": 5.0},
+        "run": {"duration": 0.05, "sample_rate": 5000, "convergence": "off"},
+    }  # fmt: skip
+    branch = {"stiffness": 3000.0, "relaxation_time": 0.01}
+    joint = {"kind": "spring", "between": ["base", {"position": 0.3}], "stiffness": 2000.0, "maxwell": [branch]}
+    spring = {"kind": "linear", "position": 0.3, "stiffness": 2000.0, "maxwell": [branch]}
+    joined = beamsim.run(load_scenario({**common, "joints": [joint]}))
+    sprung = beamsim.run(load_scenario({**common, "springs_to_ground": [spring]}))
+    scale = np.abs(sprung.probes["tip"].displacement).max()
+    np.testing.assert_allclose(joined.probes["tip"].displacement, sprung.probes["tip"].displacement, atol=1e-10 * scale)
+    stiffer = beamsim.run(load_scenario({**common, "springs_to_ground": [{**spring, "maxwell": []}]}))
+    assert np.abs(stiffer.probes["tip"].displacement - sprung.probes["tip"].displacement).max() > 0.05 * scale
+    assert joined.summary["energy_error"] < 1e-10

@@ -589,6 +589,8 @@ def _snubbers(system: StructuralSystem, motion: _RunMotion) -> dict[str, Snubber
 
 def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHistory]:
     def force(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        if "spring_force" in values:
+            return values["spring_force"][:, i]
         return system.springs[i].force(values["stretch"][:, i])
 
     return {

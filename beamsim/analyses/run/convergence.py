@@ -51,7 +51,9 @@ WINDOWS = 8  # parts of the motion after the sequences have parted
 SAMPLES = 512  # in each of them
 FREQUENCIES = 6  # natural frequencies that are compared
 ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is compared with
-SEARCHED = ("displacement", "acceleration", "force", "penetration", "stretch", "output")  # for their extremes
+SEARCHED = (  # for their extremes
+    "displacement", "acceleration", "force", "penetration", "stretch", "spring_force", "output",
+)  # fmt: skip
 
 Changes = Figures  # relative, by entry of the summary
 

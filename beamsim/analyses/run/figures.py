@@ -123,7 +123,10 @@ def motion_figures(
         ends = np.array(extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
         springs = [s.name for s in system.springs]
         figures["peak_stretch_m"] = by_name(springs, np.abs(ends).max(axis=1))
-        forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
+        if "spring_force" in extremes:  # which depends on more than the stretch
+            forces = largest(extremes["spring_force"]).tolist()
+        else:
+            forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
         figures["peak_spring_force_n"] = by_name(springs, np.array(forces))
     if system.stress is not None and "stress" in extremes:
         figures["largest_bending_stress_pa"] = float(largest(extremes["stress"]).max())

@@ -164,11 +164,25 @@ def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
     groups = {name: in_every_state(output) for name, output in fixed.items()}
     groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, absolute=True)
     groups["force"] = flow.contact_forces
+    if any(spring.relaxes for spring in system.springs):
+        groups["spring_force"] = lambda phases: spring_forces(system, flow, phases)
     if system.linear_outputs:
         groups["output"] = lambda phases: asked_for(flow, system.linear_outputs, phases)
     if system.energy_outputs:
         groups["energy"] = lambda phases: asked_for(flow, system.energy_outputs, phases)
     return OutputSet(groups)
+
+
+def spring_forces(system: StructuralSystem, flow: ExactFlow, phases: Ints) -> LinearOutput:
+    """Forces of the springs with laws of phases, N, none of them cubic: of their linear part and their law."""
+    stretch, of_law = stretches(flow, system.springs), flow.contact_forces(phases)
+    linear = np.array([spring.linear for spring in system.springs])[:, None]
+    first = len(system.snubbers)
+    return LinearOutput(
+        linear * stretch.row + of_law.row[first:],
+        linear * stretch.direct + of_law.direct[first:],
+        linear * stretch.direct_slope + of_law.direct_slope[first:],
+    )
 
 
 def in_every_state(output: LinearOutput) -> OutputOf:

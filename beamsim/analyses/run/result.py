@@ -98,10 +98,10 @@ class SnubberHistory(SnubberNumbers):
 
 @declared
 class SpringHistory:
-    """One nonlinear spring at the output times."""
+    """One spring that is nonlinear or relaxes, at the output times."""
 
     name: str = key("name of the spring")
-    kind: str = attribute("", "cubic or piecewise_linear")
+    kind: str = attribute("", "cubic, piecewise_linear, linear (which relaxes), or spring of a joint that relaxes")
     masses: tuple[int, ...] = attribute(
         "", "number of the mass it ties to the ground, or of the two it joins; none between points of beams"
     )
