@@ -57,6 +57,11 @@ class Body(Schema):
         return False
 
     @property
+    def recovered_rows(self) -> tuple[str, ...]:
+        """Names of other quantities that it gives."""
+        return ()
+
+    @property
     def rough_frequency_hz(self) -> float:
         """Order of magnitude of a low natural frequency, Hz."""
         return 0.0

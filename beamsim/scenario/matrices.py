@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, Tag
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, Variants, path_text
+from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.place import NodeDirection, NodeNumber
-from beamsim.scenario.quantities import Frequency, Text
+from beamsim.scenario.quantities import Frequency, Name, Text
 
 
 class MatrixSource(Schema):
@@ -23,6 +23,19 @@ class MatrixSource(Schema):
     """OP4, punched DMIG, MatrixMarket, Abaqus, Harwell-Boeing, MATLAB or NumPy; relative to the scenario's folder."""
     name: Text | None = None
     """Name of the matrix in the file, upper or lower case; not needed where the file holds one."""
+
+
+class RecoverySource(MatrixSource):
+    """A matrix that gives other quantities from the degrees of freedom: stress, strain, or motion elsewhere."""
+
+    rows: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Names of its rows, in their order; its columns are the degrees of freedom, in the order of the other matrices."""
+
+    def settle(self) -> None:
+        """Names are unique."""
+        for k, name in enumerate(self.rows):
+            if name in self.rows[:k]:
+                raise fail(f"names {name} twice", "give each row a name of its own", ("rows", k))
 
 
 class StructuralDamping(Schema):
@@ -63,6 +76,8 @@ class MatricesBody(Body):
     """Viscous damping matrix, beside the damping below; none by default."""
     structural_damping: StructuralDamping | None = None
     """Structural damping as viscous damping at one frequency; without it such matrices are refused."""
+    recovery: RecoverySource | None = None
+    """Matrix that gives other quantities, which ``run.outputs`` of the kind ``recovered`` report."""
     dofs: Text | None = None
     """CSV table node,direction[,x,y,z], a line a row of the matrices; not needed for DMIG and Abaqus files.
 
@@ -82,12 +97,20 @@ class MatricesBody(Body):
         named = {key: getattr(self, key) for key in ("mass", "stiffness", "viscous", "structural_damping")}
         return {key: source for key, source in named.items() if source is not None and source.file is not None}
 
+    @property
+    def recovered_rows(self) -> tuple[str, ...]:
+        """Names of the rows of the recovery matrix."""
+        return () if self.recovery is None else self.recovery.rows
+
     def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
         """The same with absolute paths; ``folder_of`` tells the folder of the file that has a key."""
         update: dict[str, object] = {
             key: source.model_copy(update={"file": str((folder_of(key, "file") / str(source.file)).absolute())})
             for key, source in self.sources.items()
         }
+        if self.recovery is not None:
+            file = str((folder_of("recovery", "file") / str(self.recovery.file)).absolute())
+            update["recovery"] = self.recovery.model_copy(update={"file": file})
         if self.dofs is not None:
             update["dofs"] = str((folder_of("dofs") / self.dofs).absolute())
         return self.model_copy(update=update)

@@ -11,7 +11,7 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, Variants, fail, kind_of, path_text, suggestion
 from beamsim.scenario.body import Body
 from beamsim.scenario.place import Sited
-from beamsim.scenario.quantities import Name
+from beamsim.scenario.quantities import Name, Text
 
 
 class Output(Schema):
@@ -132,6 +132,38 @@ class JointOutput(Output):
             yield _problem((*at, "joint"), f"= {self.joint} is an unknown joint", known)
 
 
+class RecoveredOutput(Output):
+    """A row of the recovery matrix of a body."""
+
+    kind: Literal["recovered"]
+    """The product of a row with the motion of the degrees of freedom."""
+    row: Name
+    """Name of the row."""
+    body: Name | None = None
+    """The body; may be left out where there is only one."""
+    motion: Literal["displacement", "velocity", "acceleration"] = "displacement"
+    """What the row multiplies: displacement or velocity relative to the base, for stress, or absolute acceleration."""
+    unit: Text = "1"
+    """Unit of the product, for tables and files: Pa where the matrix gives stress in Pa."""
+
+    def problems(
+        self, at: Path, bodies: Mapping[str, Body], default: str, joints: tuple[Any, ...]
+    ) -> Iterator[Problem]:
+        """The body must have a recovery matrix with this row."""
+        yield from _body_problems(at, self.body, bodies, default)
+        body = bodies.get(self.body or default)
+        if body is None:
+            return
+        if not body.recovered_rows:
+            yield _problem(
+                at, f"needs a recovery matrix, which {self.body or default} lacks",
+                "give recovery: {file: panel.op4, name: stress, rows: [skin]} of imported matrices",
+            )  # fmt: skip
+        elif self.row not in body.recovered_rows:
+            known = suggestion(self.row, body.recovered_rows, "its rows are")
+            yield _problem((*at, "row"), f"= {self.row} is no row of the recovery matrix", known)
+
+
 class EnergyOutput(Output):
     """Energy of a body."""
 
@@ -166,6 +198,7 @@ _GROUPS = {
     "<bending>": ("bending_moment", "stress", "strain"),
     "<reaction>": ("reaction_force", "reaction_moment"),
     "<joint>": ("joint_force", "joint_moment"),
+    "<recovered>": ("recovered",),
     "<energy>": ("kinetic_energy", "strain_energy"),
 }
 
@@ -179,6 +212,7 @@ AnyOutput = Annotated[
     | Annotated[BendingOutput, Tag("<bending>")]
     | Annotated[ReactionOutput, Tag("<reaction>")]
     | Annotated[JointOutput, Tag("<joint>")]
+    | Annotated[RecoveredOutput, Tag("<recovered>")]
     | Annotated[EnergyOutput, Tag("<energy>")],
     Variants(
         _choose,

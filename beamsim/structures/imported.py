@@ -20,7 +20,7 @@ from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.scenario.matrices import MatricesBody
+    from beamsim.scenario.matrices import MatricesBody, RecoverySource
 
 # Differences between a matrix and its transpose, relative to its largest entry: of single precision, and of digits cut.
 ROUND_OFF = 1e-6
@@ -76,17 +76,54 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         damping = equivalent if damping is None else damping + equivalent
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
     _check_diagonals(symmetric["mass"], symmetric["stiffness"], table)
-    return NamedMatrices(table, symmetric["mass"], symmetric["stiffness"], damping, (), remarks=tuple(remarks))
+    return NamedMatrices(
+        table, symmetric["mass"], symmetric["stiffness"], damping, (), remarks=tuple(remarks),
+        recovery=None if section.recovery is None else _recovery(section.recovery, table),
+    )  # fmt: skip
+
+
+def _recovery(source: RecoverySource, table: DofTable) -> Any:
+    """(rows, N) sparse, columns in the order of the table."""
+    from scipy.sparse import csr_array
+
+    matrix = _of_file("recovery", source)
+    values = csr_array(matrix.values)
+    if np.iscomplexobj(values):
+        raise MethodError("recovery", "is complex", "give a real matrix")
+    size = len(table.dofs)
+    if matrix.columns is not None:
+        place = {dof: i for i, dof in enumerate(table.dofs)}
+        unknown = next((dof for dof in matrix.columns if dof not in place), None)
+        if unknown is not None:
+            raise MethodError(
+                "recovery", f"has a column of node {unknown[0]} {unknown[1]}, which the mass and stiffness lack",
+                table.remedy(unknown[0]),
+            )  # fmt: skip
+        entries = values.tocoo()
+        at = np.array([place[dof] for dof in matrix.columns], dtype=np.int64)
+        values = csr_array((entries.data, (entries.row, at[entries.col])), shape=(values.shape[0], size))
+    if values.shape != (len(source.rows), size):
+        rows, columns = values.shape
+        raise MethodError(
+            "recovery", f"has {rows} rows and {columns} columns, but {len(source.rows)} rows are named and there are "
+            f"{size} degrees of freedom", "name each row, and give a column for each row of the mass matrix",
+        )  # fmt: skip
+    return values
 
 
 def _read(key: str, source: Any) -> FileMatrix:
+    matrix = _of_file(key, source)
+    if matrix.values.shape[0] != matrix.values.shape[1]:
+        rows, columns = matrix.values.shape
+        raise MethodError(key, f"has {rows} rows and {columns} columns", "give a square matrix")
+    return matrix
+
+
+def _of_file(key: str, source: Any) -> FileMatrix:
     try:
         matrix = read_matrix(Path(source.file), source.name)
     except MethodError as error:
         raise MethodError(f"{key}.{error.about}", error.message, error.remedy) from None
-    if matrix.values.shape[0] != matrix.values.shape[1]:
-        rows, columns = matrix.values.shape
-        raise MethodError(key, f"has {rows} rows and {columns} columns", "give a square matrix")
     if not np.all(np.isfinite(matrix.values.data)):
         raise MethodError(key, "has entries that are not finite", "check the analysis that wrote the file")
     return matrix

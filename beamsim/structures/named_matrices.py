@@ -33,6 +33,7 @@ class NamedMatrices:
     base: tuple[int, ...]  # nodes that move with the base; none where nothing does
     direction: str = "z"  # in which the base moves
     remarks: tuple[str, ...] = ()  # what was done to the matrices of files
+    recovery: Any = None  # (k, N) sparse: other quantities, by unit of each degree of freedom; None without
 
 
 def with_base_node(

@@ -290,6 +290,10 @@ class BodyStructure(Structure, ABC):
         """Displacement of a place in its direction when the base moves by one unit and nothing deforms."""
         return 1.0
 
+    def recovered(self, number: int) -> tuple[Floats, float]:
+        """(N,) another quantity that the body gives, by its number, for a unit of each dof, and of the base."""
+        raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
+
     @abstractmethod
     def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
         """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself."""

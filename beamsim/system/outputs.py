@@ -127,6 +127,8 @@ class _Asked:
             return self._of_joint(path, output)
         if kind.endswith("energy"):
             return self._energy(output)
+        if kind == "recovered":
+            return self._recovered(output)
         place = site_in(self.parts.scenario, output)
         assert isinstance(place, Place)
         if kind in _BENDING:
@@ -145,8 +147,17 @@ class _Asked:
         }  # fmt: skip
         rows = {name: given.pop(name, np.zeros(size)) for name, size in sizes.items()}
         return OutputRows(
-            **{"name": output.name, "kind": output.kind, "unit": UNITS[output.kind], "at": at, **rows, **given}
+            **{"name": output.name, "kind": output.kind, "unit": UNITS.get(output.kind, ""), "at": at, **rows, **given}
         )
+
+    def _recovered(self, output: Any) -> OutputRows:
+        name = output.body or self.parts.scenario.default_body
+        structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
+        member = structure.member(name)
+        row, of_base = member.body.recovered(names.index(output.row))
+        shape = member.on_whole(row) @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
+        base = np.array([of_base if output.motion == "acceleration" else 0.0])
+        return self._zero(output, name, unit=output.unit, base_acceleration=base, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> OutputRows:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)

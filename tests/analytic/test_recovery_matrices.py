@@ -1,0 +1,94 @@
+"""Rows of a recovery matrix against what else knows them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.scenario import load_scenario
+
+PANEL = Path(__file__).parents[2] / "configs" / "imported_panel.yaml"
+
+
+def scenario(folder, rows=None, outputs=(), names=None, matrix=None):
+    """The imported panel, undamped, with a matrix of recovery for the names of its rows."""
+    case = yaml.safe_load(PANEL.read_text())
+    body = case["bodies"]["panel"]
+    for key in ("mass", "stiffness"):
+        body[key]["file"] = str(PANEL.parent / body[key]["file"])
+    body["dofs"] = str(PANEL.parent / body["dofs"])
+    body["damping"] = {"kind": "modal", "ratio": 0.0}
+    if rows is not None:
+        write_op4(folder / "recovery.op4", {"oee": np.array(list(rows.values())) if matrix is None else matrix})
+        body["recovery"] = {"file": "recovery.op4", "name": "OEE", "rows": names or list(rows)}
+    case["run"] = {
+        "duration": 0.2, "sample_rate": 5000, "convergence": "off", "start": "rest",
+        "outputs": [{"kind": "recovered", **output} for output in outputs]
+        + [{"name": "reaction", "kind": "reaction_force", "support": "node 15", "body": "panel"}],
+    }  # fmt: skip
+    case["reduction"] = {"modes": "all"}
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
+    return load_scenario(folder / "case.yaml")
+
+
+@pytest.fixture(scope="module")
+def matrices():
+    return {each.name: each.values.toarray() for each in read_op4(PANEL.parent / "matrices" / "panel.op4")}
+
+
+@pytest.fixture(scope="module")
+def dofs():
+    return [tuple(line.split(",")[:2]) for line in (PANEL.parent / "matrices/panel_dofs.csv").read_text().split()[1:]]
+
+
+def test_motion_elsewhere_and_the_reaction_of_the_base(tmp_path, matrices, dofs):
+    """A row of ones is the motion of its node; rows of K and M at the base add up to its reaction."""
+    tip, base = dofs.index(("14", "z")), dofs.index(("15", "z"))
+    unit = np.zeros(len(dofs))
+    unit[tip] = 1.0
+    rows = {"tip": unit, "elastic": matrices["kxx"][base], "inertia": matrices["mxx"][base]}
+    outputs = [
+        {"name": "moved", "row": "tip", "unit": "m"},
+        {"name": "speed", "row": "tip", "motion": "velocity", "unit": "m/s"},
+        {"name": "shaken", "row": "tip", "motion": "acceleration", "unit": "m/s^2"},
+        {"name": "elastic", "row": "elastic", "unit": "N"},
+        {"name": "inertia", "row": "inertia", "motion": "acceleration", "unit": "N"},
+    ]
+    result = beamsim.run(scenario(tmp_path, rows, outputs))
+    assert result.summary["contacts"]["corner"] > 2
+    values = {name: np.asarray(output.value) for name, output in result.outputs.items()}
+    probe = result.probes["corner"]
+    for name, known in (
+        ("moved", probe.displacement), ("speed", probe.velocity), ("shaken", probe.absolute_acceleration),
+        ("reaction", values["elastic"] + values["inertia"]),
+    ):  # fmt: skip
+        known = np.asarray(known)
+        assert np.abs(values[name] - known).max() <= 1e-8 * np.abs(known).max(), name
+    assert result.outputs["elastic"].unit == "N"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"outputs": [{"name": "a", "row": "tipp"}]}, r"run.outputs\[0\].row = tipp is no row .* did you mean tip\?"),
+        (
+            {"names": ["tip", "root"]},
+            "recovery has 1 rows and 27 columns, but 2 rows are named and there are 27",
+        ),
+        ({"names": ["tip", "tip"]}, "names tip twice"),
+        ({"matrix": np.ones((1, 7))}, "recovery has 1 rows and 7 columns, but 1 rows are named and there are 27"),
+    ],
+)
+def test_mistakes_are_located(tmp_path, dofs, change, message):
+    given = {"rows": {"tip": np.ones(len(dofs))}, "outputs": [{"name": "a", "row": "tip"}], **change}
+    with pytest.raises(ScenarioError, match=message):
+        beamsim.run(scenario(tmp_path, **given))
+
+
+def test_a_body_without_a_recovery_matrix(tmp_path):
+    with pytest.raises(ScenarioError, match=r"outputs\[0\] needs a recovery matrix, which panel lacks; give recovery"):
+        scenario(tmp_path, outputs=[{"name": "a", "row": "tip"}])
