@@ -8,6 +8,7 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from threading import Event
 from typing import TYPE_CHECKING, Any, overload
 
@@ -329,6 +330,10 @@ def _with_whole_paths(base: dict[str, Any], scenario: Scenario) -> dict[str, Any
             owner = owner.get(key) if isinstance(owner, dict) else None
         if isinstance(owner, dict) and place[-1] in owner:
             owner[place[-1]] = str((scenario.folder_of(*place) / owner[place[-1]]).absolute())
+    for name, body in scenario.bodies.items():
+        placed = body.in_folder(partial(scenario.folder_of, *scenario.body_path(name)))
+        if placed != body:
+            base["bodies"][name] = placed.model_dump(mode="json", by_alias=True, exclude_none=True)
     return base
 
 
