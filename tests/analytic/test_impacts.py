@@ -81,22 +81,29 @@ def test_a_pad_that_never_pulls_restores_less():
     assert impacts.impulse[0] == pytest.approx(MASS * SPEED * (1 + restitution), rel=1e-8)
 
 
-@pytest.mark.parametrize("law", ["kelvin_voigt", "no_tension"])
+TABLE = {"force_deflection": [[0.0, 0.0], [2e-4, 10.0], [1e-3, 90.0]], "stiffness": None}
+BRANCH = {"maxwell": [{"stiffness": 4e4, "relaxation_time": 5e-3}]}
+LAWS = {
+    "kelvin_voigt": {"law": "kelvin_voigt"},
+    "no_tension": {"law": "no_tension"},
+    "table": {**TABLE, "law": "no_tension"},
+    "maxwell": {**BRANCH, "law": "no_tension"},
+    "all": {**TABLE, **BRANCH, "law": "no_tension"},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_what_impacts_lose_is_what_the_structure_loses(law):
     """Without structural damping the losses of all impacts are the dissipation of the energy balance."""
+    bumper = {"name": "bumper", "between": [2, 3], "resists": "approach", "stiffness": 1e5, "gap": 5e-4}
+    cable = {"name": "cable", "between": [1, 3], "resists": "separation", "stiffness": 2e4, "gap": 3e-3}
+    for snubber, dashpot in ((bumper, 40.0), (cable, 25.0)):
+        snubber |= {"damping": {"kind": "viscous", "coefficient": dashpot}, **LAWS[law]}
     case = {
-        "chain": {
-            "masses": [1.0, 0.5, 0.5], "springs": [4e4, 2e4, 2e4],
-            "snubbers": [
-                {"name": "bumper", "between": [2, 3], "resists": "approach", "stiffness": 1e5, "gap": 5e-4, "law": law,
-                 "damping": {"kind": "viscous", "coefficient": 40.0}},
-                {"name": "cable", "between": [1, 3], "resists": "separation", "stiffness": 2e4, "gap": 3e-3, "law": law,
-                 "damping": {"kind": "viscous", "coefficient": 25.0}},
-            ],
-        },
+        "chain": {"masses": [1.0, 0.5, 0.5], "springs": [4e4, 2e4, 2e4], "snubbers": [bumper, cable]},
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": 10.0, "frequency": 15.0},
         "run": {"duration": 2.0, "sample_rate": 1000.0, "convergence": "off", "impacts": {}},
-    }  # fmt: skip
+    }
     result = beamsim.run(Scenario.model_validate(case))
     impacts = result.impacts
     assert impacts.begin.size > 40
