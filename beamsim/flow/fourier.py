@@ -150,18 +150,21 @@ class MotionPart:
     def _by_products(self, omega: Floats) -> Complexes:
         """The same without powers of time: sums over all segments of one contact state are products of matrices."""
         m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)
-        for number in np.unique(m.state):
-            state, segments = m.flow.states[number], np.flatnonzero(m.state == number)
-            begin, exponent = m.amplitudes(state, segments), state.exponent[state.term_basis]
-            end = begin * np.exp(m.length[segments, None] * exponent)
-            elapsed, c = (m.time[segments] - m.time[0])[:, None], self.table[number, : exponent.size].T
-            columns = max(EXPONENTIALS_A_CALL // (segments.size + exponent.size), FEWEST_FREQUENCIES)
-            for first in range(0, omega.size, columns):
+        elapsed = (np.append(m.time, m.time[-1:] + m.length[-1:]) - m.time[0])[:, None]
+        columns = max(EXPONENTIALS_A_CALL // elapsed.size, FEWEST_FREQUENCIES)
+        for first in range(0, omega.size, columns):
+            part = slice(first, first + columns)
+            turned = np.exp(-1j * omega[part] * elapsed)
+            for number in np.unique(m.state):
                 check_stop()
-                part = slice(first, first + columns)
-                turned = begin, end, np.exp(-1j * omega[part] * elapsed), m.length[segments]
-                of_terms = summed_integrals(exponent, omega[part], *turned)
-                conjugate = summed_integrals(exponent.conj(), omega[part], begin.conj(), end.conj(), *turned[2:])
+                state, segments = m.flow.states[number], np.flatnonzero(m.state == number)
+                exponent = state.exponent[state.term_basis]
+                begin, length = m.amplitudes(state, segments), m.length[segments]
+                end = begin * np.exp(length[:, None] * exponent)
+                sides = turned[segments], turned[segments + 1], length
+                of_terms = summed_integrals(exponent, begin, end, omega[part], *sides)
+                conjugate = summed_integrals(exponent.conj(), begin.conj(), end.conj(), omega[part], *sides)
+                c = self.table[number, : exponent.size].T
                 out[:, part] += 0.5 * (c @ of_terms + c.conj() @ conjugate)
         return out
 

@@ -111,20 +111,21 @@ def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -
 
 
 def summed_integrals(
-    exponent: Complexes, omega: Floats, begin: Complexes, end: Complexes, turned: Complexes, length: Floats
-) -> Complexes:
+    exponent: Complexes, begin: Complexes, end: Complexes, omega: Floats, turned: Complexes, turned_at_end: Complexes,
+    length: Floats,
+) -> Complexes:  # fmt: skip
     r"""(T, W) sums over segments of :math:`\int u_i(\tau) e^{-i \omega (t_g + \tau)} d\tau` from 0 to their lengths.
 
     Parameters
     ----------
     exponent : (T,) of the terms u, which are ``begin`` (S, T) and ``end`` (S, T) where segments begin and end.
     omega : (W,) rad/s.
-    turned : (S, W) :math:`e^{-i \omega t_g}` where the segments begin.
+    turned, turned_at_end : (S, W) :math:`e^{-i \omega t}` where the segments begin and end.
     length : (S,) s.
     """
     rate, longest = exponent[:, None] - 1j * omega, float(length.max())
     slow = np.abs(rate) * longest <= SLOW * (1.0 + longest * (np.abs(exponent)[:, None] + omega))
-    sums = end.T @ (turned * np.exp(-1j * omega * length[:, None])) - begin.T @ turned
+    sums = end.T @ turned_at_end - begin.T @ turned
     sums /= np.where(slow, 1.0, rate)
     for i, w in zip(*np.nonzero(slow), strict=True):
         grown = length if rate[i, w] == 0.0 else np.expm1(rate[i, w] * length) / rate[i, w]
