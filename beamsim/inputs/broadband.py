@@ -58,8 +58,7 @@ def phase_of_acceleration(quantity: str, level: float, points: Sequence[ProfileP
     """
     if points:
         quantity = points[0].quantity or "acceleration"
-    lead = {"displacement": np.pi, "velocity": 0.5 * np.pi}.get(quantity, 0.0)
-    return float(lead + (np.pi if level < 0 else 0.0))
+    return float(0.5 * np.pi * power_of(quantity) + (np.pi if level < 0 else 0.0))
 
 
 def broadband_signals(
@@ -81,10 +80,11 @@ def broadband_signals(
     given = sampled_signal(excitation, duration, folder)
     if not excitation.on_base:
         return given, given, given
-    if excitation.quantity == "acceleration":
+    integrals = power_of(str(excitation.quantity))
+    if integrals == 0:
         velocity = given.antiderivative()
         return given, velocity, velocity.antiderivative()
-    if excitation.quantity == "velocity":
+    if integrals == 1:
         return given.derivative(), given, given.antiderivative()
     velocity = given.derivative()
     return velocity.derivative(), velocity, given

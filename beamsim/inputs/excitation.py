@@ -13,6 +13,7 @@ import numpy as np
 
 from beamsim.inputs.broadband import broadband_signals, sweep_windows
 from beamsim.inputs.drift import Correction
+from beamsim.inputs.profiles import power_of
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import swept_signals
 
@@ -108,11 +109,12 @@ def base_motion(excitation: Driven, duration: float | None = None, folder: Path 
         return BaseMotion(*broadband_signals(excitation, duration, folder))
     given = level_signal(excitation)
     periodic = excitation.kind in ("harmonic", "multi_tone")
-    if excitation.quantity == "acceleration":
+    integrals = power_of(str(excitation.quantity))
+    if integrals == 0:
         acceleration = given
         velocity = _without_drift(given) if periodic else given.antiderivative()
         displacement = _without_drift(velocity) if periodic else velocity.antiderivative()
-    elif excitation.quantity == "velocity":
+    elif integrals == 1:
         acceleration = given.derivative()
         velocity = given
         displacement = _without_drift(given) if periodic else given.antiderivative()

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamsim.scenario.quantities import INTEGRALS
 from beamsim.typing import Floats, Ints
-
-_POWER = {"velocity": 1.0, "displacement": 2.0}  # of accelerations and forces 0
 
 
 def power_of(quantity: str) -> float:
     """Power of the frequency with which the acceleration (or force) grows at constant ``quantity``."""
-    return _POWER.get(quantity, 0.0)
+    return float(INTEGRALS.get(quantity, 0))
 
 
 def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> float:

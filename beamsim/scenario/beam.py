@@ -117,6 +117,7 @@ class BeamBody(Body):
 
     body_kind: ClassVar[str] = "beam"
     has_slope: ClassVar[bool] = True
+    base_directions: ClassVar[tuple[str, ...]] = ("z", "ry")
 
     length: Length
     """Length."""

@@ -40,6 +40,10 @@ class Body(Schema):
     has_slope: ClassVar[bool] = False
     """Whether its points turn as well as deflect."""
 
+    base_directions: ClassVar[tuple[str, ...]] = ("z",)
+    """Directions in which a motion of the base, or gravity, moves its points; first what no direction means, empty
+    where the body names it."""
+
     has_default_probe: ClassVar[bool] = True
     """Whether `default_probe` names a place."""
 

@@ -10,6 +10,7 @@ from beamsim.scenario.base import Schema, fail
 from beamsim.scenario.driven import Driven, not_taken, spoken
 from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
 from beamsim.scenario.quantities import (
+    INTEGRALS,
     Angle,
     Duration,
     Frequency,
@@ -51,6 +52,7 @@ class SweptSineInput(Driven, FrequencyRange):
         if (self.level is None) == (not self.profile):
             raise fail("needs either level or profile", "give one of the two")
         FrequencyRange.settle(self)
+        self.check_direction()
         check_profile(self.profile, self.between)
         if self.level is not None:
             Driven.settle(self)
@@ -100,6 +102,7 @@ class SampledInput(Driven):
 
     def settle(self) -> None:
         """Settle what is given."""
+        self.check_direction()
         if self.unit is not None:
             from beamsim.scenario.quantities import LEVEL_DIMENSIONS
             from beamsim.scenario.units import UnitError, read_level
@@ -115,9 +118,9 @@ class SampledInput(Driven):
         quantity = self.quantity or self.takes[0]
         if quantity not in self.takes:
             raise fail(f"is {quantity}, which cannot act there", not_taken(quantity, self.takes)[1], ("quantity",))
-        if quantity != "acceleration" and self.on_base and self.interpolation == "linear":
+        if quantity in INTEGRALS and self.interpolation == "linear":
             raise fail(
-                f"= linear of the base's {quantity} has corners, where the acceleration is infinite",
+                f"= linear of the base's {spoken(quantity)} has corners, where the acceleration is infinite",
                 "use interpolation: cubic, or give the acceleration",
                 ("interpolation",),
             )
@@ -168,6 +171,7 @@ class RandomInput(Driven):
 
     def settle(self) -> None:
         """Check the table."""
+        self.check_direction()
         for index, (one, two) in enumerate(zip(self.psd, self.psd[1:], strict=False)):
             if two.frequency <= one.frequency:
                 raise fail(

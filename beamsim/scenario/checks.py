@@ -20,6 +20,7 @@ from beamsim.scenario.excitation import Harmonic, level_problems
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.identification_checks import identification_problems
 from beamsim.scenario.impacts import impact_problems
+from beamsim.scenario.joint import body_origins
 from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
 from beamsim.scenario.phase_resonance import phase_resonance_problems
@@ -52,6 +53,8 @@ class _Checked(ScenarioParts, Protocol):
     @property
     def chain(self) -> Body | None: ...
     @property
+    def gravity(self) -> Any: ...
+    @property
     def joints(self) -> tuple[Any, ...]: ...
     @property
     def springs_to_ground(self) -> tuple[Any, ...]: ...
@@ -66,8 +69,8 @@ class _Checked(ScenarioParts, Protocol):
 def problems(scenario: _Checked) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
     checks = (
-        _structure, _places, _joints, _names, _run, _start, _sweep, _identification, _modes, _phase_resonance, _designs,
-        _limits,
+        _structure, _directions, _places, _joints, _names, _run, _start, _sweep, _identification, _modes,
+        _phase_resonance, _designs, _limits,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
@@ -82,6 +85,33 @@ def _guarded(check: Problems) -> Problems:
 
 def _problem(path: Path, message: str, remedy: str = "") -> Problem:
     return Problem(path_text(path), message, remedy)
+
+
+def _directions(scenario: _Checked) -> Problems:
+    """The base and gravity move points of every body; where several turn, joints must say how they lie."""
+    excitation, gravity, bodies = scenario.excitation, scenario.gravity, scenario.all_bodies
+    asked: list[tuple[Path, str]] = []
+    direction = getattr(excitation, "direction", None)
+    if direction is not None:
+        asked.append((("excitation", "direction"), direction))
+    if isinstance(gravity, tuple):
+        asked += [(("gravity", i), "xyz"[i]) for i in range(3) if gravity[i] != 0]
+    for path, wanted in asked:
+        for name, body in bodies.items():
+            if wanted not in body.base_directions:
+                yield _problem(
+                    path, f"= {wanted} moves no point of {name}, a {body.body_kind}" if path[0] == "excitation"
+                    else f"acts along {wanted}, in which no point of {name}, a {body.body_kind}, moves",
+                    f"use {' or '.join(filter(None, body.base_directions))}",
+                )  # fmt: skip
+    if direction is not None and direction.startswith("r") and len(bodies) > 1:
+        placed = body_origins(scenario.joints, scenario.default_body)
+        if set(bodies) - set(placed):
+            yield _problem(
+                ("excitation", "direction"),
+                f"= {direction} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
+                "join them by points of beams, or model them as one body",
+            )
 
 
 def _structure(scenario: _Checked) -> Problems:

@@ -7,15 +7,25 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Tag
 
-from beamsim.scenario.base import Schema, Variants, fail
+from beamsim.scenario.base import Schema, Variants, fail, number_or_list
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.place import BaseOrPlace, choose_base_or_place
-from beamsim.scenario.quantities import LevelValue
+from beamsim.scenario.place import BaseOrPlace, NodeDirection, choose_base_or_place
+from beamsim.scenario.quantities import Coordinate, LevelValue
 
-Quantity = Literal["acceleration", "velocity", "displacement", "force", "force_per_length", "pressure"]
+Quantity = Literal[
+    "acceleration", "velocity", "displacement", "force", "force_per_length", "pressure",
+    "angular_acceleration", "angular_velocity", "rotation",
+]  # fmt: skip
 
 BASE_TAKES: tuple[Quantity, ...] = ("acceleration", "velocity", "displacement")
 """What the base's motion is given by; the first is the default."""
+
+ROTATION_TAKES: tuple[Quantity, ...] = ("angular_acceleration", "angular_velocity", "rotation")
+"""What a rotation of the base is given by; the first is the default."""
+
+About = Annotated[
+    Annotated[Coordinate, Tag("<number>")] | Annotated[tuple[Coordinate, ...], Tag("<list>")], Variants(number_or_list)
+]
 
 _Load = Annotated[LineLoad, Tag("<line>")] | Annotated[AreaLoad, Tag("<area>")]
 
@@ -56,6 +66,7 @@ _TAKEN = {
     "force": "but a point takes a force",
     "force_per_length": "but a line takes a force per length",
     "pressure": "but an area takes a pressure",
+    "angular_acceleration": "but the base turns",
 }
 _REMEDY = {
     "acceleration": "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), "
@@ -63,6 +74,7 @@ _REMEDY = {
     "force": "give a force (1.5 N), or apply it to base",
     "force_per_length": "give a force per length (50 N/m), or apply it to base or a point",
     "pressure": "give a pressure (200 Pa), or apply it to base or a point",
+    "angular_acceleration": "give an angular acceleration (50 rad/s^2), velocity (2 rad/s) or rotation (0.1 deg)",
 }
 
 
@@ -108,6 +120,12 @@ class Driven(Schema):
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
     as the unit of the level."""
 
+    direction: NodeDirection | None = None
+    """Direction in which the base moves: z by default, or as imported matrices say; rx, ry, rz turn it."""
+    about: About | None = None
+    """A point on the axis of a rotation, m: a position along a beam, [x, y] of a plate, [x, y, z] of imported matrices;
+    by default their origin, the left end or lower left corner."""
+
     shock: ClassVar[bool] = False
     """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
 
@@ -121,8 +139,31 @@ class Driven(Schema):
 
     def settle(self) -> None:
         """Settle what the level is."""
+        self.check_direction()
         self.resolve("quantity", agree_on_quantity(self.levels(), self.quantity, self.takes))
         self.plain_levels()
+
+    def check_direction(self) -> None:
+        """Refuse a direction of anything but the base, and a point of no axis."""
+        if self.direction is not None and not self.on_base:
+            raise fail("is the direction in which a base moves", "leave it out, or write applied_to: base",
+                       ("direction",))  # fmt: skip
+        if self.about is not None and not self.rotates:
+            raise fail("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
+        if isinstance(self.about, tuple) and not 1 <= len(self.about) <= 3:
+            raise fail("is no point", "give a position, [x, y] or [x, y, z]", ("about",))
+
+    @property
+    def rotates(self) -> bool:
+        """Whether the base turns."""
+        return self.direction is not None and self.direction.startswith("r")
+
+    @property
+    def axis_point(self) -> tuple[float, float, float]:
+        """A point on the axis of a rotation, m."""
+        given = () if self.about is None else self.about if isinstance(self.about, tuple) else (self.about,)
+        x, y, z = (*given, 0.0, 0.0, 0.0)[:3]
+        return x, y, z
 
     @property
     def on_base(self) -> bool:
@@ -132,7 +173,9 @@ class Driven(Schema):
     @property
     def takes(self) -> tuple[Quantity, ...]:
         """Quantities that its levels may have, the default first."""
-        return BASE_TAKES if self.applied_to == "base" else self.applied_to.takes
+        if self.applied_to != "base":
+            return self.applied_to.takes
+        return ROTATION_TAKES if self.rotates else BASE_TAKES
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:

@@ -10,8 +10,8 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario.base import BY_KIND, Path, Schema, fail, path_text
 from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
-from beamsim.scenario.driven import Driven
-from beamsim.scenario.quantities import Angle, Duration, Frequency, Level, LevelValue, Time
+from beamsim.scenario.driven import Driven, spoken
+from beamsim.scenario.quantities import INTEGRALS, Angle, Duration, Frequency, Level, LevelValue, Time
 
 
 class NoExcitation(Schema):
@@ -117,9 +117,9 @@ class Step(Shock):
     def settle(self) -> None:
         """Reject steps that need an infinite acceleration."""
         super().settle()
-        if self.quantity in ("velocity", "displacement"):
+        if self.quantity in INTEGRALS:
             raise fail(
-                f"is a step of the base's {self.quantity}, which needs an infinite acceleration",
+                f"is a step of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
                 "step the acceleration (level: 2 g), or use a half_sine pulse of the base's velocity",
                 ("level",),
             )
@@ -220,9 +220,9 @@ class Sawtooth(Shock):
 
 
 def _refuse_displacement(pulse: Shock, called: str) -> None:
-    if pulse.quantity == "displacement":
+    if INTEGRALS.get(str(pulse.quantity)) == 2:
         raise fail(
-            f"is a {called} pulse of the base's displacement, whose velocity jumps: an infinite acceleration",
+            f"is a {called} pulse of the base's {pulse.quantity}, whose velocity jumps: an infinite acceleration",
             "give the pulse as acceleration (level: 20 g) or velocity (level: 0.5 m/s)",
             ("level",),
         )

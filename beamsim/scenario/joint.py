@@ -168,3 +168,10 @@ def origins(joints: Sequence[Joint], default_body: str) -> tuple[dict[str, float
             origin[name] += gap
             group[name] = group[first]
     return origin, group
+
+
+def body_origins(joints: Sequence[Joint], default_body: str) -> dict[str, float]:
+    """Where the bodies that joints link to the first one of them begin, m; that one begins at 0."""
+    origin, group = origins(joints, default_body)
+    leading = next(iter(origin), "")
+    return {name: x - origin[leading] for name, x in origin.items() if group[name] == group[leading]}

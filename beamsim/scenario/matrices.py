@@ -67,6 +67,7 @@ class MatricesBody(Body):
 
     body_kind: ClassVar[str] = "matrices"
     has_default_probe: ClassVar[bool] = False
+    base_directions: ClassVar[tuple[str, ...]] = ("", "x", "y", "z", "rx", "ry", "rz")
 
     mass: MatrixSource
     """Mass matrix."""

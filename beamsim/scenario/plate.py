@@ -91,6 +91,7 @@ class Stiffener(Schema):
 class PlateBody(Body):
     """What plates answer, whatever their bending stiffness was given by; x runs along the length, y along the width."""
 
+    base_directions: ClassVar[tuple[str, ...]] = ("z", "rx", "ry")
     body_kind: ClassVar[str] = "plate"
 
     kind: Literal["plate"] = "plate"

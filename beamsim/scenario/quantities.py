@@ -167,13 +167,20 @@ LEVEL_DIMENSIONS = {
     "force": units.FORCE,
     "force_per_length": units.FORCE_PER_LENGTH,
     "pressure": replace(units.PRESSURE, name="pressure", example="200 Pa"),
+    "angular_acceleration": units.ANGULAR_ACCELERATION,
+    "angular_velocity": units.ANGULAR_VELOCITY,
+    "rotation": replace(units.ANGLE, name="rotation", example="0.1 deg"),
 }
+
+INTEGRALS = {"velocity": 1, "displacement": 2, "angular_velocity": 1, "rotation": 2}
+"""How often the acceleration of a motion is integrated to a quantity; of accelerations and loads 0 times."""
 
 
 def amplitude_unit(quantity: str) -> str:
     """SI unit of what drives the equations at levels of a quantity: any base motion's acceleration, else the load."""
-    motion = quantity in ("acceleration", "velocity", "displacement")
-    return LEVEL_DIMENSIONS["acceleration" if motion else quantity].unit
+    motion = {"velocity": "acceleration", "displacement": "acceleration"}
+    rotation = {"angular_velocity": "angular_acceleration", "rotation": "angular_acceleration"}
+    return LEVEL_DIMENSIONS[(motion | rotation).get(quantity, quantity)].unit
 
 
 @dataclass(frozen=True)
@@ -406,11 +413,13 @@ Duration = Annotated[float, _positive(units.TIME)]
 Time = Annotated[float, _not_negative(units.TIME)]
 Frequency = Annotated[float, _positive(units.FREQUENCY)]
 Angle = Annotated[float, Quantity(units.ANGLE)]
+Coordinate = Annotated[float, Quantity(replace(units.LENGTH, name="coordinate"))]
 Force = Annotated[float, Quantity(units.FORCE)]
 PositiveForce = Annotated[float, _positive(units.FORCE)]
 Memory = Annotated[float, Quantity(units.MEMORY, minimum=64e6)]
 Energy = Annotated[float, _positive(units.ENERGY)]
 Gravity = Annotated[float, Quantity(replace(units.ACCELERATION, example="1 g"))]
+GravityVector = tuple[Gravity, Gravity, Gravity]
 Level = Annotated[float, LevelType()]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, Tag
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import checks
-from beamsim.scenario.base import Path, Schema, UnknownValueError, known
+from beamsim.scenario.base import Path, Schema, UnknownValueError, Variants, known, number_or_list
 from beamsim.scenario.beam import AnyBeam
 from beamsim.scenario.bodies import AnyBody
 from beamsim.scenario.body import Body, Located
@@ -23,7 +23,7 @@ from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import DEFAULT_NAMES, named
 from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.place import AtPlace, ConstantForce, Probe
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Gravity, Name, Text
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Gravity, GravityVector, Name, Text
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
 from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring, has_own_law
@@ -51,8 +51,10 @@ class Scenario(Schema):
     """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
     snubbers: tuple[AnySnubber, ...] = ()
     """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
-    gravity: Gravity = 0.0
-    """Acceleration of gravity, towards negative displacement."""
+    gravity: Annotated[
+        Annotated[Gravity, Tag("<number>")] | Annotated[GravityVector, Tag("<list>")], Variants(number_or_list)
+    ] = 0.0
+    """Acceleration of gravity, towards negative displacement; or its components [x, y, z], [0, 0, -9.81]."""
     constant_forces: tuple[ConstantForce, ...] = ()
     """Dead loads."""
     excitation: Excitation = NoExcitation()

@@ -76,10 +76,15 @@ VELOCITY = Dimension("velocity", "m/s", "0.2 m/s")
 ACCELERATION = Dimension("acceleration", "m/s^2", "2 g", gravity=True)
 ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", gravity=True, power=2)
 FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz", power=2)
+ANGULAR_ACCELERATION = Dimension("angular acceleration", "rad/s^2", "50 rad/s^2")
+ANGULAR_VELOCITY = Dimension("angular velocity", "rad/s", "2 rad/s")
+ANGULAR_ACCELERATION_PSD = Dimension(
+    "spectral density of an angular acceleration", "rad^2/s^3", "2 rad^2/s^4/Hz", power=2
+)
 FORCE_PER_LENGTH = Dimension("force per length", "N/m", "50 N/m")
 FORCE_PER_LENGTH_PSD = Dimension("spectral density of a force per length", "N^2/m^2/Hz", "4 N^2/m^2/Hz", power=2)
 PRESSURE_PSD = Dimension("pressure spectral density", "Pa^2/Hz", "10 Pa^2/Hz", power=2)
-LEVEL_PSD = (ACCELERATION_PSD, FORCE_PSD, FORCE_PER_LENGTH_PSD, PRESSURE_PSD)
+LEVEL_PSD = (ACCELERATION_PSD, FORCE_PSD, FORCE_PER_LENGTH_PSD, PRESSURE_PSD, ANGULAR_ACCELERATION_PSD)
 """Densities of what an excitation may be."""
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
@@ -293,7 +298,7 @@ def _factor(text: str, dimension: Dimension) -> float:
     if dict(units.dimensionality) != dict(target.dimensionality):
         raise wrong
     angular = _is_angular(units)
-    if dimension is ANGLE:
+    if dimension.unit.startswith("rad"):
         if not angular:
             raise wrong
     elif angular and dimension is not FREQUENCY and not (dimension.unit.endswith(_PER_ANGLE) and _per_angle(units)):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.distributed import DistributedLoad
+from beamsim.scenario.joint import body_origins
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.chain import assemble_chain
 from beamsim.structures.distributed import Distributed
@@ -38,7 +39,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structur
     With ``names`` only the parts that hold one of these bodies.
     """
     couplings = couplings_of(scenario)
-    sections = scenario.all_bodies
+    sections, origins = scenario.all_bodies, body_origins(scenario.joints, scenario.default_body)
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):
         if names is not None and not set(names) & set(group):
@@ -46,7 +47,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structur
         within = [coupling for coupling in couplings if coupling.ends[0].body in group]
         bodies = [_body(scenario, name, within) for name in group]
         _check_places(scenario, bodies)
-        parts.append(join(bodies, within) if within else bodies[0])
+        parts.append(join(bodies, within, origins) if within else bodies[0])
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
 
 

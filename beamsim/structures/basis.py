@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.places import LoadSite
 from beamsim.typing import Floats, Ints
 
@@ -13,7 +14,7 @@ class LoadPattern:
     """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
 
     vector: Floats  # (N,) scaled load on the free dofs
-    site: LoadSite | None  # of the unit force; None for the inertia load (gravity)
+    site: LoadSite | BaseDirection  # of the unit force; the direction of an inertia load (gravity)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.beam_fields import PolynomialField, largest_deflection
-from beamsim.structures.beam_model import BeamModel, deflection_row
+from beamsim.structures.beam_model import BeamModel, deflection_row, rigid_motions
 from beamsim.structures.beam_sensitivity import beam_sensitivities
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.dof_table import DofTable, NamedDofs
@@ -54,15 +55,6 @@ def _scatter(blocks: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) 
     return matrix
 
 
-def _rigid_motions(mesh: Mesh) -> Floats:
-    """(2 nodes, 2) translation, and rotation about the left end."""
-    motions = np.zeros((2 * mesh.nodes.size, 2))
-    motions[0::2, 0] = 1.0
-    motions[0::2, 1] = mesh.nodes
-    motions[1::2, 1] = 1.0
-    return motions
-
-
 class BeamStructure(BeamModel):
     """A beam as a structure."""
 
@@ -94,16 +86,18 @@ class BeamStructure(BeamModel):
         """(n, n) C of the reduced model, 1/s."""
         return damping_matrix(self, basis, omega)
 
-    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
         """Deflection, bending moment and stress along the beam."""
-        return beam_recovery(self, member, basis, sites, base_moves)
+        return beam_recovery(self, member, basis, sites, base)
 
     @property
     def supports(self) -> tuple[Support, ...]:
         """Force and moment of each end that is held, or on springs."""
         mass, factor, damping = self.unsupported
         size, scales = mass.shape[0], (self.mass_scale, self.stiffness_scale)
-        translation = _rigid_motions(self.mesh)[:, 0]
+        translation = rigid_motions(self.mesh)[:, 0]
         matrices = HeldMatrices(mass, factor, damping, scales, self.free, translation, self.unsupported_row)
         springs = _EndSprings.of(self.beam, self.mesh.nodes.size)
         number = {int(dof): i for i, dof in enumerate(self.free)}
@@ -194,8 +188,7 @@ def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = (
         lumped = point_mass_rows(mesh, beam)
         mass = distributed + lumped.T @ lumped
 
-    translation = np.zeros(size)
-    translation[0::2] = 1.0
+    motions = rigid_motions(mesh)
     held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
     free = np.setdiff1d(np.arange(size), held)
     springs = _EndSprings.of(beam, mesh.nodes.size)
@@ -217,11 +210,10 @@ def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = (
         mass=mass[free][:, free].tocsc(),
         factor=factor[:, free].tocsr(),
         damping=damping,
-        inertia=(mass @ translation)[free],
+        inertia=(mass @ motions[:, 0])[free],
+        rigid_inertia=(mass @ motions)[free],
         ground=np.zeros(free.size),
-        rigid=allowed_rigid_modes(
-            _rigid_motions(mesh), mass, np.concatenate([held, springs.dofs[springs.stiffness > 0]])
-        )[free],
+        rigid=allowed_rigid_modes(motions, mass, np.concatenate([held, springs.dofs[springs.stiffness > 0]]))[free],
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.flatnonzero(free % 2 == 0),

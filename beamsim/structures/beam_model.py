@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.errors import MethodError
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import shape_functions
 from beamsim.structures.mesh import Mesh, line_rows
@@ -32,6 +34,15 @@ def deflection_row(mesh: Mesh, x: float, derivative: int = 0) -> Floats:
     return row
 
 
+def rigid_motions(mesh: Mesh) -> Floats:
+    """(2 nodes, 2) translation, and rotation about the left end."""
+    motions = np.zeros((2 * mesh.nodes.size, 2))
+    motions[0::2, 0] = 1.0
+    motions[0::2, 1] = mesh.nodes
+    motions[1::2, 1] = 1.0
+    return motions
+
+
 @dataclass(frozen=True)
 class BeamModel(BodyStructure, ABC):
     """An Euler-Bernoulli beam in cubic Hermite elements; places are metres from its left end."""
@@ -43,6 +54,7 @@ class BeamModel(BodyStructure, ABC):
     bending: Floats  # (elements,) bending stiffness, in the largest of the beam
     line_mass: Floats  # (elements,) mass per length, in the mean of the beam
     unsupported: tuple[Any, Any, Any]  # mass and factor of all dofs, scaled, and their damping, N s/m, or None
+    rigid_inertia: Floats  # (N, 2) `inertia` of a translation, and of a rotation by w' = 1 / length about the left end
 
     @property
     def most_modes(self) -> int:
@@ -107,6 +119,23 @@ class BeamModel(BodyStructure, ABC):
             line_rows(self.mesh, points[:, 0] / self.beam.length)
             @ self.whole_field(mode_of_unit_deflection(self, mode))
         )
+
+    def base_coefficients(self, motion: BaseDirection) -> Floats:
+        """(2,) the translation and the rotation of `rigid_motions` that make up a unit motion of the base."""
+        if motion.direction == "ry":  # z goes down with x
+            return np.array([motion.about[0], -self.beam.length])
+        if motion.direction in ("", "z"):
+            return np.array([1.0, 0.0])
+        raise MethodError("direction", f"= {motion.direction} does not deflect a beam", "use z, or ry, a rotation")
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        return self.rigid_inertia @ self.base_coefficients(motion), self.ground
+
+    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
+        """Deflection or slope of a place when the base moves by one unit and nothing deforms."""
+        up, turned = self.base_coefficients(motion) / (1.0, self.beam.length)
+        return float(turned if place.direction == SLOPE else up + turned * place.coordinate)
 
     def whole_field(self, vectors: Floats) -> Floats:
         """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""

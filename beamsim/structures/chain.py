@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.places import DEFLECTION, Place, Site, SpringEnd, site_of
 from beamsim.structures.stations import MASSES, Recovery
@@ -110,7 +111,9 @@ class ChainStructure(BodyStructure):
         """(n, n) C of the reduced model, 1/s."""
         return damping_matrix(self, basis, omega)
 
-    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
         """The displacements of all masses."""
         shapes = member.field(basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)

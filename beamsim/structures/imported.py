@@ -15,7 +15,8 @@ import numpy as np
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
 from beamsim.matrix_files.read import read_matrix
-from beamsim.structures.dof_table import DofTable, read_dof_table
+from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats, Ints
 
@@ -295,7 +296,26 @@ def _force_size(matrices: NamedMatrices, motion: Floats) -> float:
     return float((abs(matrices.stiffness) @ np.abs(motion)).max())
 
 
-def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, direction: str, lu: Any) -> Floats:
+def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
+    """(N,) motion of every row, m or rad, when the base moves by one unit and all nodes with it.
+
+    Raises
+    ------
+    MethodError
+        About ``dofs``: a rotation needs the coordinates of all nodes, unless a single one is held.
+    """
+    if not motion.rotates or (table.coordinates is None and np.unique(table.nodes[held]).size == 1):
+        return table.of_direction(motion.direction)
+    placed = np.array([direction in TRANSLATIONS for _, direction in table.dofs])
+    if table.coordinates is None or not np.all(np.isfinite(table.coordinates[placed])):
+        raise MethodError("dofs", "has no coordinates of the nodes, which a rotation of the base needs",
+                          "give the columns x, y, z")  # fmt: skip
+    moved = motion.displacements(np.nan_to_num(table.coordinates))
+    along = np.array([table.of_direction(direction) for direction in TRANSLATIONS])
+    return np.asarray(np.einsum("ni,in->n", moved, along) + table.of_direction(motion.direction))
+
+
+def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: BaseDirection, lu: Any) -> Floats:
     """(N,) displacement of every row for a unit displacement of the base.
 
     Raises
@@ -303,11 +323,11 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, direction: s
     MethodError
         If the base cannot move without force: the stiffness goes to something else than the base.
     """
-    influence = matrices.table.of_direction(direction)
+    influence = rigid_rows(matrices.table, motion, held)
     if not held.size:
         return influence
     if not influence[held].any():
-        raise MethodError("base", f"moves in {direction}, but none of its nodes has that direction")
+        raise MethodError("base", f"moves in {motion.direction}, but none of its nodes has that direction")
     # Where the named directions already move without force, solving would only add round-off.
     if lu is not None and np.abs(matrices.stiffness @ influence).max() > GROUNDED * _force_size(matrices, influence):
         influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))
@@ -315,7 +335,7 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, direction: s
     if np.abs(force).max() > GROUNDED * _force_size(matrices, influence):
         worst = matrices.table.dofs[int(np.argmax(np.abs(force)))]
         raise MethodError(
-            "base", f"needs {np.abs(force).max():.4g} N for a displacement of 1 m, at node {worst[0]} {worst[1]}: "
+            "base", f"needs {np.abs(force).max():.4g} N for a unit motion, at node {worst[0]} {worst[1]}: "
             "the stiffness holds the structure to something that does not move with the base",
             "remove springs to ground from the model, name all supported nodes, or use base: free",
         )  # fmt: skip

@@ -8,7 +8,7 @@ rows to K and C. All coordinates are relative to the base, so a place that is jo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -64,8 +64,10 @@ def _carried(body: BodyStructure) -> float:
     return low * body.frequency_scale
 
 
-def join(bodies: Sequence[BodyStructure], couplings: Sequence[Coupling]) -> JoinedBodies:
-    """One structure of bodies that are coupled."""
+def join(
+    bodies: Sequence[BodyStructure], couplings: Sequence[Coupling], origins: Mapping[str, float] | None = None
+) -> JoinedBodies:
+    """One structure of bodies that are coupled; ``origins`` are where they begin on their common axis, m."""
     from scipy.sparse import csr_array, vstack
 
     apart = assemble_side_by_side(bodies)
@@ -94,6 +96,7 @@ def join(bodies: Sequence[BodyStructure], couplings: Sequence[Coupling]) -> Join
         deflection_dofs=np.zeros(0, dtype=np.int64),
         expansions=tuple((member.body, member.expansion @ basis) for member in apart.members),
         coupled_by=tuple(couplings),
+        origins=tuple((origins or {}).items()),
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
@@ -20,6 +21,7 @@ from beamsim.structures.imported import (
     condensation,
     massless_basis,
     read_matrices_of,
+    rigid_rows,
 )
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.places import Place, Site, SpringEnd
@@ -62,6 +64,7 @@ class MatricesStructure(BodyStructure):
     given_stiffness: Any  # (N, N) scaled K
     factors: SymmetricLU | None = None  # of K, where they are known
     notes: tuple[str, ...] = field(default=())
+    _influences: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def stiffness(self) -> Any:
@@ -206,10 +209,42 @@ class MatricesStructure(BodyStructure):
         """Those of the files, made symmetric."""
         return self.given
 
-    def base_motion_of(self, place: Place) -> float:
+    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
         """How far the place moves with the base, as a rigid body, in its direction."""
         number = self.row_number(place)
-        return 0.0 if number is None else float(self.influence[number])
+        return 0.0 if number is None else float(self._influence(motion)[number])
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        if self._is_default(motion):
+            return self.inertia, self.ground
+        held, free = self._rows
+        influence = np.zeros(len(self.given.table.dofs))
+        influence[free] = self._influence(motion)
+        influence[held] = rigid_rows(self.given.table, motion, held)[held]
+        inertia, ground = _base_forces(self.given, held, free, influence)
+        return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
+
+    def _is_default(self, motion: BaseDirection) -> bool:
+        return not motion.direction or (not motion.rotates and motion.direction == self.given.direction)
+
+    @cached_property
+    def _rows(self) -> tuple[Ints, Ints]:
+        """Rows of the files that the base holds, and the others."""
+        held = _held_rows(self.given)
+        return held, np.setdiff1d(np.arange(len(self.given.table.dofs)), held)
+
+    def _influence(self, motion: BaseDirection) -> Floats:
+        """(rows,) displacement for a unit motion of the base."""
+        if self._is_default(motion):
+            return self.influence
+        if motion not in self._influences:
+            held, free = self._rows
+            lu = None
+            if held.size and not self.rigid.shape[1]:
+                lu = symmetric_lu(self.given.stiffness[free][:, free].tocsc(), definite=True)
+            self._influences[motion] = base_influence(self.given, held, free, motion, lu)[free]
+        return self._influences[motion]
 
     def unit_stiffness(self, site: Site) -> float:
         """Static stiffness of the structure there, N/m; with inertia relief where it is free."""
@@ -225,7 +260,9 @@ class MatricesStructure(BodyStructure):
         """(n, n) C of the reduced model, 1/s."""
         return damping_matrix(self, basis, omega)
 
-    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
         """Displacements in the direction of the base, at no more nodes than can be drawn, and where forces act."""
         direction = self.given.direction
         numbers = [i for i, (_, each) in enumerate(self.table.dofs) if each == direction]
@@ -297,19 +334,10 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     lu = None
     if held.size and not rigid.shape[1]:
         lu = symmetric_lu(stiffness, definite=True) if factors is None or massless.shape[1] else factors
-    influence = base_influence(given, held, free, given.direction, lu)
-    inertia = given.mass[free] @ influence
-    ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
-    if np.abs(ground).max() <= GROUNDED * (abs(stiffness) @ np.abs(influence[free])).max(initial=0.0):
-        ground = np.zeros(free.size)
+    influence = base_influence(given, held, free, _default_motion(given, held), lu)
+    inertia, ground = _base_forces(given, held, free, influence)
     viscous = None if given.damping is None else given.damping[free][:, free].tocsc()
     if viscous is not None:
-        dragged = given.damping[free] @ influence
-        if np.abs(dragged).max() > GROUNDED * (abs(given.damping[free]) @ np.abs(influence)).max():
-            raise MethodError(
-                "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
-                "remove dashpots to ground from the model",
-            )  # fmt: skip
         viscous = (expansion.T @ viscous @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
@@ -337,6 +365,37 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         factors=factors,
         notes=tuple(remarks),
     )
+
+
+def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
+    """The direction that the section names; a rotation is one about the first node that is held."""
+    points = given.table.coordinates
+    if points is None or not held.size or not np.all(np.isfinite(points[held[0]])):
+        return BaseDirection(given.direction)
+    x, y, z = points[held[0]].tolist()
+    return BaseDirection(given.direction, (x, y, z))
+
+
+def _base_forces(given: NamedMatrices, held: Ints, free: Ints, influence: Floats) -> tuple[Floats, Floats]:
+    """(free,) inertia, kg, and force of springs to the ground, N/m, under a unit motion of the base.
+
+    Raises
+    ------
+    MethodError
+        Where dashpots go to something that does not move with the base.
+    """
+    stiffness = given.stiffness[free][:, free]
+    ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
+    if np.abs(ground).max() <= GROUNDED * (abs(stiffness) @ np.abs(influence[free])).max(initial=0.0):
+        ground = np.zeros(free.size)
+    if given.damping is not None:
+        dragged = given.damping[free] @ influence
+        if np.abs(dragged).max() > GROUNDED * (abs(given.damping[free]) @ np.abs(influence)).max():
+            raise MethodError(
+                "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
+                "remove dashpots to ground from the model",
+            )  # fmt: skip
+    return given.mass[free] @ influence, ground
 
 
 def _held_rows(given: NamedMatrices) -> Ints:

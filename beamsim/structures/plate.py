@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.beam import supported_dofs
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.places import DEFLECTION, SLOPE, Place, SpringEnd
@@ -53,9 +54,11 @@ class PlateStructure(PlateModel):
         """(n, n) C of the reduced model, 1/s."""
         return damping_matrix(self, basis, omega)
 
-    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
         """Deflection, moments and stresses at the nodes."""
-        return plate_recovery(self, member, basis, base_moves)
+        return plate_recovery(self, member, basis, base)
 
     @property
     def supports(self) -> tuple[Support, ...]:
@@ -140,6 +143,7 @@ def assemble_plate(
         factor=all_factor[:, free].tocsr(),
         damping=None,
         inertia=(mass @ motions[:, 0])[free],
+        rigid_inertia=(mass @ motions)[free],
         ground=np.zeros(free.size),
         rigid=allowed_rigid_modes(motions, mass, held)[free],
         mass_scale=mass_scale,

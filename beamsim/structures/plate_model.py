@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.errors import MethodError
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.modes import mode_of_unit_deflection
@@ -32,6 +34,7 @@ class PlateModel(BodyStructure, ABC):
     mesh: PlateMesh
     free: Ints  # (N,) which of the unsupported plate's dofs are left
     unsupported: tuple[Any, Any]  # scaled mass and factor of all of them
+    rigid_inertia: Floats  # (N, 3) `inertia` of a translation, and of w = x / length and w = y / width
 
     @property
     def most_modes(self) -> int:
@@ -109,6 +112,28 @@ class PlateModel(BodyStructure, ABC):
     def nondimensional(self, points: Floats) -> Floats:
         """(k, 2) points in m over length and width."""
         return points / (self.plate.length, self.plate.width)
+
+    def base_coefficients(self, motion: BaseDirection) -> Floats:
+        """(3,) the translation and the rotations w = x / length, w = y / width of a unit motion of the base."""
+        x, y, _ = motion.about
+        if motion.direction == "rx":
+            return np.array([-y, 0.0, self.plate.width])
+        if motion.direction == "ry":  # z goes down with x
+            return np.array([x, -self.plate.length, 0.0])
+        if motion.direction in ("", "z"):
+            return np.array([1.0, 0.0, 0.0])
+        raise MethodError(
+            "direction", f"= {motion.direction} does not deflect a plate", "use z, or a rotation, rx or ry"
+        )
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        return self.rigid_inertia @ self.base_coefficients(motion), self.ground
+
+    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
+        """Deflection of a place when the base moves by one unit and nothing deforms."""
+        up, along_x, along_y = self.base_coefficients(motion) / (1.0, self.plate.length, self.plate.width)
+        return float(up + along_x * place.coordinate + along_y * (place.across or 0.0))
 
     def whole_field(self, vectors: Floats) -> Floats:
         """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.mesh import line_rows
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import IN_PLANE, Recovery
@@ -23,14 +24,16 @@ if TYPE_CHECKING:
     from beamsim.structures.structure import MemberBody
 
 
-def plate_recovery(structure: PlateModel, member: MemberBody, basis: ReducedBasis, base_moves: bool) -> Recovery:
+def plate_recovery(
+    structure: PlateModel, member: MemberBody, basis: ReducedBasis, base: BaseDirection | None
+) -> Recovery:
     """Deflection, moments Mx, My, Mxy per width and stresses at the nodes.
 
     Parameters
     ----------
     structure, member : the plate, and how it lies in its structure.
     basis : reduced coordinates of the whole structure.
-    base_moves : whether the static share of the modes left out is needed.
+    base : how the base moves: then the static share of the modes left out is needed.
     """
     plate, whole = structure.plate, member.whole
     scale = 1 / np.sqrt(whole.mass_scale)
@@ -42,10 +45,11 @@ def plate_recovery(structure: PlateModel, member: MemberBody, basis: ReducedBasi
     moment = moments(basis.vectors)
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
     remainder = np.zeros(moment.shape[0])
-    if base_moves:  # modes left out respond statically to the acceleration of the base
+    if base is not None:  # modes left out respond statically to the acceleration of the base
+        inertia = whole.base_load(base)[0]
         flexible = slice(basis.rigid, None)
-        coordinates = basis.vectors[:, flexible].T @ whole.inertia / basis.omega[flexible] ** 2
-        remainder = moments(static_deflections(whole, whole.inertia[:, None]))[:, 0] - moment[:, flexible] @ coordinates
+        coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
+        remainder = moments(static_deflections(whole, inertia[:, None]))[:, 0] - moment[:, flexible] @ coordinates
     per_moment = plate.stress_per_moment
     points = structure.mesh.node_points * (plate.length, plate.width)
     return Recovery(

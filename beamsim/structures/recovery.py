@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
+from beamsim.structures.beam_model import rigid_motions
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
 from beamsim.structures.places import Place
@@ -44,7 +46,7 @@ def deflection_rows(mesh: Mesh, x: Floats, vectors: Floats) -> Floats:
 
 
 def beam_recovery(
-    model: BeamModel, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool
+    model: BeamModel, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
 ) -> Recovery:
     """Deflection, bending moment and stress along a beam; stations are nodes, element midpoints and the sites.
 
@@ -53,13 +55,13 @@ def beam_recovery(
     model, member : the beam, and how it lies in its structure.
     basis : reduced coordinates of the whole structure.
     sites : where forces act on the beam.
-    base_moves : whether the static share of the modes left out is needed.
+    base : how the base moves: then the static share of the modes left out is needed.
     """
     beam, scale = model.beam, 1 / np.sqrt(member.whole.mass_scale)
     length = beam.length
     x = stations(model.mesh, [place.coordinate / length for place in sites])
     moment = moment_rows(model, member, basis, x)
-    remainder = inertia_remainder(model, member, basis, x, moment) if base_moves else np.zeros(x.size)
+    remainder = np.zeros(x.size) if base is None else inertia_remainder(model, member, basis, x, moment, base)
     return Recovery(
         body=model.name,
         axis=ALONG,
@@ -125,8 +127,10 @@ def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Fl
     return moment
 
 
-def inertia_remainder(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
-    """(nx,) static moment under the uniform inertia load that the reduced basis does not represent, scaled.
+def inertia_remainder(
+    model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats, base: BaseDirection = UPWARDS
+) -> Floats:
+    """(nx,) static moment under the inertia load of a base motion that the reduced basis does not represent, scaled.
 
     Under base motion, moments need many more modes than deflections. The omitted modes respond statically; this is
     their contribution for a unit acceleration (mode-acceleration method).
@@ -136,19 +140,20 @@ def inertia_remainder(model: BeamModel, member: MemberBody, basis: ReducedBasis,
     moment : (nx, n) moment rows of the basis at x.
     """
     whole = member.whole
-    u = static_deflections(whole, whole.inertia[:, None])
-    relief = -whole.rigid @ (whole.rigid.T @ whole.inertia[:, None])
-    uniform = (LoadPattern(whole.inertia, None),)
-    exact = _moments(model, x, _fields(model, member, x, uniform, u, relief, np.ones((1, 1))))[:, 0]
+    inertia = whole.base_load(base)[0]
+    u = static_deflections(whole, inertia[:, None])
+    relief = -whole.rigid @ (whole.rigid.T @ inertia[:, None])
+    pattern = (LoadPattern(inertia, base),)
+    exact = _moments(model, x, _fields(model, member, x, pattern, u, relief, np.ones((1, 1))))[:, 0]
     flexible = slice(basis.rigid, None)
-    coordinates = basis.vectors[:, flexible].T @ whole.inertia / basis.omega[flexible] ** 2
+    coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
     return np.asarray(exact - moment[:, flexible] @ coordinates)
 
 
 def _fields(
     model: BeamModel, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern], u: Floats, a: Floats, p: Floats
 ) -> _Fields:
-    """Fields on all dofs of the beam; an inertia pattern becomes a uniform acceleration, supports included.
+    """Fields on all dofs of the beam; an inertia pattern becomes the acceleration of a rigid motion, supports included.
 
     Distributed loads become point forces that stand for them between neighbouring stations x.
     """
@@ -158,8 +163,9 @@ def _fields(
     forces = []
     for pattern, row in zip(patterns, p, strict=True):
         site = pattern.site
-        if site is None:
-            acceleration[0::2] += row * inertia
+        if isinstance(site, BaseDirection):
+            coefficients = model.base_coefficients(member.whole.seen_from(model.name, site))
+            acceleration += np.multiply.outer(rigid_motions(model.mesh) @ coefficients, row * inertia)
         elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
             if isinstance(site, Place):
                 places, sizes = np.array([site.coordinate / model.beam.length]), np.ones(1)

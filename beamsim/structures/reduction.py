@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.modes import Modes, natural_modes, orient
 from beamsim.typing import Floats
@@ -144,8 +145,8 @@ def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern])
     acting = []
     for pattern in patterns:
         vector = pattern.vector[part.dofs]
-        if pattern.site is None:
-            acting.append(LoadPattern(part.structure.inertia, None))
+        if isinstance(pattern.site, BaseDirection):
+            acting.append(LoadPattern(part.structure.base_load(pattern.site)[0], pattern.site))
         elif np.any(vector):
             acting.append(LoadPattern(vector, pattern.site))
     return acting

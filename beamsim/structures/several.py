@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import LoadSite, Place, Site, bodies_at, ends_of, separated
@@ -48,6 +49,20 @@ class SeveralBodies(Structure, ABC):
         """(N,) motion at a place in its direction for a unit of each degree of freedom."""
         member = self.member(place.body)
         return member.on_whole(member.body.place_row(place))
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        if motion == UPWARDS:
+            return self.inertia, self.ground
+        inertia, ground = np.zeros(self.size), np.zeros(self.size)
+        for member in self.members:
+            of_body = member.body.base_load(self.seen_from(member.body.name, motion))
+            inertia += member.on_whole(of_body[0]) * member.mass_ratio
+            ground += member.on_whole(of_body[1])
+        for spring in self.couplings:
+            if spring.to_ground and spring.stiffness:
+                ground -= spring.stiffness * self.base_motion_at(spring.ends[0], motion) * self.row(spring.site)
+        return inertia, ground
 
     def distributed_row(self, load: Distributed) -> Floats:
         """(N,) load vector of a distributed load of unit level."""
@@ -94,13 +109,15 @@ class Assembly(SeveralBodies):
             damping[np.ix_(columns, columns)] = part.structure.reduced_damping(reduced, omega[columns])
         return damping
 
-    def recoveries(self, basis: ReducedBasis, sites: Sequence[LoadSite], base_moves: bool) -> tuple[Recovery, ...]:
+    def recoveries(
+        self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
+    ) -> tuple[Recovery, ...]:
         """Those of every part, with the sites that are on it."""
         recovered: list[Recovery] = []
         for part, (reduced, columns) in zip(self.blocks, basis.blocks, strict=True):
             names = {member.body.name for member in part.structure.members}
             on_it = [end for site in sites for end in ends_of(site) if end.body in names]
-            for recovery in part.structure.recoveries(reduced, on_it, base_moves):
+            for recovery in part.structure.recoveries(reduced, on_it, base):
                 moment = recovery.bending_moment
                 recovered.append(
                     replace(
@@ -155,6 +172,7 @@ def assemble_side_by_side(parts: Sequence[Structure]) -> Assembly:
             for member in part.members
         ),
         blocks=tuple(Part(part, columns) for part, columns in zip(parts, dofs, strict=True)),
+        origins=tuple(origin for part in parts for origin in part.origins),
     )
 
 

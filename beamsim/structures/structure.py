@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
@@ -107,6 +108,8 @@ class Structure(ABC):
     mass_scale: float  # kg
     stiffness_scale: float  # N/m
     deflection_dofs: Ints  # dofs that are deflections, in order of the stations: they fix the sign of modes
+    # where bodies begin on the common axis, m, as their joints place them; a body that is not in it begins at 0
+    origins: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
 
     @property
     def size(self) -> int:
@@ -227,12 +230,38 @@ class Structure(ABC):
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) symmetric C of the reduced model, 1/s; ``omega`` (n,) rad/s are the coordinates' frequencies."""
 
-    def recoveries(self, basis: ReducedBasis, sites: Sequence[LoadSite], base_moves: bool) -> tuple[Recovery, ...]:
-        """What can be recovered along each body, with stations at the sites where forces act."""
+    @abstractmethod
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) scaled inertia and (N,) physical force of springs to the ground under a unit motion of the base.
+
+        The first belongs to a unit acceleration, kg in units of mass, and acts against it; the second to a unit
+        displacement. For ``UPWARDS`` they are `inertia` and `ground`.
+
+        Raises
+        ------
+        MethodError
+            Where a body cannot move so.
+        """
+
+    def seen_from(self, body: str, motion: BaseDirection) -> BaseDirection:
+        """A motion of the base in the coordinates of a body."""
+        return motion.moved(dict(self.origins).get(body, 0.0))
+
+    def base_motion_at(self, place: Place, motion: BaseDirection) -> float:
+        """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
+        return self.member(place.body).body.base_motion_of(place, self.seen_from(place.body, motion))
+
+    def recoveries(
+        self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
+    ) -> tuple[Recovery, ...]:
+        """What can be recovered along each body, with stations at the sites where forces act.
+
+        ``base`` is how the base moves, None where it is at rest.
+        """
         ends = [end for site in sites for end in ends_of(site)]
         return tuple(
             member.body.recovery(
-                member, basis, [end for end in ends if self.member(end.body).body is member.body], base_moves
+                member, basis, [end for end in ends if self.member(end.body).body is member.body], base
             )
             for member in self.members
         )
@@ -286,8 +315,12 @@ class BodyStructure(Structure, ABC):
             return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"
         return None
 
-    def base_motion_of(self, place: Place) -> float:
-        """Displacement of a place in its direction when the base moves by one unit and nothing deforms."""
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base: here upwards alone."""
+        return self.inertia, self.ground
+
+    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
+        """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
         return 1.0
 
     def recovered(self, number: int) -> tuple[Floats, float]:
@@ -295,7 +328,9 @@ class BodyStructure(Structure, ABC):
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
     @abstractmethod
-    def recovery(self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base_moves: bool) -> Recovery:
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
         """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself."""
 
     @abstractmethod

@@ -17,7 +17,8 @@ from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.structures.assembly import load_site_in, site_in, snubber_site
+from beamsim.structures.assembly import load_site_in, snubber_site
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
@@ -31,7 +32,15 @@ from beamsim.system.initial import initial_state
 from beamsim.system.loads import constant_loads, time_dependent_loads
 from beamsim.system.mechanisms import check_mechanisms, held_problems
 from beamsim.system.outputs import output_rows, output_sites
-from beamsim.system.parts import Parts, exciting_forces, force_sites, reduced_parts, start_of
+from beamsim.system.parts import (
+    Parts,
+    base_direction,
+    exciting_forces,
+    force_sites,
+    gravity_loads,
+    reduced_parts,
+    start_of,
+)
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
@@ -156,9 +165,8 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
 
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
-    on_base = scenario.excitation.kind != "none" and not exciting_forces(scenario)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
-    recoveries = parts.reduced.recoveries(sites, on_base) if recovered else ()
+    recoveries = parts.reduced.recoveries(sites, base_direction(scenario)) if recovered else ()
     modes = _mode_table(parts, stops, damping, recoveries, assessed)
     if assessed and not modes.reduction_error <= DOUBTFUL_REDUCTION:
         warnings.append(
@@ -218,25 +226,23 @@ def _contact_sites(parts: Parts, contacts: Contacts, *, split: bool) -> list[Sit
 
 
 def _check_base_directions(parts: Parts) -> None:
-    """Refuse what feels the base's displacement where a body does not move with the base."""
-    scenario = parts.scenario
-    if scenario.excitation.kind == "none" or exciting_forces(scenario):
+    """Refuse contacts and nonlinear springs on the ground that do not feel the base's displacement itself."""
+    scenario, motion = parts.scenario, base_direction(parts.scenario)
+    if motion is None:
         return
-    probes: list[tuple[Path, Site]] = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
     grounded: list[tuple[Path, Site]] = [
         (located.path, snubber_site(located))
         for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
         if getattr(located.item, "mounted_on", "base") == "ground" or located.path[-2] == "springs_to_ground"
     ]
-    linear = [(("springs_to_ground", k), site_in(scenario, s)) for k, s in enumerate(scenario.springs_to_ground)]
     across = [
         Problem(
             path_text(path),
-            f"is at {site.label}, which does not move with the base",
-            "name a direction in which the base moves, or mount it on the base",
+            f"is at {site.label} on the ground, and the base moves by another amount there than its level says",
+            "mount it on the base, or let the base move in the direction of the place",
         )
-        for path, site in (*probes, *grounded, *linear)
-        if isinstance(site, Place) and abs(parts.structure.member(site.body).body.base_motion_of(site) - 1.0) > 1e-6
+        for path, site in grounded
+        if isinstance(site, Place) and abs(parts.structure.base_motion_at(site, motion) - 1.0) > 1e-6
     ]
     if across:
         raise ScenarioError(across)
@@ -280,19 +286,22 @@ def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, dict[
 
 
 def _loads(parts: Parts) -> Floats:
-    """(m, N) rows of contacts and point forces, and the inertia load where the base moves or gravity acts."""
+    """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
     scenario, structure = parts.scenario, parts.structure
     springs = [snubber_site(spring) for spring in scenario.nonlinear_springs]
     rows = structure.rows([*parts.snubber_sites, *springs, *force_sites(scenario)])
-    moving = scenario.excitation.kind != "none" and not exciting_forces(scenario)
-    return np.vstack([rows, structure.inertia]) if moving or scenario.gravity != 0 else rows
+    moving = base_direction(scenario)
+    directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
+    if moving is not None:
+        directions = {moving: None} | directions
+    return np.vstack([rows, *(structure.base_load(direction)[0] for direction in directions)])
 
 
 def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
     scenario, structure = parts.scenario, parts.structure
     loads = structure.rows([load_site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)])
-    if not loads.size and scenario.excitation.kind != "none":
-        loads = structure.inertia[None, :]
+    if (moving := base_direction(scenario)) is not None:
+        loads = structure.base_load(moving)[0][None, :]
     return LinearState(
         contact_rows=structure.rows(parts.snubber_sites),
         stiffness=contacts.slow[0],
@@ -304,11 +313,16 @@ def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
 
 
 def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
-    sites = parts.probe_sites
+    sites, motion = parts.probe_sites, base_direction(parts.scenario)
     return tuple(
-        ProbeRow(probe.name, site.coordinate, site.across, shape)
+        ProbeRow(probe.name, site.coordinate, site.across, shape, _carried(parts, site, motion))
         for probe, site, shape in zip(parts.scenario.effective_probes, sites, parts.shapes(sites), strict=True)
     )
+
+
+def _carried(parts: Parts, site: Site, motion: BaseDirection | None) -> float:
+    """Motion of a probe's place for a unit motion of the base."""
+    return parts.structure.base_motion_at(site, motion) if isinstance(site, Place) and motion is not None else 1.0
 
 
 def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings) -> Equilibrium:

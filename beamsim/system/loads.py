@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
 from beamsim.system.equations import Forcing
-from beamsim.system.parts import Parts, exciting_forces
+from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 
 
 def constant_loads(parts: Parts) -> Floats:
-    """(L, n) gravity (towards negative deflection) and constant forces, N/sqrt(kg)."""
+    """(L, n) gravity and constant forces, N/sqrt(kg)."""
     loads = [force.force * parts.shape(force) for force in parts.scenario.constant_forces]
-    if parts.scenario.gravity != 0:
-        loads.append(-parts.scenario.gravity * parts.inertia)
+    loads += [acceleration * parts.base_load(direction)[0] for direction, acceleration in gravity_loads(parts.scenario)]
     return np.array(loads).reshape(len(loads), parts.basis.size)
 
 
@@ -44,9 +43,12 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
         return None, Forcing(np.array([parts.shape(force.applied_to) for _, force in forces]), signals)
     assert excitation.kind != "forces"
     motion = signal_of(excitation, ("excitation",), base_motion)
-    load: list[Floats] = [-parts.inertia]
+    direction = base_direction(scenario)
+    assert direction is not None
+    inertia, ground = parts.base_load(direction)
+    load: list[Floats] = [-inertia]
     signal: list[Signal] = [motion.acceleration]
-    if structure.ground.any():  # springs to ground stretch by the base's displacement as well
-        load.append(np.asarray(structure.ground @ parts.basis.vectors) / np.sqrt(structure.mass_scale))
+    if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
+        load.append(ground)
         signal.append(motion.displacement)
     return motion, Forcing(np.array(load), tuple(signal), motion.displacement if felt else None)

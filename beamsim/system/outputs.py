@@ -12,10 +12,11 @@ import numpy as np
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, suggestion
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
+from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
 from beamsim.structures.support_forces import SupportForce, supports_of
 from beamsim.structures.supports import Support
-from beamsim.system.parts import Parts, exciting_forces
+from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -121,6 +122,8 @@ class _Asked:
     def rows(self, path: Path, output: Any) -> OutputRows:
         """Those of one output."""
         kind = output.kind
+        if kind.startswith(("reaction", "joint")):
+            self._check_directions(path, kind)
         if kind.startswith("reaction"):
             return self._reaction(path, output)
         if kind.startswith("joint"):
@@ -134,9 +137,21 @@ class _Asked:
         if kind in _BENDING:
             return self._bending(output, place)
         shape: Any = self.parts.shapes([replace(place, direction=SLOPE) if kind == "rotation" else place])
-        moved = self.parts.structure.member(place.body).body.base_motion_of(place) if kind == "acceleration" else 0.0
+        motion = base_direction(self.parts.scenario) or UPWARDS
+        moved = self.parts.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         return self._zero(output, place.label, base_acceleration=np.array([moved]), **{quantity: shape})
+
+    def _check_directions(self, path: Path, kind: str) -> None:
+        """Forces of supports are known under a base and a gravity that act upwards alone."""
+        moving = base_direction(self.parts.scenario)
+        directions = [direction for direction, _ in gravity_loads(self.parts.scenario)]
+        other = [each.direction for each in [moving, *directions] if each not in (None, UPWARDS)]
+        if other:
+            raise _refused(
+                (*path, "kind"), f"= {kind} is not known where the base or gravity acts along {other[0]}",
+                "leave it out, or leave excitation.direction and gravity in the direction of the deflections",
+            )  # fmt: skip
 
     def _zero(self, output: Any, at: str, count: int = 1, **given: Any) -> OutputRows:
         n = self.parts.basis.size
@@ -251,7 +266,7 @@ class _Asked:
             base_acceleration=np.array([base], dtype=float),
             contact=-(shares(self.contact_sites) * self.contacts.sign)[None],
             load=load[None],
-            constant=np.array([base * scenario.gravity - dead]),
+            constant=np.array([-base * sum(acceleration for _, acceleration in gravity_loads(scenario)) - dead]),
             cubic=shares(self.cubic_sites)[None],
         )  # fmt: skip
 

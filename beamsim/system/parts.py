@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
+from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.places import LoadSite, Place, Site
 from beamsim.structures.reduction import reduce_model
@@ -54,10 +56,9 @@ class Parts:
         """(n,) rad/s."""
         return self.reduced.omega
 
-    @property
-    def inertia(self) -> Floats:
-        """(n,) modal load of a unit acceleration, sqrt(kg)."""
-        return self.reduced.inertia
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, of a unit motion of the base."""
+        return self.reduced.base_load(motion)
 
     @property
     def stiffness(self) -> Floats:
@@ -91,14 +92,29 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     shared = SharedBuilds() if shared is None else shared
     bodies = tuple(scenario.all_bodies.items())
     structure = shared.once("structure", (bodies, scenario.joined_by), lambda: assemble(scenario))
+    _check_directions(scenario, structure)
     sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
-    gravity = scenario.gravity != 0
+    gravity = tuple(direction for direction, _ in gravity_loads(scenario))
     reduced = shared.once(
         "reduction",
         (bodies, scenario.joined_by, tuple(sites), gravity, tuple(asked.items())),
         lambda: ReducedStructure(structure, reduce_model(structure, _patterns(structure, sites, gravity), **asked)),
     )
     return Parts(scenario, reduced, shared)
+
+
+def _check_directions(scenario: Scenario, structure: Structure) -> None:
+    """Refuse what imported matrices do not know enough for: the base's direction, and those of gravity."""
+    asked = {"gravity": [direction for direction, _ in gravity_loads(scenario)]}
+    if (moving := base_direction(scenario)) is not None:
+        asked["excitation.direction"] = [moving]
+    for path, directions in asked.items():
+        for direction in directions:
+            try:
+                structure.base_load(direction)
+            except MethodError as error:
+                about = f"= {direction.direction}: {error.about} {error.message}"
+                raise ScenarioError(Problem(path, about, error.remedy)) from None
 
 
 def start_of(scenario: Scenario) -> Start | None:
@@ -114,6 +130,29 @@ def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
     if excitation.kind == "forces":
         return [(("excitation", "forces", index), force) for index, force in enumerate(excitation.forces)]
     return [] if excitation.applied_to == "base" else [(("excitation",), excitation)]
+
+
+def base_direction(scenario: Scenario) -> BaseDirection | None:
+    """How the excitation moves the base; None where the base is at rest."""
+    excitation = scenario.excitation
+    if excitation.kind in ("none", "forces") or excitation.applied_to != "base":  # type: ignore[union-attr]
+        return None
+    direction = excitation.direction or ""  # type: ignore[union-attr]
+    return _named(scenario, direction, excitation.axis_point)  # type: ignore[union-attr]
+
+
+def _named(scenario: Scenario, direction: str, about: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> BaseDirection:
+    """A direction; without a name where it is that of every body anyhow."""
+    default = all(body.base_directions[0] == direction for body in scenario.all_bodies.values())
+    return UPWARDS if default else BaseDirection(direction, about)
+
+
+def gravity_loads(scenario: Scenario) -> list[tuple[BaseDirection, float]]:
+    """Directions and accelerations, m/s^2, of gravity; the scalar acts downwards, against the direction of the base."""
+    if isinstance(scenario.gravity, tuple):
+        along = zip(TRANSLATIONS, scenario.gravity, strict=True)
+        return [(_named(scenario, direction), g) for direction, g in along if g != 0]
+    return [] if scenario.gravity == 0 else [(UPWARDS, -scenario.gravity)]
 
 
 def force_sites(scenario: Scenario) -> list[LoadSite]:
@@ -132,9 +171,9 @@ def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[LoadSite
     return [*(snubber_site(located) for located in felt), *force_sites(scenario), *also_at]
 
 
-def _patterns(structure: Structure, sites: Sequence[LoadSite], gravity: bool) -> list[LoadPattern]:
+def _patterns(structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection]) -> list[LoadPattern]:
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
-    return [*patterns, LoadPattern(structure.inertia, None)] if gravity else patterns
+    return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
 
 def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]:

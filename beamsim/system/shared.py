@@ -14,6 +14,7 @@ import numpy as np
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.structures.base_motion import BaseDirection
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.places import LoadSite
     from beamsim.structures.stations import Recovery
@@ -42,11 +43,14 @@ class ReducedStructure:
         """(n, n) C, 1/s."""
         return self.structure.reduced_damping(self.basis, self.omega)
 
-    @cached_property
-    def inertia(self) -> Floats:
-        """(n,) modal load of a unit acceleration, sqrt(kg)."""
-        row = self.structure.inertia @ self.basis.vectors
-        return np.asarray(row * np.sqrt(self.structure.mass_scale))
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""
+        return self._once(("base load", motion), lambda _: self._base_load(motion))
+
+    def _base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        inertia, ground = self.structure.base_load(motion)
+        scale = np.sqrt(self.structure.mass_scale)
+        return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
@@ -54,10 +58,10 @@ class ReducedStructure:
         rows = [self._once(site, lambda at: self.structure.row(at) @ self.basis.vectors / scale) for site in sites]
         return np.array(rows).reshape(len(sites), self.basis.size)
 
-    def recoveries(self, sites: Sequence[LoadSite], base_moves: bool) -> tuple[Recovery, ...]:
+    def recoveries(self, sites: Sequence[LoadSite], base: BaseDirection | None) -> tuple[Recovery, ...]:
         """What can be recovered along each body, see `Structure.recoveries`."""
         return self._once(
-            (*sites, base_moves), lambda key: self.structure.recoveries(self.basis, key[:-1], base_moves)
+            (*sites, base), lambda key: self.structure.recoveries(self.basis, key[:-1], base)
         )  # fmt: skip
 
     def _once(self, key: Any, build: Callable[[Any], Built]) -> Built:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
 from beamsim.fields import Counter, attribute, dataset, declared, group, key, per_name
@@ -24,6 +26,7 @@ class ProbeRow:
     position: float  # m along the beam, x on a plate; the mass number for a chain
     across: float | None  # m, y on a plate
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
+    carried: float = 1.0  # absolute motion for a unit motion of the base
 
 
 @declared
@@ -94,8 +97,8 @@ class ModeTable:
 class StructuralSystem:
     """A scenario turned into mathematics, with what is needed to turn the solution back.
 
-    Coordinates q are mass-normalised (M = I) and relative to the base: absolute = relative + base, the
-    influence of the base being 1 on every deflection.
+    Coordinates q are mass-normalised (M = I) and relative to the base: absolute = relative + what the base carries,
+    which is 1 on every deflection where it moves upwards.
     """
 
     dynamics: PiecewiseLinearSystem
@@ -116,6 +119,12 @@ class StructuralSystem:
     outputs: tuple[OutputRows, ...] = ()  # that the run asks for
     warnings: tuple[str, ...] = ()
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
+
+    @property
+    def carried(self) -> Floats:
+        """(probes,) absolute motion of each for a unit motion of the base; zeros where it is at rest."""
+        moving = self.base_acceleration is not None
+        return np.array([probe.carried if moving else 0.0 for probe in self.probes])
 
     @property
     def stations(self) -> Stations:

@@ -192,7 +192,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("excitation.level=3 N", "excitation.level is a force, but the base moves and takes no force"),
         (
             "excitation.level=3 s",
-            "a velocity, a displacement, a force, a force per length or a pressure, not a time",
+            "a force per length, a pressure, an angular acceleration, an angular velocity or a rotation, not a time",
         ),
         (
             "excitation.quantity=velocity",

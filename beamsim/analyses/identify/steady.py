@@ -45,10 +45,10 @@ class SteadyVibration:
             return np.asarray(1j * order * self.omega * value)
         if quantity == "absolute_acceleration":
             value = -((order * self.omega) ** 2) * value
-            value[0] += _amplitude(self.system.base_acceleration)
+            value[0] += self.system.carried[probe] * _amplitude(self.system.base_acceleration)
         elif quantity == "absolute_displacement":
             value = value.copy()
-            value[0] += _amplitude(self.system.base_displacement)
+            value[0] += self.system.carried[probe] * _amplitude(self.system.base_displacement)
         return np.asarray(value)
 
     def largest_deflection(self, snubber: int) -> float:

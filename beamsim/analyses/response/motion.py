@@ -164,7 +164,7 @@ def measure(
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     x = motion.q(shapes)
     carried = np.zeros(motion.times.size) if base is None else base.at(motion)
-    acceleration = _accelerations(system, loads, motion, shapes) + carried[:, None]
+    acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
     columns = [x, -x, acceleration, -acceleration, motion.force]
     if "gap" in limited:
         columns.append(-motion.penetration)

@@ -14,6 +14,7 @@ from beamsim.flow.passage import ContactDirection, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.profiles import power_of
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from beamsim.inputs.signal import Signal
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
-
-HELD = {"acceleration": 0.0, "velocity": 1.0, "displacement": 2.0}
 
 
 @dataclass(frozen=True)
@@ -262,7 +261,7 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     assert isinstance(excitation, Harmonic)
     omega, level = 2 * np.pi * excitation.frequency, excitation.level
     n = system.dynamics.size
-    held = HELD.get(str(excitation.quantity), 0.0)
+    held = power_of(str(excitation.quantity))
     force, power, base, base_power = [], [], [], []
     for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True):
         # a displacement (springs to ground) changes by omega^-2 against an acceleration
@@ -288,7 +287,7 @@ def base_acceleration(scenario: Scenario, system: StructuralSystem) -> BaseAccel
     assert isinstance(excitation, Harmonic)
     if system.base_acceleration is None:
         return None
-    held = HELD.get(str(excitation.quantity), 0.0)
+    held = power_of(str(excitation.quantity))
     return BaseAcceleration(
         _phasor(system.base_acceleration) / excitation.level, held, 2 * np.pi * excitation.frequency
     )

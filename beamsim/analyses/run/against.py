@@ -131,7 +131,7 @@ def _compared(
         peak = float(np.abs(motion.displacement[:, i]).max())
         exact = result.summary["peak_displacement_m"][probe.name]
         figures.append(AgainstFigure("peak displacement", probe.name, "m", exact, peak))
-        base = 0.0 if system.base_acceleration is None else system.base_acceleration(motion.time)
+        base = 0.0 if system.base_acceleration is None else system.carried[i] * system.base_acceleration(motion.time)
         peak = float(np.abs(motion.acceleration[:, i] + base).max()) / STANDARD_GRAVITY
         figures.append(
             AgainstFigure("peak acceleration", probe.name, "g", result.summary["peak_acceleration_g"][probe.name], peak)

@@ -544,7 +544,8 @@ def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
 
 def _probes(system: StructuralSystem, motion: _RunMotion) -> dict[str, ProbeHistory]:
     def absolute(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
-        return values["displacement"][:, i] + _signal(system.base_displacement, time)
+        carried = system.carried[i] * _signal(system.base_displacement, time)
+        return np.asarray(values["displacement"][:, i] + carried)
 
     return {
         probe.name: ProbeHistory(

@@ -56,8 +56,8 @@ def velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
     return output
 
 
-def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, *, absolute: bool) -> LinearOutput:
-    """``shape @ q''`` from the equation of motion; with the base's own acceleration, observer 0, where ``absolute``."""
+def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, carried: Floats) -> LinearOutput:
+    """``shape @ q''`` from the equation of motion, and ``carried`` (k,) times the base's acceleration, observer 0."""
     output = flow.empty_output(shape.shape[0])
     n = flow.system.size
     stiffness, damping, internal, load, load_slope = flow.equation_of_motion(phases)
@@ -66,8 +66,8 @@ def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, *, absolute: boo
     output.row[:, 2 * n :] = shape @ internal
     output.direct[:] = shape @ load.T
     output.direct_slope[:] = shape @ load_slope.T
-    if absolute and flow.observers:
-        output.direct[:, flow.sources.channel == flow.first_observer] += 1.0
+    if flow.observers:
+        output.direct[:, flow.sources.channel == flow.first_observer] += carried[:, None]
     return output
 
 
@@ -162,7 +162,7 @@ def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
     if system.springs:
         fixed["stretch"] = stretches(flow, system.springs)
     groups = {name: in_every_state(output) for name, output in fixed.items()}
-    groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, absolute=True)
+    groups["acceleration"] = lambda phases: accelerations(flow, probe_shapes, phases, system.carried)
     groups["force"] = flow.contact_forces
     if any(spring.relaxes for spring in system.springs):
         groups["spring_force"] = lambda phases: spring_forces(system, flow, phases)

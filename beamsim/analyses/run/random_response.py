@@ -73,8 +73,8 @@ def random_response(
             coherence[probe.name] = np.asarray(np.abs(cross) ** 2 / (sxx * syy))
     signals += [statistics(snubber.name, "force", "N", snubber.force) for snubber in result.snubbers.values()]
     signals += [statistics(o.name, o.quantity, o.unit, o.value) for o in result.outputs.values()]
-    quantity = "acceleration" if force is None else str(getattr(result.scenario.excitation, "quantity", "force"))
-    unit = amplitude_unit(quantity)
+    takes = getattr(result.scenario.excitation, "takes", ("acceleration" if force is None else "force",))
+    quantity, unit = takes[0], amplitude_unit(takes[0])
     entered = statistics("input", quantity, unit, given)
     return RandomResponse(float(result.time[first]), frequency, (entered, *signals), transmissibility, coherence)
 

@@ -450,8 +450,12 @@ class RunResult(Result):
     probes: dict[str, ProbeHistory] = named("probes")
     snubbers: dict[str, SnubberHistory] = named("snubbers")
     # (nt,), zeros without base motion
-    base_acceleration: Floats = dataset("m/s^2", "acceleration of the base", along=_TIME, name="base/acceleration")
-    base_displacement: Floats = dataset("m", "displacement of the base", along=_TIME, name="base/displacement")
+    base_acceleration: Floats = dataset(
+        "{base_unit}/s^2", "acceleration of the base", along=_TIME, name="base/acceleration"
+    )
+    base_displacement: Floats = dataset(
+        "{base_unit}", "displacement of the base", along=_TIME, name="base/displacement"
+    )
     events: EventLog = group("events")
     spectra: dict[tuple[str, str], Spectrum] = keyed(  # by probe or output and quantity
         folder="spectra", parts=_spectrum_group, called="<probe>[/displacement]",
@@ -476,6 +480,11 @@ class RunResult(Result):
     low_pass_hz: float | None = attribute(
         "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None
     )
+
+    @property
+    def base_unit(self) -> str:
+        """Unit of a displacement of the base: rad where it turns."""
+        return "rad" if getattr(self.scenario.excitation, "rotates", False) else "m"
 
     @property
     def bodies(self) -> dict[str, BodyResult]:

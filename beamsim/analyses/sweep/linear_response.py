@@ -18,7 +18,8 @@ def linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logari
     frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))
     q = transfer(system, frequency)
     omega2 = (2 * np.pi * frequency) ** 2
-    base = 0.0 if system.base_acceleration is None else 1.0
     displacement = {probe.name: q @ probe.shape for probe in system.probes}
-    acceleration = {name: base - omega2 * w for name, w in displacement.items()}
+    acceleration = {
+        name: carried - omega2 * w for carried, (name, w) in zip(system.carried, displacement.items(), strict=True)
+    }
     return LinearCurve(frequency, displacement, acceleration, contact_levels(system, frequency))

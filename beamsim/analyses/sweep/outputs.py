@@ -74,7 +74,7 @@ class SweepOutputs:
         def output_of(phases: Ints) -> LinearOutput:
             parts = [displacement, first_rows(template.contact_forces(phases), count)]
             if self.with_accelerations:
-                parts.append(accelerations(template, shapes, phases, absolute=system.base_acceleration is not None))
+                parts.append(accelerations(template, shapes, phases, system.carried))
             if self.with_impacts:
                 parts.append(_impact_rows(template, phases, count))
             return stack(*parts, *of_limits)

@@ -1,0 +1,287 @@
+"""Motion of the base along and about any axis, and gravity as a vector."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.sparse import csc_array
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.matrix_files.op4 import write_op4
+from beamsim.scenario import load_scenario
+from beamsim.structures.assembly import assemble
+from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.dof_table import DofTable, write_dof_table
+from beamsim.system.build import build_system
+from tests.helpers.independent import Beam
+
+L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
+EI, LINE = E * W * H**3 / 12, RHO * W * H
+BEAM = {
+    "length": L, "width": W, "thickness": H, "youngs_modulus": E, "density": RHO, "elements": 7,
+    "damping": {"kind": "modal", "ratio": 0.02},
+}  # fmt: skip
+PLATE = {
+    "kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.002, "youngs_modulus": E, "poissons_ratio": 0.3,
+    "density": RHO, "elements": [4, 3], "damping": {"kind": "modal", "ratio": 0.02},
+}  # fmt: skip
+TURN = {"kind": "harmonic", "applied_to": "base", "direction": "ry", "level": "30 rad/s^2", "frequency": 23.0}
+STEP = {"kind": "step", "applied_to": "base", "direction": "ry", "level": "30 rad/s^2"}
+
+
+def case(excitation, *, beam=None, **more):
+    return load_scenario(
+        {
+            "beam": {**BEAM, **(beam or {})}, "excitation": excitation, "run": {"duration": 0.2},
+            "probes": [{"name": "p", "position": 0.7 * L}], **more,
+        }
+    )  # fmt: skip
+
+
+def test_statics_of_a_cantilever_under_an_angular_acceleration_are_those_of_a_triangular_load():
+    system = build_system(case(STEP, reduction={"modes": 3}, beam={"elements": 40}))
+    q = 30 * system.forcing.load[0] / system.dynamics.stiffness
+    body, s = system.bodies[0], system.bodies[0].position / L
+    p = 30 * LINE * L  # upwards at the tip: points go down with a turn about y, inertia acts up
+    moment = p * L**2 / 6 * (2 - 3 * s + s**3)
+    stress = system.stress
+    np.testing.assert_allclose(body.bending_moment @ q + 30 * body.base_moment, moment, atol=1e-9 * p * L**2)
+    assert stress is not None
+    tip = body.deflection[-1] @ q
+    assert tip == pytest.approx(11 * p * L**4 / (120 * EI), rel=2e-4)  # three modes
+
+
+def test_against_an_independent_beam():
+    """A clamped beam whose base turns about a point, on full matrices with their couplings to the clamp."""
+    alpha, beta, about = 8.0, 2e-5, 0.25
+    result = beamsim.run(case(
+        {**TURN, "about": about}, reduction={"modes": "all"},
+        beam={"damping": {"kind": "rayleigh", "mass": alpha, "stiffness": beta}},
+    ))  # fmt: skip
+    beam, free = Beam(L, W, H, E, RHO, 7, "clamped"), Beam(L, W, H, E, RHO, 7, "free")
+    x = np.linspace(0, L, 8)
+    rigid = np.column_stack([about - x, -np.ones(8)]).ravel()  # w = -(x - about), w' = -1
+    load = -(free.M @ rigid)[beam.free]
+    n = beam.free.size
+    system = np.zeros((2 * n + 2, 2 * n + 2))
+    inverse, omega = np.linalg.inv(beam.M), 2 * np.pi * 23.0
+    system[:n, n : 2 * n] = np.eye(n)
+    system[n : 2 * n, :n] = -inverse @ beam.K
+    system[n : 2 * n, n : 2 * n] = -inverse @ (alpha * beam.M + beta * beam.K)
+    system[n : 2 * n, 2 * n] = 30 * inverse @ load
+    system[2 * n, 2 * n + 1], system[2 * n + 1, 2 * n] = omega, -omega
+    start = np.zeros(2 * n + 2)
+    start[-1] = 1.0
+    every = slice(None, None, max(1, result.time.size // 40))
+    q = np.array([(expm(system * t) @ start)[:n] for t in result.time[every]])
+    relative = q @ beam.row(0.7 * L)
+    carried = (about - 0.7 * L) * -30 / omega**2 * np.sin(omega * result.time[every])
+    probe = result.probes["p"]
+    np.testing.assert_allclose(probe.displacement[every], relative, rtol=0, atol=1e-8 * np.abs(relative).max())
+    np.testing.assert_allclose(
+        probe.absolute_displacement[every], relative + carried, rtol=0, atol=1e-8 * np.abs(carried).max()
+    )
+
+
+@pytest.mark.parametrize("direction", ["z", "rx", "ry"])
+def test_a_free_plate_stays_where_it_is(direction):
+    """What no support holds does not follow the base: absolute motions are zero, energies included."""
+    level = "2 g" if direction == "z" else "30 rad/s^2"
+    about = {} if direction == "z" else {"about": [0.1, 0.2]}
+    result = beamsim.run(load_scenario({
+        "bodies": {"panel": PLATE}, "probes": [{"name": "p", "position": [0.4, 0.05]}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "direction": direction, "level": level,
+                       "frequency": 9.0, **about},
+        "run": {"duration": 0.1, "start": "rest"},
+    }))  # fmt: skip
+    probe = result.probes["p"]
+    size = np.abs(probe.displacement).max()
+    assert size > 1e-4
+    # at rest relative to a base that moves: it drifts with the base's first velocity, and feels no acceleration
+    assert np.abs(probe.absolute_acceleration).max() < 1e-9 * size * (2 * np.pi * 9.0) ** 2
+    assert result.summary["energy_error"] < 1e-10
+
+
+def test_turning_about_a_point_is_turning_about_another_and_moving_up():
+    structure = assemble(case(TURN))
+    here, up, there = (
+        structure.base_load(BaseDirection(*motion))[0] for motion in (("ry",), ("z",), ("ry", (0.37, 0.0, 0.0)))
+    )
+    np.testing.assert_allclose(there, here + 0.37 * up, rtol=0, atol=1e-15 * np.abs(here).max())
+
+
+def test_a_beam_cut_in_two_turns_as_the_whole():
+    half = {key: value for key, value in BEAM.items() if key != "elements"} | {"kind": "beam", "length": L / 2}
+    cut = load_scenario({
+        "bodies": {
+            "one": {**half, "elements": 4, "supports": {"left": "clamped"}},
+            "two": {**half, "elements": 4, "supports": {"left": "free", "right": "free"}},
+        },
+        "joints": [{"kind": "rigid", "between": [{"body": "one", "position": L / 2}, {"body": "two", "position": 0}]}],
+        "excitation": {**TURN, "about": 0.1}, "run": {"duration": 0.2},
+        "probes": [{"name": "p", "at": {"body": "two", "position": 0.2 * L}}],
+    })  # fmt: skip
+    whole = case({**TURN, "about": 0.1}, beam={"elements": 8})
+    a, b = (beamsim.run(scenario) for scenario in (cut, whole))
+    for name in ("displacement", "absolute_displacement", "absolute_acceleration"):
+        one, other = (np.asarray(getattr(result.probes["p"], name)) for result in (a, b))
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * np.abs(other).max())
+    assert a.summary["largest_bending_stress_pa"] == pytest.approx(b.summary["largest_bending_stress_pa"], rel=1e-6)
+
+
+def test_energies_balance_with_contact_while_the_base_turns():
+    result = beamsim.run(
+        case(TURN, snubbers=[{"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 1e-4}])
+    )
+    assert result.summary["contacts"]["s"] >= 2
+    assert result.summary["energy_error"] < 1e-10
+    assert result.base_unit == "rad"
+
+
+def test_a_rotation_and_its_angular_acceleration_are_the_same_motion():
+    omega = 2 * np.pi * 23.0
+    degrees = np.degrees(30 / omega**2)
+    given = case({**TURN, "level": f"{degrees} deg", "phase": "180 deg"})
+    assert given.excitation.quantity == "rotation"
+    a, b = (beamsim.run(scenario).probes["p"].displacement for scenario in (given, case(TURN)))
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * np.abs(b).max())
+
+
+def test_a_stepped_sine_of_a_rotation_has_the_linear_response():
+    scenario = case(TURN, sweep={"kind": "stepped", "from": 15, "to": 17, "points": 2, "levels": ["30 rad/s^2"],
+                                 "accelerations": True})  # fmt: skip
+    result = beamsim.sweep(scenario)
+    curve = next(iter(result.curves.values()))
+    assert curve.excitation_unit == "rad/s^2"
+    expected = np.interp(curve.frequency_hz, result.linear.frequency_hz, np.abs(result.linear.acceleration["p"]))
+    np.testing.assert_allclose(curve.acceleration["p"].maximum / 30, expected, rtol=2e-3)
+
+
+# --- imported matrices ------------------------------------------------------------------------------------------------
+
+
+def written(folder: Path, mass, stiffness, table, excitation, *, base=(1,), probe=8, **more):
+    write_op4(folder / "m.op4", {"mxx": csc_array(mass), "kxx": csc_array(stiffness)})
+    write_dof_table(folder / "dofs.csv", table)
+    path = folder / "case.yaml"
+    source = {"file": "m.op4"}
+    path.write_text(json.dumps({
+        "bodies": {"panel": {
+            "kind": "matrices", "mass": {**source, "name": "mxx"}, "stiffness": {**source, "name": "kxx"},
+            "dofs": "dofs.csv", "base": {"nodes": base}, "damping": {"kind": "modal", "ratio": 0.02},
+        }},
+        "excitation": excitation, "probes": [{"name": "p", "at": {"node": probe}}], "run": {"duration": 0.2}, **more,
+    }))  # fmt: skip
+    return load_scenario(path)
+
+
+def free_beam():
+    return assemble(case(TURN, beam={"supports": {"left": "free"}})).named_matrices
+
+
+def test_imported_matrices_turn_as_the_beam_that_they_came_from(tmp_path):
+    model = free_beam()
+    excitation = {**TURN, "about": [0.25, 0, 0]}
+    one = written(tmp_path, model.mass, model.stiffness, model.table, excitation, probe=8, reduction={"modes": 5})
+    other = case({**TURN, "about": 0.25}, probes=[{"name": "p", "position": L}], reduction={"modes": 5})
+    a, b = (beamsim.run(scenario).probes["p"] for scenario in (one, other))
+    for name in ("displacement", "absolute_displacement", "absolute_acceleration"):
+        np.testing.assert_allclose(
+            getattr(a, name), getattr(b, name), rtol=0, atol=1e-7 * np.abs(getattr(b, name)).max()
+        )
+
+
+def spatial():
+    """Two nodes that springs in x and in z join to a base node, which has all three translations."""
+    dofs = tuple((node, d) for node in (1, 2, 3) for d in ("x", "z"))
+    places = np.array([[0, 0, 0], [0, 0, 0], [0.3, 0, 0], [0.3, 0, 0], [0.6, 0, 0.2], [0.6, 0, 0.2]], dtype=float)
+    k = np.zeros((6, 6))
+    for first, second, stiffness in ((0, 2, 900.0), (2, 4, 400.0), (1, 3, 300.0), (3, 5, 250.0)):
+        k[np.ix_([first, second], [first, second])] += stiffness * np.array([[1, -1], [-1, 1]])
+    return np.diag([1.0, 1.0, 2.0, 2.0, 0.5, 0.5]), k, DofTable(dofs, places)
+
+
+@pytest.mark.parametrize(("direction", "along"), [("x", 0), ("z", 1)])
+def test_the_base_moves_along_any_axis_of_an_imported_model(tmp_path, direction, along):
+    mass, stiffness, table = spatial()
+    system = build_system(written(
+        tmp_path, mass, stiffness, table, {**TURN, "direction": direction, "level": "1 m/s^2"}, probe=3,
+        reduction={"modes": "all"},
+    ))  # fmt: skip
+    m, k = (np.array(a)[np.ix_([2 + along, 4 + along], [2 + along, 4 + along])] for a in (mass, stiffness))
+    tip = np.linalg.solve(k, -m @ np.ones(2))[1]  # static, under a unit acceleration
+    shape = system.probes[0].shape if direction == "z" else None
+    q = system.forcing.load[0] / system.dynamics.stiffness
+    if shape is not None:
+        assert shape @ q == pytest.approx(tip, rel=1e-10)
+        assert system.probes[0].carried == 1.0
+    else:  # the probe is in z, which neither moves nor is carried
+        assert abs(system.probes[0].shape @ q) < 1e-12
+        assert system.probes[0].carried == 0.0
+
+
+def test_gravity_as_a_vector_is_the_scalar_where_they_coincide(tmp_path):
+    mass, stiffness, table = spatial()
+    still = {"kind": "none"}
+    scalar, vector, along_x = (
+        build_system(written(tmp_path, mass, stiffness, table, still, probe=3, gravity=g, reduction={"modes": 2}))
+        for g in ("1 g", [0, 0, "-1 g"], [2.0, 0, 0])
+    )
+    np.testing.assert_allclose(vector.static_equilibrium, scalar.static_equilibrium, rtol=1e-12)
+    sag = np.linalg.solve(stiffness[np.ix_([3, 5], [3, 5])], -9.80665 * mass[np.ix_([3, 5], [3, 5])] @ np.ones(2))[1]
+    assert vector.probes[0].shape @ vector.static_equilibrium == pytest.approx(sag, rel=1e-10)
+    # with its static vector, two of four modes are enough
+    assert abs(along_x.probes[0].shape @ along_x.static_equilibrium) < 1e-12
+    drawn = 0.5 * along_x.static_equilibrium**2 @ along_x.dynamics.stiffness
+    f = 2.0 * mass[np.ix_([2, 4], [2, 4])] @ np.ones(2)
+    assert drawn == pytest.approx(0.5 * f @ np.linalg.solve(stiffness[np.ix_([2, 4], [2, 4])], f), rel=1e-10)
+
+
+def test_gravity_as_a_vector_on_a_beam():
+    a, b = (build_system(case({"kind": "none"}, gravity=g)).static_equilibrium for g in (9.0, [0, 0, -9.0]))
+    np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+GROUND = {"name": "s", "position": L, "side": "below", "stiffness": 1e4, "gap": 0.0, "mounted_on": "ground"}
+CHAIN = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"excitation": {**TURN, "direction": "rx"}}, "excitation.direction = rx moves no point of beam, a beam"),
+        ({"excitation": {**TURN, "direction": "x", "level": "1 g"}}, "excitation.direction = x moves no point of beam"),
+        ({"excitation": {**TURN, "level": "1 g"}}, "excitation.level is an acceleration, but the base turns"),
+        ({"excitation": {**TURN, "direction": "z"}}, "excitation.level is an angular acceleration, but the base moves"),
+        ({"excitation": {**TURN, "direction": "z", "level": "1 g", "about": 0.1}}, "about belongs to a rotation"),
+        ({"excitation": {"kind": "harmonic", "applied_to": {"position": L}, "direction": "z", "level": 1.0,
+                         "frequency": 3.0}}, "excitation.direction is the direction in which a base moves"),
+        ({"gravity": [1.0, 0, 0]}, "gravity[0] acts along x, in which no point of beam, a beam, moves"),
+        ({"snubbers": [GROUND]}, "snubbers[0] is at 0.9 m on the ground, and the base moves by another amount"),
+        ({"beam": None, "chain": CHAIN, "probes": None}, "excitation.direction = ry moves no point of chain"),
+    ],
+)  # fmt: skip
+def test_errors_are_located(changes, message):
+    given = {"beam": BEAM, "excitation": TURN, "probes": [{"name": "p", "position": 0.7 * L}], **changes}
+    with pytest.raises(ScenarioError) as error:
+        build_system(load_scenario({key: value for key, value in given.items() if value is not None}))
+    assert message in str(error.value)
+    assert error.value.problems[0].remedy
+
+
+def test_bodies_that_are_not_joined_do_not_turn():
+    with pytest.raises(ScenarioError, match="turns several bodies, and joints do not say how one, two lie"):
+        load_scenario({
+            "bodies": {name: {**BEAM, "kind": "beam"} for name in ("one", "two")}, "excitation": TURN,
+            "probes": [{"name": "p", "at": {"body": "two", "position": L}}],
+        })  # fmt: skip
+
+
+def test_a_rotation_needs_coordinates(tmp_path):
+    mass, stiffness, table = spatial()
+    with pytest.raises(ScenarioError, match=r"excitation.direction = ry: dofs has no coordinates"):
+        build_system(written(tmp_path, mass, stiffness, DofTable(table.dofs), TURN, probe=3,
+                             base=[1, 2]))  # fmt: skip
