@@ -207,7 +207,7 @@ def _force_and_rate(flow: ExactFlow, contact: int, phases: Ints) -> LinearOutput
     if dashpot != 0.0:
         sign = contacts.sign[contact]
         shape = -sign * contacts.shape[one]
-        faster = accelerations(flow, shape, phases, np.zeros(shape.shape[0]))
+        faster = accelerations(flow, shape, phases)
         if flow.observers and contacts.on_ground[contact]:
             faster.direct[:, flow.sources.channel == flow.first_observer] -= sign
         rate = _sum(rate, _scaled(faster, dashpot))

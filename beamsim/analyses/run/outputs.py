@@ -56,7 +56,7 @@ def velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
     return output
 
 
-def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, carried: Floats) -> LinearOutput:
+def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, carried: Floats | None = None) -> LinearOutput:
     """``shape @ q''`` from the equation of motion, and ``carried`` (k,) times the base's acceleration, observer 0."""
     output = flow.empty_output(shape.shape[0])
     n = flow.system.size
@@ -66,7 +66,7 @@ def accelerations(flow: ExactFlow, shape: Floats, phases: Ints, carried: Floats)
     output.row[:, 2 * n :] = shape @ internal
     output.direct[:] = shape @ load.T
     output.direct_slope[:] = shape @ load_slope.T
-    if flow.observers:
+    if carried is not None and flow.observers:
         output.direct[:, flow.sources.channel == flow.first_observer] += carried[:, None]
     return output
 
@@ -87,7 +87,7 @@ def asked_for(flow: ExactFlow, rows: Sequence[OutputRows], phases: Ints) -> Line
         np.vstack([getattr(each, name) for each in rows])
         for name in ("displacement", "velocity", "acceleration", "contact", "load")
     )
-    output = accelerations(flow, acceleration, phases, absolute=False)
+    output = accelerations(flow, acceleration, phases)
     output.row[:] += contact @ forces.row
     output.direct[:] += contact @ forces.direct
     output.direct_slope[:] += contact @ forces.direct_slope
