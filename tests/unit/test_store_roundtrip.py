@@ -17,6 +17,7 @@ from beamsim.store import schema
 from beamsim.store.results import open_run, write_run
 
 ROOT_ATTRIBUTES = (
+    "base_unit",
     "schema_version",
     "beamsim_version",
     "command",

@@ -145,6 +145,7 @@ def run(
         outputs=_outputs(system, motion),
         contact=_contact(system, motion),
         base_acceleration=motion.histories.signal(partial(_signal, system.base_acceleration)),
+        base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
         base_displacement=motion.histories.signal(partial(_signal, system.base_displacement)),
         events=motion.events,
         spectra=spectra,

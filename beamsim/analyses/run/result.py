@@ -477,14 +477,10 @@ class RunResult(Result):
     impacts: Impacts | None = group("impacts", default=None)  # where run.impacts asks for them
     fatigue: dict[str, Fatigue] = named("fatigue", default_factory=dict)  # by body, where run.fatigue asks for it
 
+    base_unit: str = attribute("", "unit of a displacement of the base: rad where it turns", default="m")
     low_pass_hz: float | None = attribute(
         "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None
     )
-
-    @property
-    def base_unit(self) -> str:
-        """Unit of a displacement of the base: rad where it turns."""
-        return "rad" if getattr(self.scenario.excitation, "rotates", False) else "m"
 
     @property
     def bodies(self) -> dict[str, BodyResult]:
