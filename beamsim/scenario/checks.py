@@ -22,6 +22,7 @@ from beamsim.scenario.identification_checks import identification_problems
 from beamsim.scenario.impacts import impact_problems
 from beamsim.scenario.joint import body_origins
 from beamsim.scenario.limits import Limits, limit_problems
+from beamsim.scenario.moved_support import MovedSupport, moved_support_problems
 from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
 from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
@@ -134,7 +135,9 @@ def _structure(scenario: _Checked) -> Problems:
 def _places(scenario: _Checked) -> Problems:
     """Everything that sits somewhere must sit on a body, where it can act."""
     for path, part in walk(scenario):
-        if isinstance(part, DistributedLoad):
+        if isinstance(part, MovedSupport):
+            yield from _guarded(moved_support_problems(scenario, path, part))
+        elif isinstance(part, DistributedLoad):
             yield from _guarded(distributed_problems(scenario, path, part))
         else:
             yield from _guarded(place_problems(scenario, path, part))
@@ -375,6 +378,12 @@ def _sweep(scenario: _Checked) -> Problems:
             f"sweeps the frequency of a harmonic excitation, but this one is {excitation.kind}",
             "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
         )
+        return
+    if isinstance(excitation.applied_to, MovedSupport):
+        yield _problem(
+            ("excitation", "applied_to"), "is a support that moves, which sweeps and continuations do not follow",
+            "use `beamsim run`, move the base (applied_to: base), or model what moves the support as a body",
+        )  # fmt: skip
         return
     for index, level in enumerate(sweep.levels):
         yield from level_problems(excitation, ("sweep", "levels", index), level)

@@ -9,6 +9,7 @@ from pydantic import Tag
 
 from beamsim.scenario.base import Schema, Variants, fail, number_or_list
 from beamsim.scenario.distributed import AreaLoad, LineLoad
+from beamsim.scenario.moved_support import ROTATION_TAKES, TRANSLATION_TAKES, MovedSupport
 from beamsim.scenario.place import BaseOrPlace, NodeDirection, choose_base_or_place
 from beamsim.scenario.quantities import Coordinate, LevelValue
 
@@ -17,23 +18,19 @@ Quantity = Literal[
     "angular_acceleration", "angular_velocity", "rotation",
 ]  # fmt: skip
 
-BASE_TAKES: tuple[Quantity, ...] = ("acceleration", "velocity", "displacement")
-"""What the base's motion is given by; the first is the default."""
-
-ROTATION_TAKES: tuple[Quantity, ...] = ("angular_acceleration", "angular_velocity", "rotation")
-"""What a rotation of the base is given by; the first is the default."""
-
 About = Annotated[
     Annotated[Coordinate, Tag("<number>")] | Annotated[tuple[Coordinate, ...], Tag("<list>")], Variants(number_or_list)
 ]
 
-_Load = Annotated[LineLoad, Tag("<line>")] | Annotated[AreaLoad, Tag("<area>")]
+_Load = (
+    Annotated[LineLoad, Tag("<line>")] | Annotated[AreaLoad, Tag("<area>")] | Annotated[MovedSupport, Tag("<support>")]
+)
 
 
 def _choose(value: Any) -> str | None:
-    for tag, kind in (("line", LineLoad), ("area", AreaLoad)):
+    for tag, kind in (("line", LineLoad), ("area", AreaLoad), ("support", MovedSupport), ("joint", MovedSupport)):
         if isinstance(value, kind) or (isinstance(value, dict) and tag in value):
-            return f"<{tag}>"
+            return "<support>" if kind is MovedSupport else f"<{tag}>"
     return choose_base_or_place(value)
 
 
@@ -43,7 +40,7 @@ AppliedTo = Annotated[
         _choose,
         "names neither the base nor a point nor a part of a body",
         "write base, {position: 270 mm} for a force on the beam, {mass: 2} for a force on a chain, {line: whole} for a "
-        "force per length of a beam, or {area: whole} for a pressure on a plate",
+        "force per length of a beam, {area: whole} for a pressure on a plate, or {support: left} for one that moves",
     ),
 ]
 
@@ -115,7 +112,8 @@ class Driven(Schema):
 
     applied_to: AppliedTo
     """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several; or
-    {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it."""
+    {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it; or
+    {support: left} or {joint: hinge} for a support that moves relative to the base."""
     quantity: Quantity | None = None
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
     as the unit of the level."""
@@ -155,7 +153,9 @@ class Driven(Schema):
 
     @property
     def rotates(self) -> bool:
-        """Whether the base turns."""
+        """Whether the base, or the support that moves, turns."""
+        if isinstance(self.applied_to, MovedSupport):
+            return self.applied_to.rotates
         return self.direction is not None and self.direction.startswith("r")
 
     @property
@@ -175,7 +175,7 @@ class Driven(Schema):
         """Quantities that its levels may have, the default first."""
         if self.applied_to != "base":
             return self.applied_to.takes
-        return ROTATION_TAKES if self.rotates else BASE_TAKES
+        return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:

@@ -238,7 +238,7 @@ class Forces(Schema):
     """Several forces."""
     forces: Annotated[tuple[OneForce, ...], Field(min_length=1)]
     """The forces: each a harmonic, multi_tone, step, half_sine, trapezoid or sawtooth excitation that is applied to a
-    point, a line of a beam, or an area of a plate."""
+    point, a line of a beam, an area of a plate, or a support that moves."""
 
     def settle(self) -> None:
         """Reject what moves the base."""

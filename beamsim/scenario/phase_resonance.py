@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from beamsim.errors import Problem
 from beamsim.scenario.base import Schema, fail, path_text
 from beamsim.scenario.excitation import Harmonic, level_problems
+from beamsim.scenario.moved_support import MovedSupport
 from beamsim.scenario.quantities import Count, Level, Ratio
 from beamsim.scenario.spring import OnMass
 
@@ -55,6 +56,12 @@ def phase_resonance_problems(scenario: ScenarioParts, section: PhaseResonance, m
             "give excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 50 Hz} (or a force at a "
             "position); the frequency is computed",
         )
+        return
+    if isinstance(excitation.applied_to, MovedSupport):
+        yield Problem(
+            "excitation.applied_to", "is a support that moves, which phase resonance does not account for",
+            "move the base (applied_to: base), or apply a force",
+        )  # fmt: skip
         return
     for index, level in enumerate(section.levels):
         yield from level_problems(excitation, ("nnm", "phase_resonance", "levels", index), level)

@@ -33,10 +33,10 @@ ASSEMBLE: dict[str, Callable[[Any, str, Sequence[Any]], BodyStructure]] = {
 """A line a kind of body; the third argument is where something joins it."""
 
 
-def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structure:
+def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequence[Place] = ()) -> Structure:
     """The structure without snubbers: bodies that are coupled make one part of it.
 
-    With ``names`` only the parts that hold one of these bodies.
+    With ``names`` only the parts that hold one of these bodies; ``nodes`` are places where meshes have a node.
     """
     couplings = couplings_of(scenario)
     sections, origins = scenario.all_bodies, body_origins(scenario.joints, scenario.default_body)
@@ -45,7 +45,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None) -> Structur
         if names is not None and not set(names) & set(group):
             continue
         within = [coupling for coupling in couplings if coupling.ends[0].body in group]
-        bodies = [_body(scenario, name, within) for name in group]
+        bodies = [_body(scenario, name, within, nodes) for name in group]
         _check_places(scenario, bodies)
         parts.append(join(bodies, within, origins) if within else bodies[0])
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
@@ -57,12 +57,12 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
     return [name for name in scenario.all_bodies if any(name in group and set(names) & set(group) for group in groups)]
 
 
-def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling]) -> BodyStructure:
+def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
     section = scenario.all_bodies[name]
     return ASSEMBLE[section.body_kind](
         section.in_folder(partial(scenario.folder_of, *scenario.body_path(name))),
         name,
-        [end.point for coupling in couplings for end in coupling.ends if end.body == name],
+        [end.point for end in [*(end for coupling in couplings for end in coupling.ends), *nodes] if end.body == name],
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.places import LoadSite
+from beamsim.structures.supports import Support
 from beamsim.typing import Floats, Ints
 
 
@@ -14,7 +15,8 @@ class LoadPattern:
     """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
 
     vector: Floats  # (N,) scaled load on the free dofs
-    site: LoadSite | BaseDirection  # of the unit force; the direction of an inertia load (gravity)
+    # of the unit force; the direction of an inertia load (gravity); the support that moves by one unit
+    site: LoadSite | BaseDirection | Support
 
 
 @dataclass(frozen=True)

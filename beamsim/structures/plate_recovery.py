@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.mesh import line_rows
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import IN_PLANE, Recovery
+from beamsim.structures.supports import Support
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ def plate_recovery(
     def moments(vectors: Floats) -> Floats:
         return np.asarray(operator @ structure.whole_field(member.field(vectors)))
 
-    moment = moments(basis.vectors)
+    moment = moments(basis.vectors) + operator @ _moved(structure, basis)
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
     remainder = np.zeros(moment.shape[0])
     if base is not None:  # modes left out respond statically to the acceleration of the base
@@ -63,6 +65,25 @@ def plate_recovery(
         base_moment=-remainder * (whole.mass_scale / whole.stiffness_scale),
         moments=3,
     )
+
+
+def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
+    """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
+    field = np.zeros((structure.mesh.size, basis.size))
+    if not basis.static_vectors and any(isinstance(pattern.site, Support) for pattern in basis.patterns):
+        raise ScenarioError(
+            Problem(
+                "reduction", "keeps all modes, and with them no static vector that the moments of a plate need where a "
+                "support moves", "keep fewer modes (reduction: {modes: 40}), or leave reduction out",
+            )
+        )  # fmt: skip
+    for pattern, row in zip(basis.patterns, basis.pattern, strict=True):
+        if isinstance(pattern.site, Support) and structure.name in pattern.site.motions:
+            moved = pattern.site.motions[structure.name]
+            field += np.multiply.outer(
+                moved if moved.size == structure.mesh.size else structure.whole_field(moved), row
+            )
+    return field
 
 
 def moment_operator(structure: PlateModel) -> Any:

@@ -22,6 +22,7 @@ from beamsim.structures.hermite import curvature_factor, double_integral, mass_m
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import ALONG, Recovery
+from beamsim.structures.supports import Support
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -166,6 +167,11 @@ def _fields(
         if isinstance(site, BaseDirection):
             coefficients = model.base_coefficients(member.whole.seen_from(model.name, site))
             acceleration += np.multiply.outer(rigid_motions(model.mesh) @ coefficients, row * inertia)
+        elif isinstance(site, Support):
+            moved = site.motions.get(model.name)
+            if moved is not None:
+                whole = moved if moved.size == displacement.shape[0] else model.whole_field(moved)
+                displacement = displacement + np.multiply.outer(whole, row)
         elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
             if isinstance(site, Place):
                 places, sizes = np.array([site.coordinate / model.beam.length]), np.ones(1)

@@ -18,6 +18,7 @@ import numpy as np
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.modes import Modes, natural_modes, orient
+from beamsim.structures.supports import Support
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -148,7 +149,9 @@ def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern])
         if isinstance(pattern.site, BaseDirection):
             acting.append(LoadPattern(part.structure.base_load(pattern.site)[0], pattern.site))
         elif np.any(vector):
-            acting.append(LoadPattern(vector, pattern.site))
+            # that of a support is a stiffness, in the unit of the structure
+            unit = model.stiffness_scale / part.structure.stiffness_scale if isinstance(pattern.site, Support) else 1.0
+            acting.append(LoadPattern(vector * unit, pattern.site))
     return acting
 
 

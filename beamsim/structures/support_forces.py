@@ -178,4 +178,5 @@ def _constraint(structure: Structure, coupling: Coupling, motion: Sequence[Float
     return Support(
         coupling.name, _direction(coupling), stiffness, mass, damping, inertia=inertia, direct=direct,
         base_motion=_base_motion(coupling), at=coupling.site, base_displacement=ground, determined=determined,
+        motions=by_name,
     )  # fmt: skip

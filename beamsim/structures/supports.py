@@ -5,7 +5,7 @@ What they exert in a motion follows in `beamsim.structures.support_forces`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -39,6 +39,8 @@ class Support:
     determined: bool = True  # whether nothing else holds the same
     to_ground: bool = False  # whether it is the ground that holds, not the base or another body
     base_displacement: float = 0.0  # N/m, force on the support itself for a unit displacement of the base
+    # by body the motion itself: (A,) of all dofs before supports hold some, or (N,) of those that they leave
+    motions: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def on_base(self) -> bool:
@@ -79,7 +81,7 @@ class HeldMatrices:
         return Support(
             name, direction, force[self.free], moved[self.free], damping[self.free],
             inertia=float(moved @ self.translation), direct=direct,
-            base_motion=1.0 if direction == DEFLECTION else 0.0, body=body,
+            base_motion=1.0 if direction == DEFLECTION else 0.0, body=body, motions={body: motion},
         )  # fmt: skip
 
 

@@ -29,8 +29,9 @@ from beamsim.structures.stations import Recovery, Stations
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
-from beamsim.system.loads import constant_loads, time_dependent_loads
+from beamsim.system.loads import carried_start, constant_loads, time_dependent_loads
 from beamsim.system.mechanisms import check_mechanisms, held_problems
+from beamsim.system.moved_supports import check_places
 from beamsim.system.outputs import output_rows, output_sites
 from beamsim.system.parts import (
     Parts,
@@ -147,6 +148,8 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         raise ScenarioError(problems)
     free = check_mechanisms(parts, np.vstack([stops.shape, *(spring.shape for spring in springs)]))
     _check_base_directions(parts)
+    if parts.moved:
+        check_places(parts.moved, _sensed_places(parts))
     loads = constant_loads(parts)
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
@@ -162,6 +165,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         if table is not None and table.remark
     ]
     motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
+    initial = initial + carried_start(parts, forcing)
 
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
@@ -223,6 +227,13 @@ def _contact_sites(parts: Parts, contacts: Contacts, *, split: bool) -> list[Sit
         for site, law in zip([*parts.snubber_sites, *piecewise], contacts.laws, strict=True)
         for _ in range(len(law.parts) if split and law.family is None and law.parts is not None else 1)
     ]
+
+
+def _sensed_places(parts: Parts) -> list[tuple[Path, Site]]:
+    """Contacts, nonlinear springs and probes."""
+    scenario = parts.scenario
+    felt = [(each.path, snubber_site(each)) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
+    return [*felt, *((("probes", k), site) for k, site in enumerate(parts.probe_sites))]
 
 
 def _check_base_directions(parts: Parts) -> None:
@@ -294,12 +305,15 @@ def _loads(parts: Parts) -> Floats:
     directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
     if moving is not None:
         directions = {moving: None} | directions
-    return np.vstack([rows, *(structure.base_load(direction)[0] for direction in directions)])
+    moved = [each.pattern(structure).vector for each in parts.moved]
+    return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
 def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
     scenario, structure = parts.scenario, parts.structure
     loads = structure.rows([load_site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)])
+    if parts.moved:
+        loads = np.vstack([loads, *(each.pattern(structure).vector for each in parts.moved)])
     if (moving := base_direction(scenario)) is not None:
         loads = structure.base_load(moving)[0][None, :]
     return LinearState(

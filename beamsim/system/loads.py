@@ -25,6 +25,20 @@ def constant_loads(parts: Parts) -> Floats:
     return np.array(loads).reshape(len(loads), parts.basis.size)
 
 
+def carried_start(parts: Parts, forcing: Forcing) -> Floats:
+    """(2 n,) what supports that move carry the structure along with at t = 0: their static shapes and rates.
+
+    A start is relative to it, as one is to a base that moves.
+    """
+    start = np.zeros(2 * parts.basis.size)
+    first = len(forcing.signal) - 3 * len(parts.moved)
+    for k, moved in enumerate(parts.moved):
+        _, velocity, displacement = forcing.signal[first + 3 * k : first + 3 * k + 3]
+        shape = moved.static_shape(parts.reduced)
+        start += np.concatenate([shape * float(displacement(0.0)), shape * float(velocity(0.0))])
+    return start
+
+
 def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, Forcing]:
     """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground."""
     scenario, structure = parts.scenario, parts.structure
@@ -38,9 +52,14 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
         key = (driven, duration, folder)
         return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
 
-    if forces := exciting_forces(scenario):
-        signals = tuple(signal_of(force, path, level_signal) for path, force in forces)
-        return None, Forcing(np.array([parts.shape(force.applied_to) for _, force in forces]), signals)
+    forces = exciting_forces(scenario)
+    if forces or parts.moved:
+        loads = [(parts.shape(force.applied_to), signal_of(force, path, level_signal)) for path, force in forces]
+        for moved in parts.moved:
+            support = signal_of(moved.driven, moved.path, base_motion)
+            signals = (support.acceleration, support.velocity, support.displacement)
+            loads += zip(moved.loads(parts.reduced), signals, strict=True)
+        return None, Forcing(np.array([vector for vector, _ in loads]), tuple(signal for _, signal in loads))
     assert excitation.kind != "forces"
     motion = signal_of(excitation, ("excitation",), base_motion)
     direction = base_direction(scenario)

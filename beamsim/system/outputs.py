@@ -146,6 +146,9 @@ class _Asked:
         """Forces of supports are known under a base and a gravity that act upwards alone."""
         moving = base_direction(self.parts.scenario)
         directions = [direction for direction, _ in gravity_loads(self.parts.scenario)]
+        if self.parts.moved:
+            where = path_text((*self.parts.moved[0].path, "applied_to"))
+            raise _refused((*path, "kind"), f"= {kind} is not known where a support moves ({where})", "leave it out")
         other = [each.direction for each in [moving, *directions] if each not in (None, UPWARDS)]
         if other:
             raise _refused(

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.scenario.moved_support import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
-from beamsim.structures.places import LoadSite, Place, Site
+from beamsim.structures.places import LoadSite, Place, Site, ends_of
 from beamsim.structures.reduction import reduce_model
+from beamsim.system.moved_supports import Moved, driven_supports, moved_supports
 from beamsim.system.shared import ReducedStructure, SharedBuilds
 from beamsim.typing import Floats
 
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
 
+# First quantities of what moves supports and the base, and is no force.
+MOTIONS = (TRANSLATION_TAKES[0], ROTATION_TAKES[0])
 # Modes that a default reduction keeps at least, whatever the sample rate.
 _LEAST_FLEXIBLE_MODES = 6
 # Superharmonics that a default reduction provides for.
@@ -40,6 +44,7 @@ class Parts:
     scenario: Scenario
     reduced: ReducedStructure
     shared: SharedBuilds
+    moved: tuple[Moved, ...] = ()  # supports that move
 
     @property
     def structure(self) -> Structure:
@@ -91,16 +96,28 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     """
     shared = SharedBuilds() if shared is None else shared
     bodies = tuple(scenario.all_bodies.items())
-    structure = shared.once("structure", (bodies, scenario.joined_by), lambda: assemble(scenario))
+    driven = tuple((path, each.applied_to) for path, each in driven_supports(scenario))
+    nodes = tuple(_sensed(scenario)) if driven else ()
+    structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
+    moved = moved_supports(scenario, structure)
     _check_directions(scenario, structure)
     sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
     reduced = shared.once(
         "reduction",
-        (bodies, scenario.joined_by, tuple(sites), gravity, tuple(asked.items())),
-        lambda: ReducedStructure(structure, reduce_model(structure, _patterns(structure, sites, gravity), **asked)),
+        (bodies, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items())),
+        lambda: ReducedStructure(
+            structure, reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
+        ),
     )
-    return Parts(scenario, reduced, shared)
+    return Parts(scenario, reduced, shared, tuple(moved))
+
+
+def _sensed(scenario: Scenario) -> list[Place]:
+    """Places whose motion is felt or recorded."""
+    felt = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
+    sites = [*felt, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
+    return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
 
 
 def _check_directions(scenario: Scenario, structure: Structure) -> None:
@@ -127,9 +144,12 @@ def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
     excitation = scenario.excitation
     if excitation.kind == "none":
         return []
-    if excitation.kind == "forces":
-        return [(("excitation", "forces", index), force) for index, force in enumerate(excitation.forces)]
-    return [] if excitation.applied_to == "base" else [(("excitation",), excitation)]
+    listed: list[tuple[Path, Driven]] = (
+        [(("excitation",), excitation)]
+        if excitation.kind != "forces"
+        else [(("excitation", "forces", index), force) for index, force in enumerate(excitation.forces)]
+    )
+    return [(p, each) for p, each in listed if each.applied_to != "base" and each.applied_to.takes[0] not in MOTIONS]
 
 
 def base_direction(scenario: Scenario) -> BaseDirection | None:
@@ -171,8 +191,11 @@ def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[LoadSite
     return [*(snubber_site(located) for located in felt), *force_sites(scenario), *also_at]
 
 
-def _patterns(structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection]) -> list[LoadPattern]:
+def _patterns(
+    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moved: Sequence[Moved]
+) -> list[LoadPattern]:
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
+    patterns += [each.pattern(structure) for each in moved]
     return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
 

@@ -1,0 +1,229 @@
+"""Supports and joints that move by signals of their own."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.sparse import csc_array
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.matrix_files.op4 import write_op4
+from beamsim.scenario import load_scenario
+from beamsim.structures.assembly import assemble
+from beamsim.structures.dof_table import write_dof_table
+from beamsim.system.build import build_system
+from tests.helpers.independent import Beam
+
+L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
+EI = E * W * H**3 / 12
+BETA = 2e-5
+BEAM = {
+    "length": L, "width": W, "thickness": H, "youngs_modulus": E, "density": RHO, "elements": 9,
+    "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "rayleigh", "stiffness": BETA},
+}  # fmt: skip
+LEFT = {"kind": "harmonic", "applied_to": {"support": "left"}, "level": "1 mm", "frequency": 23.0}
+RIGHT = {"kind": "harmonic", "applied_to": {"support": "right"}, "level": "0.5 mm", "frequency": 31.0, "phase": 1.0}
+CLAMPED = {"left": "clamped", "right": "clamped"}
+
+
+def together(*items):
+    return {"kind": "forces", "forces": list(items)}
+
+
+def case(excitation, *, beam=None, **more):
+    return load_scenario(
+        {
+            "beam": {**BEAM, **(beam or {})}, "excitation": excitation, "run": {"duration": 0.2},
+            "probes": [{"name": "p", "position": 0.7 * L}], **more,
+        }
+    )  # fmt: skip
+
+
+def held(system, motion):
+    """Coordinates while support number ``motion`` stays displaced by one unit."""
+    return system.forcing.load[3 * motion + 2] / system.dynamics.stiffness
+
+
+@pytest.mark.parametrize("modes", [2, 4, "all"])
+def test_a_moved_end_of_a_clamped_beam_bends_it_as_a_cubic(modes):
+    """By a displacement and by a rotation of the end; deflections and moments in closed form."""
+    turn = {**RIGHT, "applied_to": {"support": "right", "direction": "slope"}, "level": "1 deg"}
+    system = build_system(case(together(RIGHT, turn), beam={"supports": CLAMPED}, reduction={"modes": modes}))
+    body, s = system.bodies[0], system.bodies[0].position / L
+    inner = np.isin(np.round(s * 18), np.arange(2, 17, 2))
+    for motion, w, bent in (
+        (0, 3 * s**2 - 2 * s**3, EI / L**2 * (6 - 12 * s)),
+        (1, L * (s**3 - s**2), EI / L * (6 * s - 2)),
+    ):
+        q = held(system, motion)
+        np.testing.assert_allclose((body.deflection @ q)[inner], w[inner], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(body.bending_moment @ q, bent, rtol=0, atol=1e-6 * np.abs(bent).max())
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_two_supports_move_differently_against_independent_integration(force):
+    """Full matrices with their couplings to both ends: -K_qb b - C_qb b' - M_qb b''."""
+    push = {"kind": "harmonic", "applied_to": {"position": 0.4}, "level": 2.0, "frequency": 61.0}
+    result = beamsim.run(case(together(*([push] if force else []), LEFT, RIGHT), reduction={"modes": "all"},
+                              probes=[{"name": "p", "position": 0.6}]))  # fmt: skip
+    nodes = 10  # the probe is at one of them, which leaves the mesh uniform
+    whole = Beam(L, W, H, E, RHO, nodes - 1, "free")
+    b, q = [0, 2 * nodes - 2], np.setdiff1d(np.arange(2 * nodes), [0, 2 * nodes - 2])
+    m, k = whole.M, whole.K
+    n = q.size
+    inverse = np.linalg.inv(m[np.ix_(q, q)])
+    size = 2 * n + 6  # with sine and cosine of both supports and the force as states
+    a = np.zeros((size, size))
+    a[:n, n : 2 * n] = np.eye(n)
+    a[n : 2 * n, :n] = -inverse @ k[np.ix_(q, q)]
+    a[n : 2 * n, n : 2 * n] = -inverse @ (BETA * k[np.ix_(q, q)])
+    start = np.zeros(size)
+    static = -np.linalg.solve(k[np.ix_(q, q)], k[np.ix_(q, b)])
+    for i, (level, hz, phase) in enumerate(((1e-3, 23.0, 0.0), (5e-4, 31.0, 1.0), (2.0 * force, 61.0, 0.0))):
+        s, c, w = 2 * n + 2 * i, 2 * n + 2 * i + 1, 2 * np.pi * hz
+        a[s, c], a[c, s] = w, -w
+        start[s], start[c] = np.sin(phase), np.cos(phase)
+        if i == 2:
+            a[n : 2 * n, s] = level * inverse @ whole.whole_row(0.4)[q]
+            continue
+        kb, mb = k[q, b[i]], m[q, b[i]]
+        a[n : 2 * n, s] = level * inverse @ (-kb + w**2 * mb)
+        a[n : 2 * n, c] = level * inverse @ (-BETA * kb * w)
+        start[:n] += level * np.sin(phase) * static[:, i]
+        start[n : 2 * n] += level * w * np.cos(phase) * static[:, i]
+    row = whole.whole_row(0.6)[q]
+    every = slice(None, None, max(1, result.time.size // 40))
+    expected = np.array([row @ (expm(a * t) @ start)[:n] for t in result.time[every]])
+    np.testing.assert_allclose(
+        result.probes["p"].displacement[every], expected, rtol=0, atol=1e-8 * np.abs(expected).max()
+    )
+
+
+def test_both_supports_moving_alike_are_the_base():
+    both = [{**LEFT, "applied_to": {"support": end}} for end in ("left", "right")]
+    modes = {"reduction": {"modes": 6}}
+    moved = beamsim.run(case(together(*both), **modes))
+    base = beamsim.run(case({**LEFT, "applied_to": "base"}, beam={"nodes": [0.7 * L]}, **modes))
+    np.testing.assert_allclose(
+        moved.probes["p"].displacement, base.probes["p"].absolute_displacement, rtol=0, atol=2e-6 * 1e-3
+    )
+
+
+def test_energies_balance_with_a_snubber_between_supports_that_move():
+    stop = {"name": "s", "position": 0.5, "side": "below", "stiffness": 2e4, "gap": 2e-4}
+    result = beamsim.run(case(together(LEFT, RIGHT), snubbers=[stop]))
+    assert result.summary["contacts"]["s"] >= 2
+    assert result.summary["energy_error"] < 1e-10
+
+
+def test_a_joint_to_the_base_moves_as_the_support_that_it_stands_for():
+    body = {**{k: v for k, v in BEAM.items() if k != "supports"}, "kind": "beam", "supports": {"left": "free"}}
+    joined = load_scenario({
+        "bodies": {"panel": body}, "joints": [{"name": "root", "kind": "rigid",
+                                               "between": [{"body": "panel", "position": 0}, "base"]}],
+        "excitation": {**LEFT, "applied_to": {"joint": "root"}},
+        "probes": [{"name": "p", "at": {"body": "panel", "position": 0.7 * L}}], "run": {"duration": 0.2},
+    })  # fmt: skip
+    clamped = case(LEFT, beam={"supports": {"left": "clamped"}})
+    one, other = (beamsim.run(scenario) for scenario in (joined, clamped))
+    a, b = (result.probes["p"].displacement for result in (one, other))
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(b).max())
+    stress = "largest_bending_stress_pa"
+    assert one.summary[stress] == pytest.approx(other.summary[stress], rel=1e-6)
+
+
+def test_the_wall_of_a_chain_moves():
+    """Against the two masses' own equations, with the wall's dashpot."""
+    scenario = load_scenario({
+        "chain": {"masses": [1.0, 2.0], "springs": [300.0, 200.0, 400.0], "dashpots": [0.5, 0.0, 0.3]},
+        "excitation": {**RIGHT, "applied_to": {"support": "right"}, "frequency": 3.0, "phase": 0.0},
+        "probes": [{"name": "p", "mass": 1}], "run": {"duration": 2.0},
+    })  # fmt: skip
+    result = beamsim.run(scenario)
+    k = np.array([[500.0, -200.0], [-200.0, 600.0]])
+    c = np.diag([0.5, 0.3])
+    w, load = 6 * np.pi, 5e-4 * np.array([0.0, 1.0])
+    a = np.zeros((6, 6))
+    a[:2, 2:4] = np.eye(2)
+    inverse = np.diag([1.0, 0.5])
+    a[2:4, :2], a[2:4, 2:4] = -inverse @ k, -inverse @ c
+    a[2:4, 4], a[2:4, 5] = inverse @ (400 * load), inverse @ (0.3 * w * load)
+    a[4, 5], a[5, 4] = w, -w
+    static = np.linalg.solve(k, 400 * load)
+    start = np.concatenate([np.zeros(2), w * static, [0.0, 1.0]])
+    every = slice(None, None, 50)
+    expected = np.array([(expm(a * t) @ start)[0] for t in result.time[every]])
+    np.testing.assert_allclose(
+        result.probes["p"].displacement[every], expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+    )
+
+
+def test_all_edges_of_a_plate_together_carry_it_along():
+    edges = ("left", "right", "bottom", "top")
+    scenario = load_scenario({
+        "bodies": {"panel": {
+            "kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.002, "youngs_modulus": E,
+            "poissons_ratio": 0.3, "density": RHO, "elements": [4, 3], "supports": dict.fromkeys(edges, "pinned"),
+        }},
+        "excitation": together(*({**LEFT, "applied_to": {"support": edge}} for edge in edges)),
+        "probes": [{"name": "p", "position": [0.2, 0.1]}], "run": {"duration": 0.1}, "reduction": {"modes": 3},
+    })  # fmt: skip
+    system = build_system(scenario)
+    q = sum(held(system, k) for k in range(4))
+    assert system.probes[0].shape @ q == pytest.approx(1.0, rel=1e-8)
+    moment = system.bodies[0].bending_moment
+    single = np.abs(moment @ held(system, 0)).max()
+    assert np.abs(moment @ q).max() < 1e-6 * single  # as a rigid body
+
+
+def test_a_node_of_imported_matrices_moves_as_the_end_of_the_beam(tmp_path):
+    free = {"supports": {"left": "free"}, "damping": {"kind": "modal", "ratio": 0.02}}
+    model = assemble(case(LEFT | {"applied_to": "base"}, beam=free)).named_matrices
+    write_op4(tmp_path / "m.op4", {"mxx": csc_array(model.mass), "kxx": csc_array(model.stiffness)})
+    write_dof_table(tmp_path / "dofs.csv", model.table)
+    path = tmp_path / "case.yaml"
+    path.write_text(json.dumps({
+        "bodies": {"panel": {
+            "kind": "matrices", "mass": {"file": "m.op4", "name": "mxx"}, "dofs": "dofs.csv",
+            "stiffness": {"file": "m.op4", "name": "kxx"}, "base": {"nodes": [1, 10]},
+            "damping": {"kind": "modal", "ratio": 0.02},
+        }},
+        "excitation": {**RIGHT, "applied_to": {"support": "node 10"}}, "run": {"duration": 0.2},
+        "probes": [{"name": "p", "at": {"node": 6}}], "reduction": {"modes": 5},
+    }))  # fmt: skip
+    one = beamsim.run(load_scenario(path)).probes["p"].displacement
+    built = case(
+        RIGHT, beam={"supports": CLAMPED, "damping": {"kind": "modal", "ratio": 0.02}}, reduction={"modes": 5},
+        probes=[{"name": "p", "position": 5 * L / 9}],
+    )  # fmt: skip
+    other = beamsim.run(built).probes["p"].displacement
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
+
+
+SWEEP = {"kind": "stepped", "from": 15, "to": 17, "points": 2}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"excitation": {**LEFT, "applied_to": {"support": "top"}}}, "applied_to.support = top is no support of beam"),
+        ({"excitation": {**LEFT, "applied_to": {"support": "left", "direction": "slope"}, "level": "1 deg"}},
+         "applied_to.support = left does not hold slope"),
+        ({"excitation": {**LEFT, "level": "1 N"}}, "excitation.level is a force, but the base moves"),
+        ({"excitation": {**LEFT, "applied_to": {"joint": "root"}}}, "joint = root is an unknown joint"),
+        ({"excitation": {**LEFT, "applied_to": {"support": "left", "body": "wing"}}}, "body = wing is an unknown body"),
+        ({"excitation": {**LEFT, "applied_to": {"support": "left", "joint": "a"}}}, "names neither a support nor"),
+        ({"probes": [{"name": "p", "position": 0.0}]}, "is at 0 m, which moves with the support of excitation"),
+        ({"sweep": SWEEP}, "excitation.applied_to is a support that moves, which sweeps"),
+        ({"run": {"duration": 0.1, "outputs": [{"name": "r", "kind": "reaction_force", "support": "left"}]}},
+         "run.outputs[0].kind = reaction_force is not known where a support moves"),
+    ],
+)  # fmt: skip
+def test_errors_are_located(changes, message):
+    given = {"beam": BEAM, "excitation": LEFT, "probes": [{"name": "p", "position": 0.7 * L}], **changes}
+    with pytest.raises(ScenarioError) as error:
+        build_system(load_scenario(given))
+    assert message in str(error.value)
+    assert error.value.problems[0].remedy
