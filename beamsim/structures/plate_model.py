@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.matrix_files.matrix import MODAL
 from beamsim.errors import MethodError
+from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
