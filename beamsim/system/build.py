@@ -165,7 +165,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         if table is not None and table.remark
     ]
     motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
-    initial = initial + carried_start(parts, forcing)
+    initial[: 2 * basis.size] += carried_start(parts, forcing)
 
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
