@@ -135,15 +135,16 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
     """
     found = {}
     for name, of in levels.items():
-        share = of.changing / amplitude
-        k = int(np.nanargmin(share)) if np.isfinite(share).any() else 0
+        share = of.changing / np.where(amplitude > 0, amplitude, np.nan)
+        known = share if np.isfinite(share).any() else of.changing
+        k = int(np.nanargmin(known)) if np.isfinite(known).any() else 0
         together = of.preload_needed * amplitude
         alone = np.full_like(together, np.nan) if of.preload_alone is None else of.preload_alone * amplitude
         found[name] = {
             "closed_at_rest": of.closed_at_rest,
             "level": float(of.changing[k]),
             "frequency_hz": float(frequency_hz[k]),
-            "share_of_level": float(share[k]),
+            "share_of_level": float(share[k]),  # nan at level 0
             "preload_n": _largest(together),
             "preload_alone_n": _largest(alone),
         }

@@ -122,6 +122,14 @@ def test_base_motion_in_displacement_counts_its_acceleration():
     assert other["level"] == pytest.approx(one["level"])
 
 
+def test_level_zero_changes_nothing():
+    of = beamsim.run(mass(gap="-1 mm", level="0 N")).summary["gapping"]["stop"]
+    assert np.isnan(of["share_of_level"])
+    assert of["level"] > 0
+    assert of["preload_n"] == 0
+    assert of["first_change_s"] is None
+
+
 def test_laws_that_are_no_single_spring_say_nothing_of_it():
     """A table that stiffens while it is pressed leaves the linear motion before it opens."""
     table = [[0, 0], [1e-3, 0.2], [2e-3, 1.0]]
