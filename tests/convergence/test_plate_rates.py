@@ -103,7 +103,11 @@ def test_corners_set_the_order_and_grading_raises_it() -> None:
     ],
 )
 def test_below_published_upper_bounds(edges: str, published: list[float]) -> None:
-    """Ritz's method with 36 products of beam functions (A. W. Leissa, J. Sound Vib. 31 (1973)) bounds from above."""
+    """Ritz values with products of beam functions bound from above.
+
+    From the sheet SDLS 01/89 of the guide VPCS, as code_aster's test SDLS01 (V2.03.001) quotes it; it names M. V. Barton,
+    Vibrations of rectangular and skew cantilever plates, J. Appl. Mech. 18 (1951), 129-134.
+    """
     found = finite_elements(edges, 12, len(published))
     assert np.all(found < published)
     assert np.all(found > 0.985 * np.array(published))
