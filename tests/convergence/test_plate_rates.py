@@ -105,8 +105,8 @@ def test_corners_set_the_order_and_grading_raises_it() -> None:
 def test_below_published_upper_bounds(edges: str, published: list[float]) -> None:
     """Ritz values with products of beam functions bound from above.
 
-    From the sheet SDLS 01/89 of the guide VPCS, as code_aster's test SDLS01 (V2.03.001) quotes it; it names M. V. Barton,
-    Vibrations of rectangular and skew cantilever plates, J. Appl. Mech. 18 (1951), 129-134.
+    From the sheet SDLS 01/89 of the guide VPCS, as code_aster's test SDLS01 (V2.03.001) quotes it; the sheet names
+    M. V. Barton, Vibrations of rectangular and skew cantilever plates, J. Appl. Mech. 18 (1951), 129-134.
     """
     found = finite_elements(edges, 12, len(published))
     assert np.all(found < published)
