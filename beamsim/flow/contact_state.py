@@ -158,6 +158,11 @@ class _Terms:
         self.terms[b, source] = vector if old is None else old + vector
         return b
 
+    def response(self, exponent: complex, power: int, source: int) -> Complexes:
+        """(N,) factor of ``tau^power e^{exponent tau}`` of a source."""
+        vector = self.terms.get((self.basis.get((complex(exponent), power), -1), source))
+        return np.zeros(self.size, dtype=complex) if vector is None else vector
+
     def take(self) -> tuple[Ints, Ints, Complexes]:
         """Basis functions, sources and vectors (T, N) of the terms so far, which are removed."""
         keys = np.array(list(self.terms), dtype=np.int64).reshape(-1, 2)
@@ -198,17 +203,22 @@ def build_state(
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
+    equations = first_order_matrix(system, phases) if _acting(system, phases)[0].size else None
     for f in range(F):
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
-        polynomial = np.zeros((p + 1, load.shape[1]), dtype=complex)
-        polynomial[p] = load[f] + nu * load_slope[f]
+        polynomial = np.zeros((p + 1, terms.size), dtype=complex)
+        polynomial[p, n:] = load[f] + nu * load_slope[f]
         if p > 0:
-            polynomial[p - 1] += p * load_slope[f]
-        if np.any(polynomial):
-            longest = min(horizon, float(sources.longest_piece[f]))
+            polynomial[p - 1, n:] += p * load_slope[f]
+        longest = min(horizon, float(sources.longest_piece[f]))
+        for _ in range(1 if equations is None else 2):
+            if not np.any(polynomial):
+                break
             _forced_simple(terms, responding, polynomial, nu, f, longest)
             for block in blocks:
                 _forced_block(terms, block, polynomial, nu, f, longest)
+            if equations is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
+                polynomial = _residual(terms, equations, polynomial, nu, f)
 
     forced = terms.take()
     free_basis = [terms.basis_index(value, 0) for value in lam]
@@ -246,6 +256,22 @@ def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats,
     """Stiffness and damping (n, n) with the contacts in given phases; internal states apart."""
     phi, k, c = _acting(system, phases)
     return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
+
+
+def first_order_matrix(system: PiecewiseLinearSystem, phases: Ints) -> Floats:
+    """A (N, N) of ``y' = A y + b`` with the contacts in given phases."""
+    contacts, n = system.contacts, system.size
+    N = 2 * n + contacts.internal_states
+    A = np.zeros((N, N))
+    K, C = state_matrices(system, phases)
+    A[:n, n : 2 * n], A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n] = np.eye(n), -K, -C
+    if contacts.internal_states:
+        penetration = -contacts.sign[:, None] * contacts.shape
+        internal, drive = contacts.internal_rates(phases)
+        A[n : 2 * n, 2 * n :] = -penetration.T @ contacts.force_rows(phases)[1]
+        A[2 * n :, :n], A[2 * n :, n : 2 * n] = drive[:, :, 0] @ penetration, drive[:, :, 1] @ penetration
+        A[2 * n :, 2 * n :] = internal
+    return A
 
 
 def _acting(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats, Floats]:
@@ -424,6 +450,14 @@ def state_loads(
     return load, slope
 
 
+def _residual(terms: _Terms, A: Floats, polynomial: Complexes, nu: complex, source: int) -> Complexes:
+    """(degree + 1, N) part of ``sum_p polynomial[p] tau^p e^{nu tau}`` that the response so far does not balance."""
+    degree = polynomial.shape[0] - 1
+    response = np.array([terms.response(nu, p, source) for p in range(degree + 2)])
+    rising = np.arange(1, degree + 2)[:, None] * response[1:]
+    return np.asarray(polynomial + response[:-1] @ A.T - nu * response[:-1] - rising)
+
+
 def _forced_simple(
     terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float
 ) -> None:
@@ -476,7 +510,7 @@ def _series_limit(degree: int) -> float:
 
 
 def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
-    """As :func:`_forced_simple` for one block, from ``polynomial`` (degree + 1, n + r), loads and internal rates."""
+    """As :func:`_forced_simple` for one block, from ``polynomial`` (degree + 1, N)."""
     blocks = [block]
     if block.weight == 2.0:
         blocks.append(block.conjugate())

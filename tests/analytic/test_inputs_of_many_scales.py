@@ -51,3 +51,29 @@ def test_swept_sine_far_above_the_mode(natural, last):
         np.linspace(0, 1.5, 2400), 2.0, natural, time,
     )  # fmt: skip
     assert np.abs(x - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 2.0])
+def test_equilibrium_on_a_stop_of_any_stiffness_is_at_rest(ratio):
+    """The load of a stiff stop's gap is millions of times what slow motions feel of it.
+
+    What rounding of the stop's position can do is 2e-16 times the ratio of stiffnesses, 2.7e7.
+    """
+    scenario = beamsim.Scenario.model_validate({
+        "chain": {
+            "masses": [1.56, 0.38, 1.22], "springs": [730.0, 5370.0, 740.0],
+            "damping": {"kind": "modal", "ratio": 0.05},
+            "snubbers": [{
+                "name": "stop", "mass": 2, "side": "below", "stiffness": 2e10, "gap": "1 mm",
+                **({"damping": {"kind": "ratio", "ratio": ratio}} if ratio else {}),
+            }],
+        },
+        "gravity": 9.81,
+        "run": {"start": "static_equilibrium", "duration": 0.3, "sample_rate": 200, "convergence": "off"},
+        "probes": [{"name": "mass", "mass": 1}],
+    })  # fmt: skip
+    result = beamsim.run(scenario)
+    displacement = result.probes["mass"].displacement
+    assert result.events.time.size == 0
+    assert result.snubbers["stop"].force.min() > 1.0
+    assert np.abs(displacement - displacement[0]).max() < 1e-8 * abs(displacement[0])

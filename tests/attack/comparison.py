@@ -23,6 +23,7 @@ CHANGED = {"masses", "springs", "stiffness", "gap", "preload", "level", "force",
 CHANGED |= {"youngs_modulus", "density", "coefficient", "stiffnesses", "breakpoints"}
 STORY = 1e-5  # relative difference of our two integrations at which the horizon lies
 RESOLUTION = 1e-9  # of our own integration
+BEGIN = 1e-7  # of the end: a motion that starts at zero gap closes at 0 or as soon as it is felt
 
 
 @dataclass
@@ -190,9 +191,12 @@ def _ill_conditioned(case, own):
     """
     end = float(own.motion.time[own.outputs[-1]])
 
+    begin = BEGIN * end
+
     def measured(case):
         result, finer = _package(case, own)
-        times = [result.events.time[result.events.snubber == k] for k in range(len(result.snubbers))]
+        late = result.events.time > begin
+        times = [result.events.time[late & (result.events.snubber == k)] for k in range(len(result.snubbers))]
         return result.probes["probe"].displacement[finer::finer], times, list(result.snubbers)
 
     try:
@@ -203,7 +207,8 @@ def _ill_conditioned(case, own):
     ours = own.equations.displacement(own.motion.y[own.outputs], "probe")
     all_names = [c.name for c in own.equations.model.contacts]
     motion = own.motion
-    mine = [motion.event_time[(motion.event_contact == all_names.index(n)) & (motion.event_time < end)] for n in names]
+    kept = (motion.event_time > begin) & (motion.event_time < end)
+    mine = [motion.event_time[kept & (motion.event_contact == all_names.index(n))] for n in names]
 
     def apart(other, other_times):
         late = [
@@ -233,7 +238,7 @@ def _events(own, result, end):
     found = []
     slack = 5 * own.apart[own.outputs[-1]] + RESOLUTION
     names = [c.name for c in own.equations.model.contacts]
-    edge, begin = end * (1 - 1e-9), 1e-7 * end  # a motion that starts at zero gap closes at 0 or as soon as it is felt
+    edge, begin = end * (1 - 1e-9), BEGIN * end
     for j, name in enumerate(names):
         ours = own.motion.event_contact == j
         t, phase = own.motion.event_time[ours], own.motion.event_phase[ours]
@@ -283,13 +288,19 @@ def _parting(own, contact, ours, theirs, end, slack):
 
 
 def _depth(own, contact, times, end):
-    """Distance from touching at some times, over the size of the motion at the place of the contact."""
-    equations = own.equations
+    """Distance from the end of the phase at some times, over the size of the motion at the place of the contact.
+
+    It is that from touching, or of a face that pushes its force over its stiffness.
+    """
+    equations, law = own.equations, own.equations.model.contacts[contact]
     moved = equations.move(np.unique([*times, *own.motion.time[own.motion.time < end]]), own.step, 2 * MOST_STEPS)
-    at = np.isin(moved.time, times)
-    row_y, row_u, _, _ = equations.penetration(equations.model.contacts[contact])
-    size = np.linalg.norm(equations.model.contacts[contact].row) * own.size
-    return np.abs(moved.y[at] @ row_y + equations.inputs_at(moved.time[at]) @ row_u) / size
+    at = np.flatnonzero(np.isin(moved.time, times))
+    depth = []
+    for y, phases, inputs in zip(moved.y[at], moved.phases[at], equations.inputs_at(moved.time[at]), strict=True):
+        guards = equations.guards(contact, phases[contact])
+        unit = law.stiffness if law.relaxing and phases[contact] else 1.0
+        depth.append(min(abs(guard[0] @ y + guard[1] @ inputs) / unit for guard in guards))
+    return np.array(depth) / (np.linalg.norm(law.row) * own.size)
 
 
 def _at_a_bend(own, contact, end, slack):
