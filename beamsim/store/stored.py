@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 import h5py
@@ -86,6 +89,51 @@ class _Sink:
 
 
 @contextmanager
+def _raising_outside(sink: _Sink) -> Iterator[None]:
+    """Store in a sink what SIGINT and SIGTERM raise while HDF5 calls it, wherever Python runs the handler.
+
+    In a function that C code calls, also before its first line, an exception would become an error of HDF5.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread receives signals
+        return
+    before: dict[int, Any] = {}
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        try:
+            before[number](number, frame)
+        except BaseException as error:
+            if not _is_called_by(frame, sink):
+                raise
+            sink.error = sink.error or error
+        finally:
+            guard(number)  # the handler may have set another one
+
+    def guard(number: int) -> None:
+        handler = signal.getsignal(number)
+        if callable(handler) and handler is not handle:
+            before[number] = handler
+            signal.signal(number, handle)
+
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            guard(number)
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _is_called_by(frame: FrameType | None, sink: _Sink) -> bool:
+    """Whether a method of the sink is being executed."""
+    while frame is not None:
+        if frame.f_locals.get("self") is sink:
+            return True
+        frame = frame.f_back
+    return False
+
+
+@contextmanager
 def creating(path: Path | str) -> Iterator[h5py.File]:
     """Yield a new HDF5 file, which replaces ``path`` when it is complete.
 
@@ -97,7 +145,7 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
     with replacing(path) as temporary, open(temporary, "x+b", buffering=0) as raw:
         sink = _Sink(raw)
         try:
-            with h5py.File(sink, "w", rdcc_nbytes=0) as file:  # chunks are written whole
+            with _raising_outside(sink), h5py.File(sink, "w", rdcc_nbytes=0) as file:  # chunks are written whole
                 yield file
         finally:
             if sink.error is not None:

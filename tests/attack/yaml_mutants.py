@@ -242,7 +242,7 @@ def _work(connection):
     """A worker: executes what it is sent; an alarm interrupts as Ctrl-C does."""
 
     def interrupt(*_):
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
 
     signal.signal(signal.SIGALRM, interrupt)
     signal.signal(signal.SIGINT, signal.default_int_handler)

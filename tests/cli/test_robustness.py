@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -115,6 +116,45 @@ def test_whatever_happens_while_hdf5_writes_is_told_and_leaves_nothing(error, af
     expected = ResultFileError if isinstance(error, OSError) else type(error)
     with pytest.raises(expected):
         write_twenty(tmp_path / "x.h5")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["write", "truncate", "flush"])
+def test_a_signal_anywhere_in_a_call_of_hdf5_ends_the_writing(number, name, tmp_path, monkeypatch):
+    """Python runs a handler also before the first line of a method, where it can catch nothing itself."""
+    from beamsim.store import stored
+
+    class Signalled(stored._Sink):
+        pending = True
+
+        def write(self, data):
+            return self._when("write", super().write, data)
+
+        def truncate(self, size):
+            return self._when("truncate", super().truncate, size)
+
+        def flush(self):
+            return self._when("flush", super().flush)
+
+        def _when(self, method, call, *arguments):
+            if method == name and Signalled.pending:
+                Signalled.pending = False
+                signal.raise_signal(number)
+            return call(*arguments)
+
+    def stop(*_):
+        raise Stop
+
+    monkeypatch.setattr(stored, "_Sink", Signalled)
+    before = signal.signal(number, stop)
+    try:
+        with pytest.raises(Stop):
+            write_twenty(tmp_path / "x.h5")
+        assert signal.getsignal(number) is stop
+    finally:
+        signal.signal(number, before)
+    assert not Signalled.pending
     assert os.listdir(tmp_path) == []
 
 
