@@ -97,19 +97,19 @@ def _raising_outside(sink: _Sink) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread receives signals
         return
-    before: dict[int, Any] = {}
+    before: dict[signal.Signals, Any] = {}
 
     def handle(number: int, frame: FrameType | None) -> None:
         try:
-            before[number](number, frame)
+            before[signal.Signals(number)](number, frame)
         except BaseException as error:
             if not _is_called_by(frame, sink):
                 raise
             sink.error = sink.error or error
         finally:
-            guard(number)  # the handler may have set another one
+            guard(signal.Signals(number))  # the handler may have set another one
 
-    def guard(number: int) -> None:
+    def guard(number: signal.Signals) -> None:
         handler = signal.getsignal(number)
         if callable(handler) and handler is not handle:
             before[number] = handler
