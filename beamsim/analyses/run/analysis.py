@@ -163,7 +163,7 @@ def run(
         ),
     )
     if scenario.excitation.kind in ("random", "sampled"):
-        result = _with_statistics(result, system)
+        result = _with_statistics(result, system, stop)
     result = _with_impacts(result, system, motion, stop)
     summary = _summary(scenario, system, motion, spectra)
     if result.impacts is not None:
@@ -221,13 +221,20 @@ def _with_impacts(
     return result
 
 
-def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
-    """Add densities, statistics and transmissibilities."""
+def _with_statistics(result: RunResult, system: StructuralSystem, stop: Callable[[], bool]) -> RunResult:
+    """Add densities, statistics and transmissibilities; those of few samples also after a request to stop."""
     from beamsim.analyses.run.random_response import random_response
 
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
-    return changed(result, random=random_response(result, force, stationary=stationary))
+    try:
+        with heeding(stop if result.time.size > SAMPLES_OF_A_STOPPED_RUN else never):
+            return changed(result, random=random_response(result, force, stationary=stationary))
+    except Stopped:
+        result = changed(result, warnings=(*result.warnings, "interrupted: densities and statistics are missing"))
+        if not result.complete:
+            return result
+        return changed(result, outcome=Outcome.of(OutcomeCode.INTERRUPTED, during="the statistics"))
 
 
 def _with_shock_response(

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
+from beamsim.flow.stopping import check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Floats
 
@@ -37,6 +38,11 @@ def random_response(
     force : (nt,) N, the force where a force drives the structure, not the base.
     skip : share of the run that is left out at its beginning.
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
+
+    Raises
+    ------
+    Stopped
+        On a request to stop that is heeded, see `beamsim.flow.stopping`.
     """
     from scipy.signal import csd, welch
 
@@ -48,11 +54,13 @@ def random_response(
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
 
     def density(x: Floats) -> tuple[Floats, Floats]:
+        check_stop()
         f, p = welch(x, rate, nperseg=length, detrend="constant")
         return np.asarray(f), np.asarray(p)
 
     def statistics(name: str, quantity: str, unit: str, values: Floats) -> SignalStatistics:
         x = values[first:]
+        check_stop()
         interval = rms_interval(x) if stationary else {}
         return SignalStatistics(
             name=name, quantity=quantity, unit=unit, density=density(x)[1], **statistics_of(x, rate), **interval
@@ -66,6 +74,7 @@ def random_response(
         signals.append(statistics(probe.name, "absolute_acceleration", "m/s^2", probe.absolute_acceleration))
         signals.append(statistics(probe.name, "displacement", "m", probe.displacement))
         output = (probe.absolute_acceleration if force is None else probe.displacement)[first:]
+        check_stop()
         _, cross = csd(given[first:], output, rate, nperseg=length, detrend="constant")
         sxx, syy = density(given[first:])[1], density(output)[1]
         with np.errstate(divide="ignore", invalid="ignore"):
