@@ -6,8 +6,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import beamsim
 from beamsim.analyses.gapping import transfer
-from beamsim.analyses.run.random_response import rms_interval
+from beamsim.analyses.run.random_response import cross_density, rms_interval
 from beamsim.cli.report import table_rows
+from beamsim.flow.stopping import Stopped, heeding
 from beamsim.inputs.random_input import noise
 from beamsim.plots.layout import lay_out
 from beamsim.plots.run import run_figures
@@ -144,3 +145,24 @@ def test_a_measured_input_is_no_process(tmp_path):
     result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "5 s"}}))
     assert result.random.input.rms_low is None
     assert not any("95 %" in text for _, text in table_rows("run", result))
+
+
+@pytest.mark.parametrize(("count", "length"), [(1000, 117), (1001, 118)])
+def test_cross_density_is_that_of_scipy(count, length):
+    from scipy.signal import csd
+
+    x, y = np.random.default_rng(5).normal(size=(2, count))
+    _, expected = csd(x, y, 50.0, nperseg=length, detrend="constant")
+    np.testing.assert_allclose(cross_density(x, y, 50.0, length), expected, atol=1e-14 * np.abs(expected).max())
+
+
+def test_a_request_to_stop_ends_the_statistics_between_segments():
+    asked = []
+
+    def stop():
+        asked.append(1)
+        return len(asked) > 3
+
+    with heeding(stop), pytest.raises(Stopped):
+        cross_density(np.zeros(1000), np.zeros(1000), 50.0, 100)
+    assert len(asked) == 4

@@ -20,7 +20,7 @@ import numpy as np
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
 from beamsim.flow.stopping import check_stop
 from beamsim.scenario.quantities import amplitude_unit
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
@@ -44,8 +44,6 @@ def random_response(
     Stopped
         On a request to stop that is heeded, see `beamsim.flow.stopping`.
     """
-    from scipy.signal import csd, welch
-
     first = int(skip * result.time.size)
     count = result.time.size - first
     if count < LEAST_SAMPLES:
@@ -53,30 +51,27 @@ def random_response(
     rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
 
-    def density(x: Floats) -> tuple[Floats, Floats]:
-        check_stop()
-        f, p = welch(x, rate, nperseg=length, detrend="constant")
-        return np.asarray(f), np.asarray(p)
+    def density(x: Floats) -> Floats:
+        return cross_density(x, x, rate, length).real
 
     def statistics(name: str, quantity: str, unit: str, values: Floats) -> SignalStatistics:
         x = values[first:]
         check_stop()
         interval = rms_interval(x) if stationary else {}
         return SignalStatistics(
-            name=name, quantity=quantity, unit=unit, density=density(x)[1], **statistics_of(x, rate), **interval
+            name=name, quantity=quantity, unit=unit, density=density(x), **statistics_of(x, rate), **interval
         )
 
     given = result.base_acceleration if force is None else force
-    frequency, _ = density(given[first:])
+    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
     signals = []
     transmissibility, coherence = {}, {}
     for probe in result.probes.values():
         signals.append(statistics(probe.name, "absolute_acceleration", "m/s^2", probe.absolute_acceleration))
         signals.append(statistics(probe.name, "displacement", "m", probe.displacement))
         output = (probe.absolute_acceleration if force is None else probe.displacement)[first:]
-        check_stop()
-        _, cross = csd(given[first:], output, rate, nperseg=length, detrend="constant")
-        sxx, syy = density(given[first:])[1], density(output)[1]
+        cross = cross_density(given[first:], output, rate, length)
+        sxx, syy = density(given[first:]), density(output)
         with np.errstate(divide="ignore", invalid="ignore"):
             transmissibility[probe.name] = np.asarray(cross / sxx)
             coherence[probe.name] = np.asarray(np.abs(cross) ** 2 / (sxx * syy))
@@ -86,6 +81,25 @@ def random_response(
     quantity, unit = takes[0], amplitude_unit(takes[0])
     entered = statistics("input", quantity, unit, given)
     return RandomResponse(float(result.time[first]), frequency, (entered, *signals), transmissibility, coherence)
+
+
+def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
+    """One-sided cross-spectral density of two signals (nt,), unit of each times s, by Welch's method.
+
+    Segments of a ``length`` overlap by half, lose their means and are seen through a Hann window.
+    """
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    total = np.zeros(length // 2 + 1, dtype=complex)
+    starts = range(0, x.size - length + 1, length - length // 2)
+    for start in starts:
+        check_stop()
+        a, b = (np.fft.rfft(window * (part - part.mean())) for part in (z[start : start + length] for z in (x, y)))
+        total += a.conj() * b
+    total *= 2.0 / (len(starts) * rate * (window @ window))
+    total[0] *= 0.5
+    if length % 2 == 0:
+        total[-1] *= 0.5
+    return total
 
 
 def statistics_of(x: Floats, rate: float) -> dict[str, float]:
