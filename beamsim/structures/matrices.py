@@ -180,13 +180,15 @@ class MatricesStructure(BodyStructure):
             for k, (row, stiffness, mass, damping) in enumerate(zip(held, *rows, strict=True))
         )  # fmt: skip
 
-    def recovered(self, number: int) -> tuple[Floats, float]:
-        """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base."""
-        held = self.given.table.rows_of(self.given.base)
-        free = np.setdiff1d(np.arange(len(self.given.table.dofs)), held)
+    def recovered(self, number: int, motion: BaseDirection) -> tuple[Floats, float]:
+        """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion."""
+        held, free = self._rows
         row = self.given.recovery[[number]]
-        moving = self.given.table.of_direction(self.given.direction)
-        moving[free] = self.influence
+        if self._is_default(motion):
+            moving = self.given.table.of_direction(self.given.direction)
+        else:
+            moving = rigid_rows(self.given.table, motion, held)
+        moving[free] = self._influence(motion)
         return np.asarray((row[:, free] @ self.expansion).toarray()[0]), float((row @ moving)[0])
 
     @property

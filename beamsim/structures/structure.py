@@ -323,8 +323,8 @@ class BodyStructure(Structure, ABC):
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
         return 1.0
 
-    def recovered(self, number: int) -> tuple[Floats, float]:
-        """(N,) another quantity that the body gives, by its number, for a unit of each dof, and of the base."""
+    def recovered(self, number: int, motion: BaseDirection) -> tuple[Floats, float]:
+        """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base."""
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
     @abstractmethod

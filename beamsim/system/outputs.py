@@ -172,7 +172,7 @@ class _Asked:
         name = output.body or self.parts.scenario.default_body
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
         member = structure.member(name)
-        row, of_base = member.body.recovered(names.index(output.row))
+        row, of_base = member.body.recovered(names.index(output.row), base_direction(self.parts.scenario) or UPWARDS)
         shape = member.on_whole(row) @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
         return self._zero(output, name, unit=output.unit, base_acceleration=base, **{output.motion: shape[None]})
