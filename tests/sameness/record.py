@@ -36,7 +36,7 @@ os.environ.setdefault("MKL_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # before a version that is installed
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from entries import Entry, all_entries
+from entries import CONFIGS, Entry, all_entries
 from reading import digest, flattened, is_text, kept, stored
 
 __all__ = ["all_entries", "compare", "digest", "load", "record", "text_changes"]
@@ -47,6 +47,9 @@ SENSITIVE = 1e-12  # a change by round-off larger than this widens the tolerance
 MARGIN = 100.0  # from the measured change to the tolerance
 
 RENAMED: dict[str, tuple[str, str]] = {}
+"""Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
+
+MENDED: dict[str, str] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
 MENDED: dict[str, str] = {
@@ -90,8 +93,13 @@ def record(entry: Entry, changes: Iterable[str] = ()) -> dict[str, Any]:
     return {
         "exit": code,
         "values": {path: value for path, value in values.items() if not is_text(value)},
-        "texts": {path: value for path, value in values.items() if is_text(value)},
+        "texts": {path: without_folder(value) for path, value in values.items() if is_text(value)},
     }
+
+
+def without_folder(text: str) -> str:
+    """A text without the place of this checkout."""
+    return text.replace(f"{CONFIGS}{os.sep}", "configs/")
 
 
 def difference(old: Any, new: Any) -> float:
