@@ -122,6 +122,44 @@ def test_base_motion_in_displacement_counts_its_acceleration():
     assert other["level"] == pytest.approx(one["level"])
 
 
+@pytest.mark.parametrize("level", ["{0} rad/s^2", "{1} rad/s", "{2} rad"])
+def test_rotation_of_the_base(level):
+    """The base turns about the clamp; a turn, its rate and its angular acceleration of one size say the same."""
+    w = 2 * np.pi * 0.5
+    levels = (30.0, 30.0 / w, 30.0 / w**2)
+    said = beamsim.run(
+        load_scenario(
+            {
+                "beam": {"length": 0.3, "bending_stiffness": 2.0, "mass_per_length": 0.25},
+                "snubbers": [{"name": "tip", "position": 0.3, "side": "below", "stiffness": 5000.0, "gap": 0.001}],
+                "excitation": {"kind": "harmonic", "applied_to": "base", "direction": "ry", "frequency": 0.5,
+                               "level": level.format(*levels)},
+                "run": {"duration": 0.1, "convergence": "off"},
+            }
+        )
+    ).summary["gapping"]["tip"]  # fmt: skip
+    assert said["share_of_level"] == pytest.approx(said["level"] / 30.0)
+    # slow against the 18 Hz of the beam: the static deflection under the inertia of a rigid turn, m x alpha
+    static = 0.25 * 11 * 0.3**5 / (120 * 2.0)
+    assert said["level"] == pytest.approx(0.001 / static, rel=2e-3)
+
+
+def test_a_moved_support_has_no_entry():
+    result = beamsim.run(
+        load_scenario(
+            {
+                "beam": {"length": 0.9, "bending_stiffness": 10.0, "mass_per_length": 0.3,
+                         "supports": {"left": "pinned", "right": "pinned"}},
+                "snubbers": [{"name": "stop", "position": 0.5, "side": "below", "stiffness": 2e4, "gap": "0.5 mm"}],
+                "excitation": {"kind": "harmonic", "applied_to": {"support": "left"}, "level": "1 mm",
+                               "frequency": 9.0},
+                "run": {"duration": 0.2, "start": "rest", "convergence": "off"},
+            }
+        )
+    )  # fmt: skip
+    assert "gapping" not in result.summary
+
+
 def test_level_zero_changes_nothing():
     of = beamsim.run(mass(gap="-1 mm", level="0 N")).summary["gapping"]["stop"]
     assert np.isnan(of["share_of_level"])

@@ -76,6 +76,7 @@ from beamsim.fields import changed, later
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.moved_support import MovedSupport
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -700,12 +701,15 @@ def _gapping(
     excitation = scenario.excitation
     if excitation.kind != "harmonic" or not system.snubbers or system.cubic.count:
         return {}
+    if isinstance(excitation.applied_to, MovedSupport):
+        return {}  # its motion, speed and acceleration are loads of their own, not one for a unit of the level
     frequency = np.array([excitation.frequency])
     levels = contact_levels(system, frequency)
     if not levels:
         return {}
     omega = 2.0 * np.pi * excitation.frequency
-    power = {"velocity": 1, "displacement": 2}.get(excitation.quantity or "", 0)
+    powers = {"velocity": 1, "angular_velocity": 1, "displacement": 2, "rotation": 2}
+    power = powers.get(excitation.quantity or "", 0)
     of_snubber = gapping(levels, frequency, np.array([abs(excitation.level) * omega**power]))
     names = [snubber.name for snubber in system.snubbers]
     for name, of in of_snubber.items():
