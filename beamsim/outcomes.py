@@ -58,7 +58,8 @@ class OutcomeCode(Enum):
 
     FIGURES_DOUBTFUL = (
         OutcomeKind.COMPLETE,
-        "figures change by more than {percent:g} % with half as many modes more and twice the elements: {figures}",
+        "figures change by more than {percent:g} % with half as many modes more and twice the elements of every mesh: "
+        "{figures}",
         "[{remedy}]",
     )
 
@@ -278,8 +279,8 @@ class OutcomeCode(Enum):
     )
     FIGURES_WORTHLESS = (
         OutcomeKind.UNTRUSTED,
-        "not reliable: with half as many modes more and twice the elements figures change, displacements among them: "
-        "{figures}",
+        "not reliable: with half as many modes more and twice the elements of every mesh figures change, displacements "
+        "among them: {figures}",
         "[{remedy}]",
     )
     FAILED = OutcomeKind.FAILED, "{reason}", ""

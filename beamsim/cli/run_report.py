@@ -196,7 +196,8 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
         return
     sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
     finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
-    yield "", f"changes with {finer} and twice the elements: at most {percent(max(sizes, default=0.0), 2)}"
+    largest = percent(max(sizes, default=0.0), 2)
+    yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
     if model["sequences_part_s"] is not None:
         yield "", f"the sequences of contacts part at {si(model['sequences_part_s'], 's')}"
 
