@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from beamsim.cli.conclusion import Reporting, conclude
 from beamsim.cli.failures import say
 from beamsim.cli.progress import progress_bar
+from beamsim.errors import ExitCode, StoppedEarlyError
 
 if TYPE_CHECKING:
     from beamsim.analyses.designs.analysis import DesignPlan
@@ -102,12 +103,17 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
                     plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
                     progress=progress,
                 )  # fmt: skip
-        except BaseException:
-            if table.count:
-                write_designs(gather(plan, table, clock.monotonic() - begin), target)
-                say(f"beamsim: {table.count} of {cases} cases are in {target}; --resume computes the others")
-            else:
+        except BaseException as error:
+            if not table.count:
                 journal.remove()
+                raise
+            write_designs(gather(plan, table, clock.monotonic() - begin), target)
+            kept = f"{table.count} of {cases} cases are in {target}; --resume computes the others"
+            if isinstance(error, KeyboardInterrupt):
+                raise StoppedEarlyError(f"interrupted; {kept}", ExitCode.INTERRUPTED) from None
+            if isinstance(error, SystemExit) and error.code == ExitCode.TERMINATED:
+                raise StoppedEarlyError(f"interrupted; {kept}", ExitCode.TERMINATED) from None
+            say(f"beamsim: {kept}")
             raise
         write_designs(result, target)
         journal.remove()

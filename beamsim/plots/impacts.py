@@ -60,7 +60,13 @@ def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
     top = max((float(x.max()) for x in forces), default=1.0)
     edges = np.linspace(0.0, top, 1 + int(np.clip(np.sqrt(impacts.begin.size), 5, BINS)))
     for k, (name, x) in enumerate(zip(names, forces, strict=True)):
-        ax.stairs(np.histogram(x, edges)[0], edges, label=name, fill=len(names) == 1, alpha=1.0, **curve_style(k))
+        number, style = np.histogram(x, edges)[0], curve_style(k)
+        if len(names) == 1:
+            ax.bar(
+                edges[:-1], number, np.diff(edges), align="edge", color=style["color"], edgecolor="white", label=name
+            )
+        else:
+            ax.stairs(number, edges, label=name, **style)
     finish(ax, f"Peak force of an impact ({newton.unit})", "Impacts")
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlim(left=0.0)

@@ -222,6 +222,7 @@ def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monk
         done = call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots")
         assert done.exit_code == (130 if interrupt is KeyboardInterrupt else 2)
     assert "2 of 6 cases are in case.h5; --resume computes the others" in done.stderr
+    assert "no incomplete file" not in done.stderr  # there is one
     partial = open_designs("case.h5")
     assert partial.status == "2 of 6 cases computed"
     assert partial.solved.sum() == 2
