@@ -20,7 +20,7 @@ import numpy as np
 
 from beamsim.fields import dataset, declared
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _FREQUENCY = ("frequency_hz",)
 SLIGHT = 1e-9  # penetration, of the gap or m, at which a contact has just been made
@@ -98,6 +98,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
         pressed[k] = contacts.laws[k].resting_phase(SLIGHT * abs(float(penetration[k])) or SLIGHT)
     at_rest, shut = opening(resting), opening(pressed)
     impedance = contacts.dynamic_stiffness(pressed, omega)
+    receptance = _receptances(system, omega, resting, ~closed[:count])
     unknown = np.full(omega.size, np.nan)
     levels = {}
     for j, snubber in enumerate(system.snubbers):
@@ -112,7 +113,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
                 onset, alone = unknown, at_rest[:, j]
             else:
                 onset, loss = -penetration[j] / np.abs(at_rest[:, j]), unknown
-                alone = at_rest[:, j] / (1.0 + impedance[:, j] * _receptance(system, omega, resting, j))
+                alone = at_rest[:, j] / (1.0 + impedance[:, j] * receptance[:, j])
         levels[snubber.name] = ContactLevels(onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone))
     return levels
 
@@ -156,11 +157,13 @@ def _largest(values: Floats) -> float:
     return float(finite.max()) if finite.size else float("nan")
 
 
-def _receptance(system: StructuralSystem, omega: Floats, phases: Ints, contact: int) -> Complexes:
-    """(F,) displacement at a contact for a unit force there, all contacts staying in phases (m,)."""
-    shape = system.dynamics.contacts.shape[contact]
-    push = np.broadcast_to(shape.astype(complex)[:, None], (omega.size, shape.size, 1))
-    return np.asarray(_solved(system, omega, phases, push)[:, :, 0] @ shape)
+def _receptances(system: StructuralSystem, omega: Floats, phases: Ints, snubbers: Bools) -> Complexes:
+    """(F, m) displacement at chosen snubbers for a unit force there, nan at others; contacts stay in phases."""
+    shape = system.dynamics.contacts.shape[: snubbers.size][snubbers]
+    out = np.full((omega.size, snubbers.size), np.nan, dtype=complex)
+    push = np.broadcast_to(shape.T.astype(complex), (omega.size, *shape.T.shape))
+    out[:, snubbers] = np.einsum("kn,fnk->fk", shape, _solved(system, omega, phases, push))
+    return out
 
 
 def _solved(system: StructuralSystem, omega: Floats, phases: Ints, loads: Complexes) -> Complexes:

@@ -130,7 +130,19 @@ class Step(Shock):
         return 0.0 if self.duration is None else 0.5 / self.duration
 
 
-class HalfSine(Shock):
+class Pulse(Shock):
+    """Common part of what is zero again after a duration."""
+
+    if TYPE_CHECKING:
+        duration: float
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """Half the inverse of the duration, Hz: the frequency of the sine that a half-sine is half of."""
+        return 0.5 / self.duration
+
+
+class HalfSine(Pulse):
     """Half a sine period starting at `time`, zero before and after."""
 
     kind: Literal["half_sine"] = "half_sine"
@@ -147,13 +159,8 @@ class HalfSine(Shock):
         super().settle()
         _refuse_displacement(self, "half-sine")
 
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Frequency of the sine the pulse is half of, Hz."""
-        return 0.5 / self.duration
 
-
-class Trapezoid(Shock):
+class Trapezoid(Pulse):
     """A pulse that rises and falls linearly, zero before and after."""
 
     kind: Literal["trapezoid"] = "trapezoid"
@@ -185,13 +192,8 @@ class Trapezoid(Shock):
                 ("rise",),
             )
 
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Half the inverse of the duration, Hz."""
-        return 0.5 / self.duration
 
-
-class Sawtooth(Shock):
+class Sawtooth(Pulse):
     """A pulse that rises linearly and drops from its peak at once (final peak, IEC 60068-2-27)."""
 
     kind: Literal["sawtooth"] = "sawtooth"
@@ -206,17 +208,12 @@ class Sawtooth(Shock):
     def settle(self) -> None:
         """Reject pulses that need an infinite acceleration."""
         super().settle()
-        if self.quantity in ("velocity", "displacement"):
+        if self.quantity in INTEGRALS:
             raise fail(
-                f"is a sawtooth of the base's {self.quantity}, whose drop needs an infinite acceleration",
+                f"is a sawtooth of the base's {spoken(self.quantity)}, whose drop needs an infinite acceleration",
                 "give the pulse as acceleration (level: 20 g)",
                 ("level",),
             )
-
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Half the inverse of the duration, Hz."""
-        return 0.5 / self.duration
 
 
 def _refuse_displacement(pulse: Shock, called: str) -> None:

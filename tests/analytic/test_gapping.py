@@ -1,5 +1,7 @@
 """Gapping: levels against one mass in closed form and against motions just below and above, preloads against runs."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -64,6 +66,9 @@ def test_alone_and_together_against_models_with_the_stops_as_springs():
     hz = np.array([6.0, 14.0, 28.0])
     levels = contact_levels(sweep_system(beam([], a=(0.4, 1e-3), b=(0.7, -1e-3), c=(1.0, 2e-3))), hz)
     assert [levels[name].closed_at_rest for name in "abc"] == [False, True, False]
+    with patch.object(np.linalg, "solve", wraps=np.linalg.solve) as solve:
+        contact_levels(sweep_system(beam([], a=(0.4, 1e-3), b=(0.7, -1e-3), c=(1.0, 2e-3))), hz)
+    assert sum(call.args[0].ndim == 3 for call in solve.call_args_list) == 3  # whatever the number of stops
 
     def spring(*places):
         return [{"kind": "linear", "position": x, "stiffness": 3000.0} for x in places]

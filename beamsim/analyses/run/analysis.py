@@ -77,6 +77,7 @@ from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.moved_support import MovedSupport
+from beamsim.scenario.quantities import INTEGRALS
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -708,8 +709,7 @@ def _gapping(
     if not levels:
         return {}
     omega = 2.0 * np.pi * excitation.frequency
-    powers = {"velocity": 1, "angular_velocity": 1, "displacement": 2, "rotation": 2}
-    power = powers.get(excitation.quantity or "", 0)
+    power = INTEGRALS.get(excitation.quantity or "", 0)
     of_snubber = gapping(levels, frequency, np.array([abs(excitation.level) * omega**power]))
     names = [snubber.name for snubber in system.snubbers]
     for name, of in of_snubber.items():
