@@ -106,14 +106,26 @@ def run(
 
 @app.command()
 @guarded
-def validate(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
+def validate(
+    case: Case,
+    set_: Overrides = None,
+    sketch: Annotated[
+        bool, typer.Option("--sketch", help="Draw the model: bodies, supports, masses, springs and stops.")
+    ] = False,
+    output: Output = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
     """Check a case without running it. Reports every problem with file, line and remedy."""
+    from beamsim.cli.output import output_folder
     from beamsim.cli.printing import print_json
-    from beamsim.cli.validation import validated
+    from beamsim.cli.validation import draw_model, validated
     from beamsim.errors import ScenarioError
 
+    folder = output_folder(output, case.stem) if sketch else None
     try:
         title, warnings = validated(case, set_ or ())
+        files = [] if folder is None else draw_model(case, set_ or (), folder)
     except ScenarioError as error:
         if json:
             print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
@@ -121,9 +133,10 @@ def validate(case: Case, set_: Overrides = None, json: Json = False, debug: Debu
     for warning in warnings:
         say(f"beamsim: warning: {warning}")
     if json:
-        print_json({"valid": True, "title": title, "warnings": list(warnings)})
+        drawn = {"files": [str(file) for file in files]} if sketch else {}
+        print_json({"valid": True, "title": title, "warnings": list(warnings), **drawn})
     else:
-        print(f"{case}: valid ({title})")
+        print(f"{case}: valid ({title})", *files, sep="\n")
 
 
 @app.command()

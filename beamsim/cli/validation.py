@@ -29,6 +29,25 @@ def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...
     return scenario.title, (*scenario.warnings, *build_system(scenario).warnings)
 
 
+def draw_model(case: Path, overrides: Sequence[str], folder: Path) -> list[Path]:
+    """Draw the model of a valid case; returns the picture.
+
+    Raises
+    ------
+    ScenarioError
+        If the model cannot be built.
+    ResultFileError
+        If the picture cannot be written.
+    """
+    from beamsim.plots.model import save_model
+    from beamsim.scenario import load_scenario
+    from beamsim.system.build import build_system
+
+    scenario = load_scenario(case, overrides)
+    system = build_system(scenario, assessed=False)
+    return save_model(scenario, system.stations, {stop.name: stop for stop in system.snubbers}, folder, case.stem)
+
+
 def schema_text() -> str:
     """JSON Schema of scenario files."""
     from beamsim.scenario import json_schema

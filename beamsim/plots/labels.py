@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,9 @@ ON_NAME, OUTSIDE, ON_LINE = 50.0, 100.0, 1.0  # cost of overlapping another labe
 FAR = 0.03  # per point of distance
 
 
-def put_names(ax: Axes, places: Mapping[str, tuple[float, float]], curves: Iterable[tuple[Floats, Floats]]) -> None:
+def put_names(
+    ax: Axes, places: Iterable[tuple[str, tuple[float, float]]], curves: Iterable[tuple[Floats, Floats]]
+) -> None:
     """Put every label near its point (data coordinates) where it overlaps least, with a thin leader line.
 
     Everything that determines the limits of the axes must be drawn before.
@@ -33,7 +35,7 @@ def put_names(ax: Axes, places: Mapping[str, tuple[float, float]], curves: Itera
     frame = np.array(ax.bbox.extents) * points
     dots = _dots(ax, curves, points)
     taken: list[tuple[float, float, float, float]] = []
-    for text, place in places.items():
+    for text, place in places:
         at = ax.transData.transform(place) * points
         wide, high = LETTER * SIZE * len(text), LINE * SIZE
         best: tuple[float, float, float, str] | None = None

@@ -124,7 +124,7 @@ def _name_tongues(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> No
         if jump.ratio and jump.mode:
             at = _at(result.backbone, jump.start)
             places.setdefault(f"{jump.ratio}:1, mode {jump.mode}", (float(x[at]), float(y[at])))
-    put_names(ax, places, curves)
+    put_names(ax, places.items(), curves)
 
 
 def _explain(ax: Axes) -> None:

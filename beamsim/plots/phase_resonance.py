@@ -62,7 +62,7 @@ def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
         ax.set_xlim(float(shown.min()), float(shown.max()))
         ax.set_ylim(0.0, 1.12 * scale.factor * max(float(np.nanmax(amplitudes)), *(float(c.max()) for c in curves)))
     finish(ax, "Frequency (Hz)", f"Largest deflection of {name} ({scale.unit})")
-    put_names(ax, places, drawn)
+    put_names(ax, places.items(), drawn)
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 

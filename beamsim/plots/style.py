@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -63,6 +64,22 @@ def level_text(level: float, unit: str) -> str:
         return f"level {level / STANDARD_GRAVITY:.4g} g"
     scale = scale_for(unit, np.array([level])) if unit else Scale(1.0, "")
     return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
+
+
+def amount(value: float, unit: str) -> str:
+    """A value with SI prefix and unit.
+
+    >>> amount(2e-4, "m"), amount(151.1e3, "N/m")
+    ('0.2 mm', '151.1 kN/m')
+    """
+    scale = scale_for(unit, np.array([value]))
+    return f"{value * scale.factor:.4g} {scale.unit}"
+
+
+def round_length(value: float) -> float:
+    """1, 2 or 5 times a power of ten, not above the value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(next(digit for digit in (5.0, 2.0, 1.0) if digit * power <= value) * power)
 
 
 def curve_style(index: int) -> dict[str, Any]:

@@ -182,6 +182,11 @@ class BeamBody(Body):
             marks += [(x, "springs")] if springs is not None else []
         return (*marks, *((float(mass.position), "mass") for mass in self.point_masses))
 
+    @property
+    def depths(self) -> tuple[tuple[float, float, float], ...]:
+        """Those of its stretches."""
+        return tuple((each.start, each.end, each.bending.depth) for each in self.stretches if each.bending.depth)
+
     def refined(self) -> Self:
         """The beam with twice the elements."""
         return self.model_copy(update={"elements": 2 * self.elements})

@@ -97,6 +97,16 @@ class Body(Schema):
         """Coordinates and kinds of what a sketch shows on the body: clamped, pinned, guided, springs, mass."""
         return ()
 
+    @property
+    def depths(self) -> tuple[tuple[float, float, float], ...]:
+        """Stretches of the body whose depth is known: first and last coordinate, and the depth, m."""
+        return ()
+
+    @property
+    def spring_links(self) -> tuple[tuple[float | None, float | None], ...]:
+        """Pairs of coordinates that springs of the body join; None is the wall before the first or after the last."""
+        return ()
+
     def default_probe(self) -> tuple[str, AtPlace]:
         """Name and place of the probe where nothing else tells one."""
         raise NotImplementedError

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
@@ -81,6 +82,12 @@ class Chain(Body):
     def own_names(self) -> list[tuple[Path, tuple[Any, ...]]]:
         """Snubbers and springs share one set of names."""
         return [((name,), getattr(self, name)) for name in _NAMED]
+
+    @property
+    def spring_links(self) -> tuple[tuple[float | None, float | None], ...]:
+        """Neighbours, and walls, that a spring joins."""
+        ends = [None, *map(float, range(1, self.count + 1)), None]
+        return tuple(pair for pair, stiffness in zip(pairwise(ends), self.springs, strict=False) if stiffness > 0.0)
 
     def default_probe(self) -> tuple[str, AtPlace]:
         """The last mass."""

@@ -159,6 +159,11 @@ class PlateBody(Body):
         held = [(x, kind) for x, kind in edges if kind != "free"]
         return (*held, *((float(mass.position[0]), "mass") for mass in self.point_masses))
 
+    @property
+    def depths(self) -> tuple[tuple[float, float, float], ...]:
+        """Its thickness."""
+        return ((0.0, self.length, self.depth),) if self.depth else ()
+
     def default_probe(self) -> tuple[str, AtPlace]:
         """A free corner, else the middle of a free edge, else the centre."""
         free = {edge: getattr(self.supports, edge) == "free" for edge in EDGES}

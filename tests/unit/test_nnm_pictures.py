@@ -30,7 +30,7 @@ def drawn(names, curve):
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     ax = figure.add_subplot()
     ax.plot(*curve)
-    put_names(ax, names, [curve])
+    put_names(ax, names.items(), [curve])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     for text in ax.texts:

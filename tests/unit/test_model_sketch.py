@@ -1,0 +1,96 @@
+"""The sketch of a model: everything is where the scenario puts it, and no label lies over another."""
+
+import json
+import shutil
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+from beamsim.plots.model import model_figure, stop_text
+from beamsim.plots.sketch import STOP
+from beamsim.scenario import load_scenario
+from beamsim.system.build import build_system
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BEAM = {"length": 0.4, "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
+
+
+def sketched(scenario):
+    system = build_system(scenario, assessed=False)
+    return model_figure(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
+
+
+def faces(figure):
+    lines = [line for line in figure.axes[0].lines if line.get_color() == STOP and line.get_linewidth() > 2.0]
+    return sorted(tuple(line.get_xydata().mean(axis=0)) for line in lines)
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.axes[0].texts]
+
+
+def test_stops_are_on_their_sides_with_gaps_in_proportion():
+    case = {
+        "beam": BEAM,
+        "snubbers": [
+            {"name": "low", "position": 0.1, "side": "below", "stiffness": 1e4, "gap": 1e-3},
+            {"name": "lower", "position": 0.2, "side": "below", "stiffness": 1e4, "gap": 2e-3},
+            {"name": "high", "position": 0.3, "side": "above", "stiffness": 1e4, "gap": 0.5e-3},
+            {"name": "pressed", "position": 0.4, "side": "above", "stiffness": 1e4, "preload": 3.0},
+        ],
+    }
+    figure = sketched(load_scenario(case))
+    (x1, low), (x2, lower), (x3, high), (x4, pressed) = faces(figure)
+    np.testing.assert_allclose([x1, x2, x3, x4], [0.1, 0.2, 0.3, 0.4])
+    assert lower < low < 0.0 < pressed < high
+    touching = pressed  # a stop that presses is drawn at the surface
+    np.testing.assert_allclose([-low - touching, -lower - touching], np.array([2.0, 4.0]) * (high - touching))
+    assert "pressed: 10 kN/m, preload 3 N" in texts(figure)
+    assert "lower: 10 kN/m, gap 2 mm" in texts(figure)
+
+
+def test_texts_of_stops():
+    prestressed = {"name": "s", "position": 0.4, "side": "below", "stiffness": 1e4, "gap": -1e-4}
+    for gap, rest in ((-1e-4, "preload"), (0.0, "just touching"), (2e-3, "gap 2 mm")):
+        (stop,) = build_system(load_scenario({"beam": BEAM, "snubbers": [{**prestressed, "gap": gap}]})).snubbers
+        assert rest in stop_text("s", stop)
+
+
+@pytest.mark.parametrize("case", ["one_sided_45hz", "hinged_yoke", "chain_bumpers", "plate_panel", "vibeams"])
+def test_no_label_lies_over_another(case):
+    figure = sketched(load_scenario(CONFIGS / f"{case}.yaml"))
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = []
+    for text in figure.axes[0].texts:
+        text.get_window_extent(renderer)  # gives the text its place; with the leader line, which may pass under another
+        boxes.append((text.get_text(), Text.get_window_extent(text, renderer)))
+    crossing = [
+        (a, b) for (a, one), (b, other) in combinations(boxes, 2) if a and b and one.shrunk(0.9, 0.9).overlaps(other)
+    ]
+    assert len(boxes) >= 4
+    assert not crossing
+
+
+def test_too_many_labels_are_left_out():
+    snubbers = [
+        {"name": f"s{k}", "position": 0.01 + 0.012 * k, "side": "below", "stiffness": 1e4, "gap": 1e-3}
+        for k in range(30)
+    ]
+    figure = sketched(load_scenario({"beam": BEAM, "snubbers": snubbers}))
+    assert len(faces(figure)) == 30
+    assert not any("kN/m" in text for text in texts(figure))
+
+
+def test_validate_draws_the_model(tmp_path):
+    shutil.copy(CONFIGS / "two_forces.yaml", tmp_path / "case.yaml")
+    done = CliRunner().invoke(app, ["validate", str(tmp_path / "case.yaml"), "--sketch", "-o", str(tmp_path), "--json"])
+    assert done.exit_code == 0, done.output
+    (file,) = json.loads(done.stdout)["files"]
+    assert file == str(tmp_path / "case_sketch.png")
+    assert (tmp_path / "case_sketch.png").stat().st_size > 10_000
