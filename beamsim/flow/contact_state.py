@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
+from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
 from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
@@ -25,6 +26,7 @@ from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
+HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 
@@ -80,6 +82,7 @@ class ContactState:
         table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return table
 
+    @cached_property
     def forced_at_start(self) -> Complexes:
         """(F, N) state at the start of a piece that the forced motion has for a unit of each input."""
         count = self.basis_of_source.size
@@ -87,6 +90,11 @@ class ContactState:
         at_start = (self.term_source < count) & (self.power[self.term_basis] == 0)
         np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
         return forced
+
+    @cached_property
+    def derivatives_at_start(self) -> Complexes:
+        """(K, B) derivatives of the basis functions at the start of a segment, from order 0 on."""
+        return basis_derivatives(self.exponent, self.power, 0.0, HIGHEST_DERIVATIVE + 1)
 
     def states_after(self, zeta: Complexes, tau: Floats) -> Floats:
         """(n, N) states at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
@@ -97,7 +105,7 @@ class ContactState:
         """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary
         part of each input in turn, and of each number of the state."""
         F, N = self.basis_of_source.size, self.term_vector.shape[1]
-        forced = self.forced_at_start()
+        forced = self.forced_at_start
         state = np.concatenate([-np.stack([forced.real, -forced.imag], axis=1).reshape(2 * F, N), np.eye(N)])
         given = np.zeros((2 * F + N, F), dtype=complex)
         given[np.arange(2 * F), np.arange(2 * F) // 2] = np.tile([1.0, 1j], F)
@@ -105,7 +113,7 @@ class ContactState:
 
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
         """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
-        forced = self.forced_at_start()
+        forced = self.forced_at_start
         free = y - (given.real @ forced.real - given.imag @ forced.imag)
         return np.concatenate([given, free @ self.projector.T], axis=1)
 

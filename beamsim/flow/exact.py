@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FEWEST_STATES = 8  # that are kept in any case
-HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 
 
 def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
@@ -305,34 +304,31 @@ class ExactFlow:
             watched, s = self._tables.watched[index], self.states[index]
             zeta = s.amplitudes(given, state[None])[0, s.term_source]
             watch = self.tables().watch[index, : zeta.size, : watched.guards]
-            gamma = np.zeros((watched.guards, s.exponent.size), dtype=complex)
-            np.add.at(gamma.T, s.term_basis, zeta[:, None] * watch)
+            gamma = np.zeros((s.exponent.size, watched.guards), dtype=complex)
+            np.add.at(gamma, s.term_basis, zeta[:, None] * watch)
+            signs, orders = _first_signs(gamma, s.derivatives_at_start)
             for g in range(watched.guards):
                 j = int(watched.contact[g])
                 following = int(watched.following[g])
                 if following not in unvisited[j]:
                     continue
-                sign, order = _first_sign(gamma[g], s.exponent, s.power)
-                if sign < 0:
+                if signs[g] < 0:
                     unvisited[j].discard(following)
                     phases = contacts.after(phases, j, following)
-                    entered[j] |= order > 0
+                    entered[j] |= orders[g] > 0
                     break
             else:
                 return phases, entered & (phases != contacts.start)
 
 
-def _first_sign(gamma: Complexes, exponent: Complexes, power: Ints) -> tuple[int, int]:
-    """Sign and order of the first derivative at 0 of ``Re sum gamma tau^p e^{lambda tau}`` beyond its round-off."""
-    from math import factorial
+def _first_signs(gamma: Complexes, derivatives: Complexes) -> tuple[Floats, Ints]:
+    """(g,) signs and orders of the first derivatives at 0 of functions that are beyond their round-off.
 
-    for k in range(HIGHEST_DERIVATIVE + 1):
-        value = noise = 0.0
-        for g, lam, p in zip(gamma, exponent, power, strict=True):
-            if p <= k:
-                factor = lam ** (k - int(p)) * (factorial(k) / factorial(k - int(p)))
-                value += (g * factor).real
-                noise += abs(g * factor)
-        if abs(value) > 1e-13 * noise:
-            return (1 if value > 0 else -1), k
-    return 0, HIGHEST_DERIVATIVE
+    ``gamma`` (B, g) are the functions' factors of basis functions with ``derivatives`` (K, B). A sign is 0 where all
+    derivatives are within round-off.
+    """
+    value = (derivatives @ gamma).real
+    beyond = np.abs(value) > 1e-13 * (np.abs(derivatives) @ np.abs(gamma))
+    order = np.argmax(beyond, axis=0)
+    first = (order, np.arange(order.size))
+    return np.where(beyond[first], np.sign(value[first]), 0.0), order
