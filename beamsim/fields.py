@@ -404,12 +404,6 @@ def rows_of(owner: Any, name: str) -> Any:
     return value if isinstance(value, RowBlocks) else getattr(owner, name)
 
 
-def is_computed(owner: Any, name: str) -> bool:
-    """Whether the value of a field is known, or still to be computed."""
-    value = vars(owner)[name]
-    return not isinstance(value, (_Later, RowBlocks)) or "value" in vars(value)
-
-
 def changed(owner: _Value, **changes: Any) -> _Value:
     """As `dataclasses.replace`, but what is to be computed later is not computed."""
     kept = {f.name: vars(owner)[f.name] for f in dataclasses.fields(owner) if f.init}  # type: ignore[arg-type]

@@ -134,14 +134,14 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
     frequency_hz : (F,) of the levels.
     amplitude : (F,) of the excitation there, SI; what is far below it counts least.
     """
-    found = {}
+    tightest = {}
     for name, of in levels.items():
         share = of.changing / np.where(amplitude > 0, amplitude, np.nan)
         known = share if np.isfinite(share).any() else of.changing
         k = int(np.nanargmin(known)) if np.isfinite(known).any() else 0
         together = of.preload_needed * amplitude
         alone = np.full_like(together, np.nan) if of.preload_alone is None else of.preload_alone * amplitude
-        found[name] = {
+        tightest[name] = {
             "closed_at_rest": of.closed_at_rest,
             "level": float(of.changing[k]),
             "frequency_hz": float(frequency_hz[k]),
@@ -149,7 +149,7 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
             "preload_n": _largest(together),
             "preload_alone_n": _largest(alone),
         }
-    return found
+    return tightest
 
 
 def _largest(values: Floats) -> float:

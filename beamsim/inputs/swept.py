@@ -78,25 +78,6 @@ class SweepWindows:
         assert self.displacement is not None
         return _derivative(self.displacement, self.omega)
 
-    def evaluate(self, coefficient: Complexes, time: Floats) -> Floats:
-        """Values of the signal with these coefficients at times (any shape); the end windows are extended outside."""
-        time = np.asarray(time, dtype=float)
-        k = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, self.count - 1)
-        sigma = time - self.start[k] - 0.5 * self.length[k]
-        value = np.zeros(time.shape, dtype=complex)
-        for p in range(coefficient.shape[1] - 1, -1, -1):
-            value = value * sigma + coefficient[k, p]
-        return np.asarray((value * np.exp(1j * self.omega[k] * sigma)).real)
-
-    def frequency_at(self, time: Floats) -> Floats:
-        """Instantaneous frequency, Hz."""
-        k = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, self.count - 1)
-        sigma = time - self.start[k] - 0.5 * self.length[k]
-        slope = np.zeros(np.shape(time))
-        for p in range(self.deviation.shape[1] - 1, 0, -1):
-            slope = slope * sigma + p * self.deviation[k, p]
-        return np.asarray((self.omega[k] + slope) / (2 * np.pi))
-
 
 def _derivative(coefficient: Complexes, omega: Floats) -> Complexes:
     """Coefficients of the derivative of ``Re[e^{i omega sigma} sum_p c_p sigma^p]``."""

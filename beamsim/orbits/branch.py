@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 
@@ -64,16 +64,6 @@ class Orbit:
         return 1.0 / self.period
 
 
-class OrbitProblem(Protocol):
-    """A continuation problem whose points are periodic motions."""
-
-    def orbit(self, point: BranchPoint) -> Orbit:
-        """The motion of a point."""
-
-    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether two motions have the same order of contacts."""
-
-
 @dataclass(frozen=True)
 class SpecialPoint:
     """Where a branch changes."""
@@ -124,7 +114,7 @@ def with_failed_searches(outcome: Outcome, failed: Sequence[FailedSearch]) -> Ou
 class OrbitBranch:
     """A branch as it was followed."""
 
-    problem: Any  # an `OrbitProblem`
+    problem: Any  # the continuation problem; its ``orbit(point)`` is the motion of a point
     points: Sequence[BranchPoint]
     outcome: Outcome
     special: tuple[SpecialPoint, ...] = ()

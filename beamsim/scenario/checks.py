@@ -97,12 +97,12 @@ def _directions(scenario: _Checked) -> Problems:
         asked.append((("excitation", "direction"), direction))
     if isinstance(gravity, tuple):
         asked += [(("gravity", i), "xyz"[i]) for i in range(3) if gravity[i] != 0]
-    for path, wanted in asked:
+    for path, axis in asked:
         for name, body in bodies.items():
-            if wanted not in body.base_directions:
+            if axis not in body.base_directions:
                 yield _problem(
-                    path, f"= {wanted} moves no point of {name}, a {body.body_kind}" if path[0] == "excitation"
-                    else f"acts along {wanted}, in which no point of {name}, a {body.body_kind}, moves",
+                    path, f"= {axis} moves no point of {name}, a {body.body_kind}" if path[0] == "excitation"
+                    else f"acts along {axis}, in which no point of {name}, a {body.body_kind}, moves",
                     f"use {' or '.join(filter(None, body.base_directions))}",
                 )  # fmt: skip
     if direction is not None and direction.startswith("r") and len(bodies) > 1:

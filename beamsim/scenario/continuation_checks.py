@@ -27,7 +27,7 @@ def continuation_problems(scenario: ScenarioParts, sweep: Continuation) -> Itera
             yield from _snubber_problems(scenario, f"sweep.{key}", path)
     second = sweep.follow_folds_in
     if second is not None:
-        present = _own_value(scenario, sweep, second)
+        present = _value_in_scenario(scenario, sweep, second)
         low, high = sorted((float(second.from_), float(second.to)))
         if present is not None and not low <= present <= high:
             yield Problem(
@@ -42,7 +42,7 @@ def continuation_problems(scenario: ScenarioParts, sweep: Continuation) -> Itera
         )
 
 
-def _own_value(scenario: ScenarioParts, sweep: Continuation, path: Any) -> float | None:
+def _value_in_scenario(scenario: ScenarioParts, sweep: Continuation, path: Any) -> float | None:
     if isinstance(path, LevelPath):
         return float(sweep.levels[0]) if sweep.levels else getattr(scenario.excitation, "level", None)
     index = snubber_index(scenario, path)

@@ -252,12 +252,8 @@ def _drawn_parameter(scenario: Schema, path: str, values: list[Any]) -> VariedPa
     )
 
 
-def case_count(scenario: Varied) -> int:
+def case_count(vary: Grid | Zipped | LatinHypercube) -> int:
     """Number of cases."""
-    return 1 if scenario.vary is None else _case_count(scenario.vary)
-
-
-def _case_count(vary: Grid | Zipped | LatinHypercube) -> int:
     if isinstance(vary, LatinHypercube):
         return vary.samples
     counts = [_count(parameter) for parameter in vary.parameters]
@@ -291,7 +287,7 @@ def design_problems(scenario: Schema, vary: Grid | Zipped | LatinHypercube) -> I
                 f"have {', '.join(map(str, counts))} values, which cannot be zipped",
                 "give all of them equally many, or write kind: grid",
             )
-    count = _case_count(vary)
+    count = case_count(vary)
     if count > MOST_CASES:
         yield Problem(
             "vary",

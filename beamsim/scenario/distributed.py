@@ -278,6 +278,3 @@ def distributed_problems(scenario: _WithBodies, path: Path, load: DistributedLoa
     if isinstance(load.shape, TableShape) and body.body_kind == "beam":
         for index, position in enumerate(load.shape.x):
             yield from body.position_problems(where, (*path, "shape", "x", index), position, "")
-
-
-AnyDistributed = LineLoad | AreaLoad

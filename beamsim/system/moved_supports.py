@@ -92,10 +92,10 @@ def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
     if not driven:
         return []
     supports = supports_of(structure)
-    return [Moved(path, each, _found(scenario, supports, path, each.applied_to)) for path, each in driven]
+    return [Moved(path, each, _moved_support(scenario, supports, path, each.applied_to)) for path, each in driven]
 
 
-def _found(scenario: Scenario, supports: Sequence[Support], path: Path, moved: Any) -> Support:
+def _moved_support(scenario: Scenario, supports: Sequence[Support], path: Path, moved: Any) -> Support:
     path = (*path, "applied_to")
     directions = (moved.direction or DEFLECTION,)
     if moved.direction == "slope":
@@ -110,7 +110,9 @@ def _found(scenario: Scenario, supports: Sequence[Support], path: Path, moved: A
         if not named:
             names = list(dict.fromkeys(each.name for each in on_body))
             remedy = suggestion(str(moved.support), names, "its supports are") if names else "it is free"
-            raise ScenarioError(Problem(path_text((*path, key)), f"= {moved.support} is no support of {body}", remedy))
+            raise ScenarioError(
+                Problem(path_text((*path, key)), f"= {moved.support} is not a support of {body}", remedy)
+            )
     fits = [each for each in named if each.direction in directions]
     if not fits:
         held = " and ".join(dict.fromkeys("slope" if each.direction == SLOPE else each.direction for each in named))

@@ -212,7 +212,7 @@ class _Asked:
                 raise _refused((*path, "kind"), f"= {output.kind}: {output.support} exerts no such reaction in "
                                f"{direction}", "ask for what it holds")  # fmt: skip
             remedy = suggestion(output.support, names, "its supports are") if names else "it is free"
-            raise _refused((*path, "support"), f"= {output.support} is no support of {body}", remedy)
+            raise _refused((*path, "support"), f"= {output.support} is not a support of {body}", remedy)
         return self._summed(output, f"{body} {output.support}", [(1.0, fits[0])])
 
     def _of_joint(self, path: Path, output: Any) -> OutputRows:

@@ -208,7 +208,7 @@ SWEEP = {"kind": "stepped", "from": 15, "to": 17, "points": 2}
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"excitation": {**LEFT, "applied_to": {"support": "top"}}}, "applied_to.support = top is no support of beam"),
+        ({"excitation": {**LEFT, "applied_to": {"support": "top"}}}, "support = top is not a support of beam"),
         ({"excitation": {**LEFT, "applied_to": {"support": "left", "direction": "slope"}, "level": "1 deg"}},
          "applied_to.support = left does not hold slope"),
         ({"excitation": {**LEFT, "level": "1 N"}}, "excitation.level is a force, but the base moves"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.special import exp1, wofz
+from sweep_windows import frequency_at
 
 import beamsim
 from beamsim.inputs.drift import CorrectionSize, drift_free, jumps
@@ -85,7 +86,7 @@ def test_no_drift(sweep):
     windows = cut_into_windows(legs, FLAT, corrections=jumps(legs, FLAT, 0.0))
     within = 0.5 * windows.length[:, None] * np.linspace(-1, 1, 41)
     time = windows.start[:, None] + 0.5 * windows.length[:, None] + within
-    displacement, frequency = values(windows, windows.displacement, within), windows.frequency_at(time)
+    displacement, frequency = values(windows, windows.displacement, within), frequency_at(windows, time)
     assert np.all(np.abs(displacement) <= 1.01 * 9.8 / (2 * np.pi * frequency) ** 2)
     fast = frequency > 60.0
     scaled = displacement[fast] * (2 * np.pi * frequency[fast]) ** 2 / 9.8

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from independent import Stop, Structure
 from independent import integrate as integrate_with_restarts
+from sweep_windows import frequency_at, values_at
 
 from beamsim.analyses.run.outputs import accelerations, displacements, stack
 from beamsim.flow.exact import ExactFlow
@@ -60,7 +61,7 @@ def states(flow, record, times):
 
 def base_motion(windows, acceleration):
     """``t -> (d, d')`` from an acceleration alone, by Chebyshev polynomials; starts where the windows do."""
-    constants = [windows.evaluate(c, 0.0) for c in (windows.displacement, windows.velocity)]
+    constants = [values_at(windows, c, 0.0) for c in (windows.displacement, windows.velocity)]
     ends = np.append(windows.start, windows.duration)
     pieces = []
     for begin, end in itertools.pairwise(ends):
@@ -300,7 +301,7 @@ def test_envelopes_and_harmonics_of_cycles_against_dense_samples(make_system, ri
         square = w @ values**2 / (end - begin)
         np.testing.assert_allclose(record.mean_square[cycle], square, rtol=1e-8, atol=1e-12 * square.max())
         phase = phase_of(legs, t)
-        rate = 2 * np.pi * windows.frequency_at(t)
+        rate = 2 * np.pi * frequency_at(windows, t)
         for i, order in enumerate(orders):
             expected = (w * rate * np.exp(-1j * order * phase)) @ values / np.pi
             if order == 0:  # the mean is one over time, as the mean square

@@ -45,6 +45,6 @@ class ModeComparison(Result):
     @stored(dataset("1", "computed over measured frequency less 1; NaN where no mode fits", along=(_MEASURED,)))
     def difference(self) -> Floats:
         """(m,) relative difference of the frequencies of each pair."""
-        found = self.paired > 0
-        computed = np.where(found, self.predicted_hz[np.maximum(self.paired, 1) - 1], np.nan)
+        has_pair = self.paired > 0
+        computed = np.where(has_pair, self.predicted_hz[np.maximum(self.paired, 1) - 1], np.nan)
         return np.asarray(computed / self.measured_hz - 1.0)

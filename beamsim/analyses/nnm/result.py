@@ -26,12 +26,6 @@ from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 SAFELY = 3.0  # factors this much below the expansion's reach count as small
-FATES = {
-    "same": "Newton's method leads from it to the backbone's motion",
-    "other": "Newton's method leads from it to another motion",
-    "none": "there is no periodic motion near it",
-    "between": "the backbone has no motion there (a tongue cuts it)",
-}
 UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}
 
 _POINT = (Counter("point", "number of the point along the branch"),)
