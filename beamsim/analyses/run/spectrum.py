@@ -169,7 +169,7 @@ def found_again(record: Record, known: Spectrum) -> tuple[Floats, Floats]:
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
 
     Orders of the excitation keep their frequency. Any other line is sought near its own, since a natural frequency
-    depends on the model.
+    depends on the model, but no nearer to another line: two lines at one frequency would share its amplitude.
     """
     lines = known.lines[1:]
     one_sided = Window.named(known.window).one_sided
@@ -178,18 +178,21 @@ def found_again(record: Record, known: Spectrum) -> tuple[Floats, Floats]:
     free = [k for k, line in enumerate(lines) if line.kind in ("other", "residual")]
     if free and examined is not None:
         amplitude = _windowed_amplitude(record.x, examined)
-        bin_hz = record.rate / record.x.size
+        bins = frequency * (record.x.size / record.rate)
+        between = np.concatenate([[-np.inf], 0.5 * (bins[1:] + bins[:-1]), [np.inf]])  # lines are in order of frequency
         for k in free:
-            frequency[k] = bin_hz * _nearby_peak(amplitude, frequency[k] / bin_hz, lines[k].amplitude)
+            peak = _nearby_peak(amplitude, bins[k], lines[k].amplitude, between[k], between[k + 1])
+            frequency[k] = peak * (record.rate / record.x.size)
     mean, c = record.project(frequency, examined)
     return np.append(0.0, frequency), np.append(abs(mean), np.abs(c))
 
 
-def _nearby_peak(amplitude: Floats, near: float, size: float) -> float:
-    """The nearest local maximum, in bins, that is not much smaller than a known line; else where that line is."""
+def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most: float) -> float:
+    """The nearest local maximum from least to most, in bins, not much smaller than a known line; else where it is."""
     reach = max(NEARBY_BINS, NEARBY * near)
     low, high = max(1, int(near - reach)), min(amplitude.size - 1, int(near + reach) + 2)
     inner = np.arange(low, high)
+    inner = inner[(inner > least) & (inner < most)]
     top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
     top = top[amplitude[top] >= 0.5 * size]
     if top.size == 0:
