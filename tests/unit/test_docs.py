@@ -52,3 +52,38 @@ def test_every_package_has_its_place_in_contributing():
     for path in (ROOT / "beamsim").iterdir():
         if path.is_dir() and (path / "__init__.py").exists():
             assert f"`{path.name}`" in text, path.name
+
+
+@pytest.fixture
+def site_pages(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    import site_pages.commands
+    import site_pages.scenario_keys
+    import site_pages.tutorial
+
+    return site_pages
+
+
+def test_the_reference_has_every_key_and_every_command(site_pages):
+    keys, commands = site_pages.scenario_keys.page(), site_pages.commands.page()
+    for name, part in json_schema()["$defs"].items():
+        if not name.endswith("Changes"):
+            assert keys.count(f"({site_pages.scenario_keys._anchor(name)})=") == 1, name
+            assert all(f"| `{key}` |" in keys for key in part["properties"] if key != "extends")
+    for command in ("run", "sweep", "nnm", "identify-stiffness", "compare", "pad", "check", "export-structure", "new"):
+        assert f"## `beamsim {command}`" in commands
+    assert "| `--set PATH=VALUE` |" in commands
+    assert "| `--output, -o PATH` |" in commands
+
+
+def test_the_files_of_the_tutorial_load_and_its_pictures_are_those_of_its_commands(site_pages, tmp_path):
+    text = site_pages.tutorial.SOURCE.read_text(encoding="utf-8")
+    files = dict(site_pages.tutorial._FILE.findall(text))
+    for name, content in files.items():
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    for name in files:
+        beamsim.load_scenario(tmp_path / name)
+    assert {Path(name).stem for name in files} >= {
+        picture.split("_")[0] for _, picture in site_pages.tutorial._PICTURE.findall(text)
+    }
+    assert site_pages.tutorial._COMMANDS.findall(text)

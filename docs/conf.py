@@ -1,0 +1,41 @@
+"""Configuration of the documentation: `sphinx-build -W docs build/site`.
+
+Pages of `generated` are made anew in every build, from the code and from runs of the shipped configs.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from site_pages import commands, gallery, scenario_keys, tutorial, validation  # noqa: E402
+
+from beamsim import __version__  # noqa: E402
+
+GENERATED = HERE / "generated"
+GENERATED.mkdir(exist_ok=True)
+PAGES = {
+    "scenario_keys": scenario_keys.page,
+    "commands": commands.page,
+    "gallery": lambda: gallery.page(GENERATED / "pictures"),
+    "tutorial": lambda: tutorial.page(GENERATED / "pictures"),
+    "validation": validation.page,
+}
+for _name, _page in PAGES.items():
+    (GENERATED / f"{_name}.md").write_text(_page(), encoding="utf-8")
+
+project = "beamsim"
+author = "the beamsim authors"
+version = release = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+myst_enable_extensions = ["dollarmath", "amsmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["site_pages", "tutorial.md"]  # the tutorial is built with what its commands print
+autodoc_typehints = "signature"
+html_theme = "furo"
+html_title = f"beamsim {version}"
+html_show_sourcelink = False
+html_extra_path = ["scenario.schema.json"]

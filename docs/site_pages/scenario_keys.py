@@ -1,0 +1,122 @@
+"""The page of all keys of a scenario, made from its JSON Schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from beamsim.scenario import json_schema
+
+_INTRODUCTION = """\
+# Keys of a scenario
+
+This page is made from the JSON Schema (`beamsim schema`) that checks every scenario. Keys that are required have
+no default. A quantity is a number in the SI unit of the table, or a text with any unit of the same dimension, such as
+`5 mm`.
+
+"""
+
+
+def page() -> str:
+    """Return the page as MyST Markdown."""
+    schema = json_schema()
+    parts = {name: part for name, part in schema["$defs"].items() if not name.endswith("Changes")}
+    return _INTRODUCTION + "".join(_section(name, path, parts[name]) for name, path in _paths(parts).items())
+
+
+def _paths(parts: dict[str, Any]) -> dict[str, str]:
+    """Return the first path at which each part appears, breadth first, so that a reader meets the outer keys first."""
+    paths = {"Scenario": ""}
+    for name in (queue := ["Scenario"]):
+        for key, item in parts[name].get("properties", {}).items():
+            for part, suffix in _references(item):
+                if part not in paths:
+                    paths[part] = ".".join(filter(None, [paths[name], key + suffix]))
+                    queue.append(part)
+    return dict(sorted(paths.items(), key=lambda item: item[1].split(".")[0].split("[")[0] if item[1] else ""))
+
+
+def _references(item: Any, suffix: str = "") -> Iterator[tuple[str, str]]:
+    if isinstance(item, dict):
+        if "$ref" in item:
+            yield item["$ref"].rsplit("/", 1)[1], suffix
+        for key in ("anyOf", "oneOf"):
+            for inner in item.get(key, ()):
+                yield from _references(inner, suffix)
+        yield from _references(item.get("items"), suffix + "[]")
+        yield from _references(item.get("additionalProperties"), suffix + ".<name>")
+        for inner in item.get("prefixItems", ()):
+            yield from _references(inner, suffix)
+
+
+def _section(name: str, path: str, part: dict[str, Any]) -> str:
+    properties = part.get("properties", {})
+    title = f"`{path}`" if path else "The scenario"
+    kind = properties.get("kind", {}).get("const")
+    if kind:
+        title += f", `kind: {kind}`"
+    else:
+        title += f": {_words(name)}" if path else ""
+    required = set(part.get("required", ()))
+    rows = [
+        f"| `{key}` | {_cell(_type(item))} | {_default(key, item, required)} | {_cell(item.get('description', ''))} |\n"
+        for key, item in properties.items()
+        if not (key == "extends" and item == {"type": "null"})
+    ]
+    table = "| key | value | default | meaning |\n|---|---|---|---|\n" + "".join(rows)
+    level = "##" if path.count(".") == 0 else "###"
+    return f"({_anchor(name)})=\n{level} {title}\n\n{part.get('description', '')}\n\n{table}\n"
+
+
+def _words(name: str) -> str:
+    return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+
+
+def _anchor(name: str) -> str:
+    return f"key-{_words(name).replace(' ', '-')}"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _default(key: str, item: dict[str, Any], required: set[str]) -> str:
+    if key in required:
+        return "required"
+    default = item.get("default")
+    if default is None or default in ("", [], {}):
+        return ""
+    if isinstance(default, dict):
+        inner = ", ".join(f"{name}: {value}" for name, value in default.items() if value not in (None, [], ""))
+        return f"`{{{inner}}}`" if inner else ""
+    return f"`{default}`".replace("True", "true").replace("False", "false")
+
+
+def _type(item: dict[str, Any]) -> str:
+    """Return what a value may be, in a few words."""
+    if "x-unit" in item:
+        examples = " or ".join(f"`{example}`" for example in item.get("examples", ()))
+        return f"quantity in {item['x-unit']}, {examples}" if examples else f"quantity in {item['x-unit']}"
+    if "$ref" in item:
+        name = item["$ref"].rsplit("/", 1)[1]
+        return f"[{_words(name)}](#{_anchor(name)})"
+    if "const" in item:
+        return f"`{item['const']}`"
+    if "enum" in item:
+        return ", ".join(f"`{value}`" for value in item["enum"])
+    variants = [inner for key in ("anyOf", "oneOf") for inner in item.get(key, ()) if inner.get("type") != "null"]
+    if variants:
+        if item.get("examples"):
+            return "quantity, " + " or ".join(f"`{example}`" for example in item["examples"])
+        return " or ".join(dict.fromkeys(map(_type, variants)))
+    kind = item.get("type")
+    if kind == "array":
+        if "prefixItems" in item:
+            return "[" + ", ".join(map(_type, item["prefixItems"])) + "]"
+        return f"list of {_type(item.get('items', {}))}"
+    if kind == "object":
+        values = item.get("additionalProperties")
+        return f"mapping of names to {_type(values)}" if isinstance(values, dict) else "mapping"
+    return {
+        "string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`",
+    }.get(str(kind), "value")  # fmt: skip
