@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from independent import Beam
 from scipy.linalg import expm
 from scipy.sparse import csc_array
 
@@ -16,7 +17,6 @@ from beamsim.structures.assembly import assemble
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.system.build import build_system
-from tests.helpers.independent import Beam
 
 L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
 EI, LINE = E * W * H**3 / 12, RHO * W * H

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from independent import Beam
 from numpy.polynomial.polynomial import polyval, polyval2d
 from scipy.linalg import expm
 
@@ -10,7 +11,6 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble, load_site_in
 from beamsim.system.build import build_system
-from tests.helpers.independent import Beam
 
 L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
 EI = E * W * H**3 / 12

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from independent import Beam
 from scipy.linalg import expm
 from scipy.sparse import csc_array
 
@@ -14,7 +15,6 @@ from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.system.build import build_system
-from tests.helpers.independent import Beam
 
 L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
 EI = E * W * H**3 / 12

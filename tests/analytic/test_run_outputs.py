@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from independent import Beam, Stop, Structure, integrate
 
 import beamsim
 from beamsim.analyses.run.outputs import accelerations, exact_flow
@@ -17,7 +18,6 @@ from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
-from tests.helpers.independent import Beam, Stop, Structure, integrate
 
 BEAM = {"length": 0.8, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 EI, LINE = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01

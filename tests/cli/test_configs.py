@@ -1,19 +1,17 @@
 """Every shipped config loads without a warning, and does what its sections ask for."""
 
-from pathlib import Path
-
 import pytest
+from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.system.build import build_system
 
-CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 ALREADY_RUN = ("one_sided_", "prestressed_", "backlash_", "point_force_")  # tests/reference/test_thesis_cases.py
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
 def test_config_loads(path):
-    scenario = beamsim.load_scenario(path)
+    scenario = shipped(path)
     assert scenario.warnings == ()
     assert scenario.title
     assert beamsim.load_scenario(scenario.to_yaml()) == scenario
@@ -21,7 +19,7 @@ def test_config_loads(path):
 
 
 SHORTER = {"random_vibration": {"run.duration": 0.5, "run.spectrum.last": 0.3}}
-RUN = [path for path in CONFIGS if not path.stem.startswith(ALREADY_RUN) and beamsim.load_scenario(path).run]
+RUN = [path for path in PATHS if not path.stem.startswith(ALREADY_RUN) and shipped(path).run]
 
 
 @pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)

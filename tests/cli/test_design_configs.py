@@ -1,21 +1,18 @@
 """The shipped design studies, each with fewer cases and a shorter run."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.analyses.designs.analysis import check_cases, design_study, plan_designs
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-STUDIES = [
-    path for path in sorted(CONFIGS.glob("*.yaml")) if (s := beamsim.load_scenario(path)).vary and s.sweep is None
-]
+CONFIGS = PATHS[0].parent
+STUDIES = [path for path in PATHS if shipped(path).vary and shipped(path).sweep is None]
 
 
 def shortened(path, count=3):
-    vary = beamsim.load_scenario(path).vary
+    vary = shipped(path).vary
     changes = {"run.duration": "0.1 s", "run.spectrum.last": "0.05 s"}
     if vary.kind == "latin_hypercube":
         changes["vary.samples"] = 4

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from shipped import PATHS, shipped
 from typer.testing import CliRunner
 
 from beamsim.analyses.nnm.analysis import nnm
@@ -24,7 +25,7 @@ def invoke(*arguments):
 
 
 ELSEWHERE = ("ms_", "nnm_forced_")  # tests/reference/test_multiple_scales_thesis.py, tests/cli/test_phase_resonance.py
-NNM = sorted(p for p in CONFIGS.glob("*.yaml") if not p.stem.startswith(ELSEWHERE) and load_scenario(p).nnm is not None)
+NNM = [path for path in PATHS if not path.stem.startswith(ELSEWHERE) and shipped(path).nnm is not None]
 
 
 @cache

@@ -7,6 +7,7 @@ longer needed, until it is removed from the list.
 import ast
 import tomllib
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,31 +25,31 @@ KNOWN_UNDESCRIBED_PACKAGES: set[str] = set()
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def read_modules():
+@cache
+def modules():
     """Syntax tree of every module by its dotted name; a package's name stands for its ``__init__``."""
-    modules = {}
+    trees = {}
     for path in sorted((ROOT / "beamsim").rglob("*.py")):
         name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        modules[name] = ast.parse(path.read_text(encoding="utf-8"))
-    return modules
+        trees[name] = ast.parse(path.read_text(encoding="utf-8"))
+    return trees
 
 
-MODULES = read_modules()
 PACKAGES = sorted(".".join(path.parent.relative_to(ROOT).parts) for path in (ROOT / "beamsim").rglob("__init__.py"))
 
 
-def read_imports(modules):
+def read_imports(trees):
     """Modules imported by each module, wherever the import stands: in functions and under TYPE_CHECKING too."""
-    imports = {name: set() for name in modules}
-    for name, tree in modules.items():
+    imports = {name: set() for name in trees}
+    for name, tree in trees.items():
         for node in ast.walk(tree):
             if isinstance(node, ast.Import):
                 imports[name] |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 assert node.level == 0, f"{name} imports relatively"
                 inside = {f"{node.module}.{alias.name}" for alias in node.names}
-                imports[name] |= {x if x in modules else node.module for x in inside}
-        imports[name] = {x for x in imports[name] if x in modules and x != name}
+                imports[name] |= {x if x in trees else node.module for x in inside}
+        imports[name] = {x for x in imports[name] if x in trees and x != name}
     return imports
 
 
@@ -108,11 +109,11 @@ def assert_only_known_circles(found, known):
 
 
 def test_no_module_is_part_of_an_import_circle():
-    assert_only_known_circles(circles(read_imports(MODULES)), KNOWN_MODULE_CIRCLES)
+    assert_only_known_circles(circles(read_imports(modules())), KNOWN_MODULE_CIRCLES)
 
 
 def test_no_package_is_part_of_an_import_circle():
-    assert_only_known_circles(circles(package_imports(read_imports(MODULES))), KNOWN_PACKAGE_CIRCLES)
+    assert_only_known_circles(circles(package_imports(read_imports(modules()))), KNOWN_PACKAGE_CIRCLES)
 
 
 def layer_of_each_top_level_name():
@@ -127,7 +128,7 @@ def layer_of_each_top_level_name():
 def test_every_module_imports_from_lower_layers_only():
     rank = layer_of_each_top_level_name()
     wrong = []
-    for module, targets in read_imports(MODULES).items():
+    for module, targets in read_imports(modules()).items():
         if module in ("beamsim", "beamsim.__main__"):
             continue
         here = ".".join(module.split(".")[:2])
@@ -171,7 +172,7 @@ def asks_for_the_kind_of_structure(node):
 def test_nothing_above_structures_asks_for_the_kind_of_structure():
     found = {
         name
-        for name, tree in MODULES.items()
+        for name, tree in modules().items()
         if not name.startswith(("beamsim.structures", "beamsim.scenario"))
         and any(asks_for_the_kind_of_structure(node) for node in ast.walk(tree))
     }
@@ -214,14 +215,14 @@ def compares_a_status_with_text(node):
 
 def test_no_status_is_compared_with_text():
     found = {
-        name for name, tree in MODULES.items() if any(compares_a_status_with_text(node) for node in ast.walk(tree))
+        name for name, tree in modules().items() if any(compares_a_status_with_text(node) for node in ast.walk(tree))
     }
     assert_only_known(found, KNOWN_STATUS_COMPARISONS)
 
 
 def test_no_two_classes_share_a_name():
     homes = defaultdict(set)
-    for name, tree in MODULES.items():
+    for name, tree in modules().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
                 homes[node.name].add(name)
@@ -240,10 +241,10 @@ def decorated(tree, name):
 
 def test_kernels_without_an_entry_from_python_are_called_by_kernels_alone():
     """A call of one from Python crashes the interpreter."""
-    kernels = {name: tree for name, tree in MODULES.items() if name.endswith("kernels")}
+    kernels = {name: tree for name, tree in modules().items() if name.endswith("kernels")}
     without_entry = set.union(*(decorated(tree, "inner") for tree in kernels.values()))
     assert len(without_entry) > 50
-    for name, tree in MODULES.items():
+    for name, tree in modules().items():
         compiled = decorated(tree, "inner") | decorated(tree, "kernel")
         local = {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)} if name not in kernels else set()
         for node in tree.body:
@@ -254,7 +255,7 @@ def test_kernels_without_an_entry_from_python_are_called_by_kernels_alone():
 
 
 def test_array_types_are_named_in_one_module():
-    for name, tree in MODULES.items():
+    for name, tree in modules().items():
         if name == "beamsim.typing":
             continue
         for node in tree.body:
@@ -266,7 +267,7 @@ def test_array_types_are_named_in_one_module():
 def test_every_package_says_what_it_holds_what_it_never_does_and_where_to_begin():
     found = set()
     for name in PACKAGES[1:]:
-        text = ast.get_docstring(MODULES[name]) or ""
+        text = ast.get_docstring(modules()[name]) or ""
         if not (len(text.splitlines()) >= 3 and "Never here:" in text and "Begin with" in text):
             found.add(name)
     assert_only_known(found, KNOWN_UNDESCRIBED_PACKAGES)
@@ -344,7 +345,7 @@ def test_every_outcome_is_given_by_something():
 
     used = {
         node.attr
-        for name, tree in MODULES.items()
+        for name, tree in modules().items()
         if name not in ("beamsim.outcomes", "beamsim.store.outcomes")
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "OutcomeCode"
