@@ -50,6 +50,22 @@ def _spring_force(result: RunResult, forces: Mapping[str, float]) -> dict[str, s
     return {name: f"{si(force, 'N')} at an elongation of {si(stretch[name], 'm')}" for name, force in forces.items()}
 
 
+def _friction(_: RunResult, contacts: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+    """Two rows for each friction contact: how it slides, and what that loses."""
+    width = max(len(name) for name in contacts)
+    for name, s in contacts.items():
+        start = f"starts with {si(s['start_force_n'], 'N')}" if s["start_force_n"] else "starts unstressed"
+        share = f"slides {percent(s['sliding_share'])} of the time"
+        if s["slides"] is None:
+            yield "", f"{name:<{width}}  {share}; {start}"
+            continue
+        distance = f"{si(s['sliding_distance_m'], 'm')} in {counted(s['slides'], 'slide')}"
+        yield "", f"{name:<{width}}  {share}, {distance}; {start}"
+        worn = "" if s["worn_volume_m3"] is None else f", worn volume {s['worn_volume_m3'] * 1e9:.4g} mm^3"
+        lost = f"loses {si(s['dissipated_energy_j'], 'J')}, {si(s['dissipated_power_w'], 'W')}"
+        yield "", f"{'':<{width}}  {lost}, wear power {si(s['wear_power_w'], 'W')}{worn}"
+
+
 def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
     """By output its peak and range, what it is and where."""
     low, high, units = (result.summary[name] for name in ("min_output", "max_output", "output_unit"))
@@ -258,6 +274,7 @@ TEXTS: Texts = {
     "peak_displacement_m": _displacement,
     "contact_share": _contact,
     "peak_spring_force_n": _spring_force,
+    "friction": _friction,
     "peak_output": _outputs,
     "gap_m": _preload,
     "largest_bending_stress_pa": _stress,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.laws import ContactLaw, kelvin_voigt
+from beamsim.contacts.laws import ContactLaw, Phase, kelvin_voigt
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 
@@ -240,7 +241,8 @@ class Contacts:
         """(nt,) energy stored in all contacts, J; arrays as for `forces`."""
         contact, p = np.arange(self.count), self.own_internal(internal)
         row, stored = self.arrays.force[contact, phases], self.arrays.stored[contact, phases]
-        by_penetration = 0.5 * row[..., 0] * penetration + row[..., 2] + np.sum(row[..., 3:] * p, axis=-1)
+        constant = row[..., 2] - self.friction(phases)
+        by_penetration = 0.5 * row[..., 0] * penetration + constant + np.sum(row[..., 3:] * p, axis=-1)
         z = np.concatenate([np.ones((*p.shape[:2], 1)), p], axis=2)
         energy = by_penetration * penetration + 0.5 * np.einsum("tji,tjik,tjk->tj", z, stored, z)
         return np.asarray(energy.sum(axis=1))
@@ -251,6 +253,25 @@ class Contacts:
         losses = a.losses[contact, phases]
         internal = [losses[j, : a.states[j]] for j in np.flatnonzero(a.states)]
         return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *internal])
+
+    def friction(self, phases: Ints) -> Floats:
+        """(..., m) constant part of each force whose work is lost, N, in phases (..., m)."""
+        return np.asarray(self._friction[np.arange(self.count), phases])
+
+    def event_losses(self, before: Ints, after: Ints) -> Floats:
+        """(n, m) energy lost, J, where the phases change from ``before`` to ``after``, (n, m) each."""
+        return np.asarray(self._losing_events[np.arange(self.count), before, after])
+
+    @cached_property
+    def _losing_events(self) -> Floats:
+        """(m, P, P) energy lost when a contact changes from one phase to another, J."""
+        most = self.arrays.touching.shape[1]
+        out = np.zeros((self.count, most, most))
+        for j, law in enumerate(self.laws):
+            for k, phase in enumerate(law.phases):
+                for guard in phase.guards:
+                    out[j, k, guard.next] = guard.loss
+        return out
 
     def energy_slopes(self, phases: Ints) -> tuple[Floats, Floats]:
         """Derivatives of the energy at zero penetration by all internal states: (r, r) factors of these, and (r,) at
@@ -278,6 +299,11 @@ class Contacts:
         states = [law.settled_states(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
         return np.concatenate([np.zeros(0), *states])
 
+    @property
+    def resting_load(self) -> Floats:
+        """(n,) generalised force of the contacts after a long rest that does not depend on where they rest."""
+        return np.asarray((self.sign * [law.resting_force for law in self.laws]) @ self.shape)
+
     def internal_rates(self, phases: Ints) -> tuple[Floats, Floats]:
         """Rates of all internal states in given phases.
 
@@ -300,9 +326,18 @@ class Contacts:
     @cached_property
     def _coupled(self) -> Bools:
         """(m, P) phases in which a contact's internal states and the structure drive each other."""
-        out = np.zeros(self.arrays.touching.shape, dtype=bool)
+        return self._of_phases(lambda phase: phase.coupled) > 0.0
+
+    @cached_property
+    def _friction(self) -> Floats:
+        """(m, P) `friction` of each phase."""
+        return self._of_phases(lambda phase: phase.friction)
+
+    def _of_phases(self, number: Callable[[Phase], float]) -> Floats:
+        """(m, P) a number of each phase of each contact."""
+        out = np.zeros(self.arrays.touching.shape)
         for j, law in enumerate(self.laws):
-            out[j, : len(law.phases)] = [phase.coupled for phase in law.phases]
+            out[j, : len(law.phases)] = [number(phase) for phase in law.phases]
         return out
 
     def watched(self, phases: Ints) -> Watched:

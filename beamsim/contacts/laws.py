@@ -5,18 +5,19 @@ states p,
 
 .. math:: N = k\,\delta + c\,\dot\delta + N_0 + h^T p, \qquad \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
 
-The energy stored is :math:`k\delta^2/2 + N_0\delta + \delta\,h^T p + p^T S p/2 + s^T p + E_0`, the power lost
-:math:`c\,\dot\delta^2 + \sum_i l_i \dot p_i^2`. A phase lasts while its guards, linear in :math:`\delta`,
-:math:`\dot\delta`, p and 1, stay positive. The guard that reaches zero first names the phase that follows; where the
-law needs it, the internal states start there from an affine function of the same quantities. A law of another kind is
-another list of phases, nothing else changes:
+The energy stored is :math:`k\delta^2/2 + (N_0 - R)\delta + \delta\,h^T p + p^T S p/2 + s^T p + E_0`, the power lost
+:math:`c\,\dot\delta^2 + R\,\dot\delta + \sum_i l_i \dot p_i^2`, R being the part of N_0 whose work is lost. A phase
+lasts while its guards, linear in :math:`\delta`, :math:`\dot\delta`, p and 1, stay positive. The guard that reaches
+zero first names the phase that follows; where the law needs it, the internal states start there from an affine
+function of the same quantities. A law of another kind is another list of phases, nothing else changes:
 
 * a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, with the offset N_0;
 * a *Maxwell branch* of stiffness k and relaxation time tau: one internal state with A = -1/tau, b_delta = 1/tau,
   and a force k (delta - p), so h = -k and k is added to the phase's stiffness; S = k, l = k tau;
 * a law that *never pulls*: one more guard on each phase that touches, the force itself;
-* *friction* with a tangential spring: delta is the tangential motion; sticking is a phase with a stiffness (the slider
-  is an internal state that rests), slipping in either direction one with a constant force;
+* *friction* with a tangential spring (:mod:`beamsim.contacts.friction`): delta is the tangential motion; sticking is a
+  phase with a stiffness (the slider is an internal state that rests), sliding in either direction one with a constant
+  force, whose work is lost;
 * *hysteresis* between straight lines: phases whose offsets are internal states that rest, set by the guards' resets.
 """
 
@@ -40,7 +41,7 @@ class Guard:
 
     It is ``penetration * delta + rate * delta' + internal @ p + constant``. ``reset`` gives the internal states with
     which the next phase starts: one row (penetration, rate, 1, then one factor for each internal state) for each of
-    them; None where they go on as they are.
+    them; None where they go on as they are. ``loss`` is the energy that is lost at the event, J.
     """
 
     next: int
@@ -49,6 +50,7 @@ class Guard:
     constant: float = 0.0
     internal: tuple[float, ...] = ()
     reset: tuple[tuple[float, ...], ...] | None = None
+    loss: float = 0.0
 
     def row(self, internal_states: int) -> Floats:
         """(3 + r,) factors of the penetration, its rate, 1, and the internal states."""
@@ -61,7 +63,7 @@ class Phase:
 
     name: str
     guards: tuple[Guard, ...]
-    touching: bool  # shown to users as closed
+    touching: bool  # shown to users as closed; of friction whether it sticks
     stiffness: float = 0.0  # N/m
     dashpot: float = 0.0  # N s/m
     force: float = 0.0  # N, at zero penetration
@@ -72,6 +74,7 @@ class Phase:
     stored_linear: tuple[float, ...] = ()  # (r,) s, N
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
     energy: float = 0.0  # J, E_0
+    friction: float = 0.0  # N, R
 
     def row(self, internal_states: int) -> Floats:
         """(3 + r,) factors of the force, as those of a guard."""
@@ -108,6 +111,8 @@ class ContactLaw:
     static : one-sided springs that push as the law does after a long rest; by default `parts`, or else one spring of
         the stiffness.
     settled : the internal states after a long rest at a penetration, m; zero by default.
+    resting_force : force that does not fade in a long rest and that no static spring gives, N: that of a face that
+        sticks.
     undamped_law : the law without its dashpots, where it is another one; None where there is none.
     family : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
         change them.
@@ -121,6 +126,7 @@ class ContactLaw:
     dashpot: float = np.nan
     static: tuple[OneSidedSpring, ...] | None = None
     settled: Callable[[float], tuple[float, ...]] | None = None
+    resting_force: float = 0.0
     undamped_law: ContactLaw | None = None
     family: Callable[[float, float], ContactLaw] | None = None
 
@@ -209,10 +215,12 @@ class ContactLaw:
                 dashpot=factor * p.dashpot,
                 force=factor * p.force,
                 energy=factor * p.energy,
+                friction=factor * p.friction,
                 internal=tuple(factor * x for x in p.internal),
                 stored=tuple(tuple(factor * x for x in row) for row in p.stored),
                 stored_linear=tuple(factor * x for x in p.stored_linear),
                 losses=tuple(factor * x for x in p.losses),
+                guards=tuple(replace(g, loss=factor * g.loss) for g in p.guards),
             )
             for p in self.phases
         )

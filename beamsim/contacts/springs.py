@@ -22,6 +22,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.contacts.friction import friction_law
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.errors import Problem, ScenarioError
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Located
 
 
-JOINT = "spring"  # kind of the joints that relax
+JOINT, FRICTION = "spring", "friction"  # kinds of the joints that relax, and of friction contacts
 
 
 @dataclass(frozen=True)
@@ -41,18 +42,14 @@ class SpringInfo:
     """One spring with a law of its own: where it acts, and F = linear x + that of the law, or cubic x^3."""
 
     name: str
-    kind: str  # "linear" (which relaxes), "cubic", "piecewise_linear", or "spring" of a joint
+    kind: str  # "linear" (which relaxes), "cubic", "piecewise_linear", "spring" of a joint, or "friction"
     places: tuple[str, ...]  # what it connects to the ground, or the two places that it joins, for people
     masses: tuple[int, ...]  # their numbers where they are masses
     shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
+    on_ground: bool  # whether it depends on the absolute displacement
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
-
-    @property
-    def on_ground(self) -> bool:
-        """Whether it depends on the absolute displacement; a joint is to the base."""
-        return len(self.places) == 1 and self.kind != JOINT
 
     @property
     def relaxes(self) -> bool:
@@ -69,8 +66,9 @@ class SpringInfo:
 
 
 def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringInfo, ...]:
-    """Springs and joints with laws; ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
+    """Springs, joints and friction contacts with laws.
 
+    ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
     Raises ScenarioError if breakpoints do not increase, as cases of a study that varies them may.
     """
     infos: list[SpringInfo] = []
@@ -83,6 +81,9 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
             numbers = (float(spring.stiffness), 0.0, None)
         elif spring.kind in ("linear", JOINT):
             numbers = (0.0, float(spring.stiffness), relaxing_law(None, branches))
+        elif spring.kind == FRICTION:
+            law = friction_law(spring.stiffness, spring.static_force, spring.sliding_force, spring.start_force)
+            numbers = (0.0, 0.0, law)
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):
                 raise ScenarioError(
@@ -94,7 +95,8 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             numbers = (0.0, float(spring.slope_at_rest), relaxing_law(law, branches) if branches else law)
-        infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, *numbers))
+        on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
+        infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, on_ground, *numbers))
     return tuple(infos)
 
 

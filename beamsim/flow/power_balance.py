@@ -34,12 +34,14 @@ def power_balance(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
     factor, by_internal = contacts.force_rows(phases)
     dashpot, internal = contacts.losses(phases)
     elastic = factor[:, :1] * delta + by_internal @ state[2 * n :]
-    elastic[:, -1] += factor[:, 2]
+    friction = contacts.friction(phases)
+    elastic[:, -1] += factor[:, 2] - friction
 
     gradient = np.zeros_like(state)
     gradient[:n] = system.stiffness[:, None] * state[:n] - (contacts.sign[:, None] * contacts.shape).T @ elastic
     gradient[n : 2 * n] = velocity
     form = velocity.T @ system.damping @ velocity + (rate.T * dashpot) @ rate
+    form[:, -1] += rate.T @ friction
     if internal.size:
         by_states, constant = contacts.energy_slopes(phases)
         gradient[2 * n :] = by_internal.T @ delta + by_states @ state[2 * n :]

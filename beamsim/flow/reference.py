@@ -156,6 +156,7 @@ def integrate(
                 break
             contact, guard = right_hand_side.guards[hit]
             right_hand_side.reset(contact, guard, t, y)
+            y[-1] += guard.loss
             phases = contacts.after(phases, contact, guard.next)
             ev_time.append(t)
             ev_contact.append(contact)
@@ -216,6 +217,7 @@ class _RightHandSide:
         self.row, self.internal_row = c.force_rows(phases)
         self.own_rates, self.driven_rates = c.internal_rates(phases)
         self.loss, self.internal_loss = c.losses(phases)
+        self.friction = c.friction(phases)
 
     def _sources(self, t: float) -> tuple[Floats, Floats]:
         s = self.flow.sources
@@ -249,13 +251,13 @@ class _RightHandSide:
             inside = inside - pull @ self.cubic.shape
             if self.base_velocity is not None:
                 through = float(pull @ self.cubic.felt) * float(self.base_velocity(t))
-        friction = system.damping @ v
-        acceleration = inside + outside - friction + (force * c.sign) @ c.shape
+        resisted = system.damping @ v
+        acceleration = inside + outside - resisted + (force * c.sign) @ c.shape
         drive = self.driven_rates
         p_rate = self.own_rates @ p + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
         moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
         power = outside @ v - (force * c.sign) @ moved + through
-        loss = v @ friction + self.loss @ rate**2 + self.internal_loss @ p_rate**2
+        loss = v @ resisted + (self.loss * rate + self.friction) @ rate + self.internal_loss @ p_rate**2
         return np.concatenate([v, acceleration, p_rate, [power, loss]])
 
     def power_in(self, times: Floats, y: Floats, phases: Ints) -> Floats:

@@ -160,6 +160,11 @@ class Trajectory:
         """(..., m) phases of the contacts in contact states."""
         return self._phases[states]
 
+    def event_losses(self) -> Floats:
+        """(S, m) energy that a contact loses at once where each segment begins, J; none where the first does."""
+        contacts, phases = self.flow.system.contacts, self.phases_of(self.state)
+        return contacts.event_losses(np.concatenate([phases[:1], phases[:-1]]), phases)
+
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""
         kept = max(1, int(np.searchsorted(self.time, end)))

@@ -183,6 +183,20 @@ def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
     return ax
 
 
+def plot_friction(result: RunResult, ax: Axes) -> Axes:
+    """Friction force over displacement: loops enclose the work that is lost. Of a long run the last part is drawn."""
+    contacts = list(result.friction.values())[:MOST_CURVES]
+    shown = slice(max(rows_of(result, "time").size - MOST_STATES, 0), None)
+    loops = [[rows_of(contact, name)[shown] for name in ("displacement", "force")] for contact in contacts]
+    length, newton = (scale_for(unit, *(loop[k] for loop in loops)) for k, unit in enumerate(("m", "N")))
+    for k, (contact, (displacement, force)) in enumerate(zip(contacts, loops, strict=True)):
+        style = {**curve_style(k), "linewidth": 0.8}
+        ax.plot(displacement * length.factor, force * newton.factor, label=contact.name, **style)
+    finish(ax, f"Displacement along the face ({length.unit})", f"Friction force ({newton.unit})")
+    legend(ax, len(contacts), len(result.friction), "friction contacts")
+    return ax
+
+
 def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
     """Force of the nonlinear springs over their stretch, in the range covered by the motion."""
     springs = list(result.springs.values())[:MOST_CURVES]
@@ -272,6 +286,10 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         figure, (ax,) = panels(1, height=4.4)
         figures["force_deflection"] = figure
         plot_force_deflection(result, ax)
+    if result.friction:
+        figure, (ax,) = panels(1, height=4.4)
+        plot_friction(result, ax)
+        figures["friction"] = figure
     if result.springs:
         figure, (ax,) = panels(1, height=4.4)
         plot_spring_force(result, ax)

@@ -64,6 +64,8 @@ class _Checked(ScenarioParts, Protocol):
     @property
     def snubbers(self) -> tuple[Any, ...]: ...
     @property
+    def friction(self) -> tuple[Any, ...]: ...
+    @property
     def probes(self) -> tuple[Probe, ...]: ...
 
 
@@ -188,6 +190,7 @@ _SITED = {
     "probes": "",
     "constant_forces": "",
     "joints": "",
+    "friction": "a friction contact",
 }
 """What sits at places of a section; nothing for what may sit on a support."""
 
@@ -218,7 +221,7 @@ def _joint(scenario: _Checked, where: Path, joint: Any) -> Problems:
 
 def _names(scenario: _Checked) -> Problems:
     shared: list[tuple[Path, Sequence[Any]]] = [
-        ((key,), getattr(scenario, key)) for key in ("snubbers", "springs_to_ground", "springs_between")
+        ((key,), getattr(scenario, key)) for key in ("snubbers", "springs_to_ground", "springs_between", "friction")
     ]
     for name, body in scenario.all_bodies.items():
         shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]

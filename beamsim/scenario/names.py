@@ -20,6 +20,7 @@ DEFAULT_NAMES = {
     "springs_to_ground": "ground_spring",
     "springs_between": "link_spring",
     "joints": "joint",
+    "friction": "friction",
 }
 """Lists whose items have a name by default: this and their number."""
 

@@ -17,6 +17,7 @@ from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.designs import Vary
 from beamsim.scenario.excitation import Excitation, NoExcitation
+from beamsim.scenario.friction import AnyFriction
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.joint import AnyJoint
 from beamsim.scenario.limits import Limits
@@ -51,6 +52,8 @@ class Scenario(Schema):
     """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
     snubbers: tuple[AnySnubber, ...] = ()
     """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
+    friction: tuple[AnyFriction, ...] = ()
+    """Dry friction at points of bodies, on the base or the ground, and between two points."""
     gravity: Annotated[
         Annotated[Gravity, Tag("<number>")] | Annotated[GravityVector, Tag("<list>")], Variants(number_or_list)
     ] = 0.0
@@ -196,18 +199,23 @@ class Scenario(Schema):
 
     @property
     def nonlinear_springs(self) -> tuple[Located, ...]:
-        """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths."""
+        """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
+        friction contacts, springs of kind friction."""
         shared = tuple(
             Located((key, index), self.default_body, spring)
             for key in ("springs_to_ground", "springs_between", "joints")
             for index, spring in enumerate(getattr(self, key))
             if has_own_law(spring)
         )
-        return shared + tuple(
+        of_bodies = tuple(
             Located((*self.body_path(name), *path), name, spring)
             for name, body in self.all_bodies.items()
             for path, spring in body.nonlinear_springs()
         )
+        rubbing = tuple(
+            Located(("friction", index), self.default_body, contact) for index, contact in enumerate(self.friction)
+        )
+        return shared + of_bodies + rubbing
 
     @property
     def all_snubbers(self) -> tuple[Any, ...]:

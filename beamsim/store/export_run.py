@@ -103,7 +103,12 @@ def _names(cls: type, kind: type) -> list[str]:
 def _channels(result: RunResult) -> dict[str, Any]:
     """All quantities along the time of a run."""
     columns = {header("time", _unit(result, "time")): rows_of(result, "time"), **_along(result, "time")}
-    for kind, owners in (("probe", result.probes), ("snubber", result.snubbers), ("spring", result.springs)):
+    for kind, owners in (
+        ("probe", result.probes),
+        ("snubber", result.snubbers),
+        ("spring", result.springs),
+        ("friction", result.friction),
+    ):
         for name, owner in owners.items():
             columns |= _along(owner, "time", f"{kind}_{name}_")
     return {**columns, **_along(result.energy, "time", "energy_")}

@@ -97,7 +97,13 @@ def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], Coordinates], 
 def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
     """Whether a dataset belongs to a probe, a snubber, the base or, in a chain, a spring."""
     parts = dataset.name.split("/")
-    for folder, kind in (("base", "base"), ("springs", "spring"), ("snubbers", "snubber"), ("probes", "probe")):
+    for folder, kind in (
+        ("base", "base"),
+        ("springs", "spring"),
+        ("friction", "friction"),
+        ("snubbers", "snubber"),
+        ("probes", "probe"),
+    ):
         if folder in parts[:-1]:
             return kind
     return "snubber" if quantity in _OF_SNUBBERS else "probe"

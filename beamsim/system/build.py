@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
-from beamsim.contacts.springs import cubic_springs, describe_springs, spring_contacts
+from beamsim.contacts.springs import FRICTION, cubic_springs, describe_springs, spring_contacts
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
@@ -154,11 +154,12 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     contacts = stops.with_others(spring_contacts(springs, basis.size))
     contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
     if cubic.count:  # what integrates these in time knows one-sided springs alone
-        _refuse_pads(snubbers, stops, nonlinear)
+        _refuse_memory(snubbers, stops, nonlinear)
         contacts = contacts.split()
-    contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, loads, cubic)
-    equilibrium = _equilibrium(parts, contacts, loads, cubic)
-    initial, warnings = initial_state(parts, contacts, loads, cubic, equilibrium)
+    resting = np.vstack([loads, contacts.resting_load])
+    contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
+    equilibrium = _equilibrium(parts, contacts, resting, cubic)
+    initial, warnings = initial_state(parts, contacts, resting, cubic, equilibrium)
     warnings += [
         f"{path_text(path)}.force_deflection: {table.remark}"
         for (path, _, _), table in zip(snubbers, tables, strict=True)
@@ -349,20 +350,28 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
         return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
 
 
-def _refuse_pads(snubbers: Sequence[Located], stops: Contacts, springs: Sequence[Located]) -> None:
-    problems = [
-        Problem(
-            f"{path_text(path)}.{'maxwell' if snubber.maxwell else 'force_deflection'}",
-            "cannot be combined with cubic springs",
-            "give the snubber a stiffness alone, or make the springs piecewise_linear",
-        )
-        for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
-        if law.family is None
-    ] + [
-        Problem(f"{path_text(path)}.maxwell", "cannot be combined with cubic springs", "leave one of the two out")
-        for path, _, spring in springs
-        if getattr(spring, "maxwell", ())
-    ]
+def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequence[Located]) -> None:
+    problems = (
+        [
+            Problem(
+                f"{path_text(path)}.{'maxwell' if snubber.maxwell else 'force_deflection'}",
+                "cannot be combined with cubic springs",
+                "give the snubber a stiffness alone, or make the springs piecewise_linear",
+            )
+            for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
+            if law.family is None
+        ]
+        + [
+            Problem(f"{path_text(path)}.maxwell", "cannot be combined with cubic springs", "leave one of the two out")
+            for path, _, spring in springs
+            if getattr(spring, "maxwell", ())
+        ]
+        + [
+            Problem(path_text(path), "cannot be combined with cubic springs", "make the springs piecewise_linear")
+            for path, _, spring in springs
+            if spring.kind == FRICTION
+        ]
+    )
     if problems:
         raise ScenarioError(problems)
 

@@ -35,9 +35,8 @@ def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Sce
     count = len(snubbers)
     contacts = build_contacts(snubbers, curves_of(after), dynamics.contacts.shape[:count], omega, rigid)
     contacts = contacts.with_others(dynamics.contacts.take(slice(count, None)))
-    contacts = resolve_preloads(
-        contacts, snubbers, dynamics.stiffness, rigid, dynamics.constant_load[None, :], system.cubic
-    )
+    resting = np.stack([dynamics.constant_load, contacts.resting_load])
+    contacts = resolve_preloads(contacts, snubbers, dynamics.stiffness, rigid, resting, system.cubic)
     return replace(system, dynamics=replace(dynamics, damping=damping, contacts=contacts))
 
 

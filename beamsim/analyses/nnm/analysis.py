@@ -69,7 +69,7 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
         if not law.has_undamped_form:
             raise ScenarioError(
                 Problem("nnm", f"needs contacts without losses, and that of {name} keeps internal states",
-                        f"leave out maxwell of {name}")
+                        f"leave out maxwell of {name}, or the friction contact")
             )  # fmt: skip
     undamped = replace(
         dynamics,

@@ -36,6 +36,7 @@ from beamsim.analyses.run.figures import (
     sampled_extremes,
     static_figures,
 )
+from beamsim.analyses.run.friction import friction_contacts, sliding_figures
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace, Histories, SampledHistories
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
@@ -56,6 +57,7 @@ from beamsim.analyses.run.result import (
     ContactInstant,
     EnergyHistory,
     EventLog,
+    FrictionHistory,
     OutputHistory,
     ProbeHistory,
     RunResult,
@@ -71,6 +73,7 @@ from beamsim.analyses.run.spectra import (
     spectra_of_motion,
     spectra_of_samples,
 )
+from beamsim.contacts.springs import FRICTION
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed, later
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
@@ -144,6 +147,7 @@ def run(
         probes=_probes(system, motion),
         snubbers=_snubbers(system, motion),
         springs=_springs(system, motion),
+        friction=_friction(scenario, system, motion),
         outputs=_outputs(system, motion),
         contact=_contact(system, motion),
         base_acceleration=motion.histories.signal(partial(_signal, system.base_acceleration)),
@@ -168,6 +172,8 @@ def run(
         result = _with_statistics(result, system, stop)
     result = _with_impacts(result, system, motion, stop)
     summary = _summary(scenario, system, motion, spectra)
+    if result.friction:
+        summary["friction"] = {name: contact.summary() for name, contact in result.friction.items()}
     if result.impacts is not None:
         summary |= {"impacts": result.impacts.summary(), "impacts_total": result.impacts.total()}
     if result.fatigue:
@@ -609,6 +615,31 @@ def _springs(system: StructuralSystem, motion: _RunMotion) -> dict[str, SpringHi
             s.name, s.kind, s.masses, motion.column("stretch", i), motion.histories.history(partial(force, i))
         )
         for i, s in enumerate(system.springs)
+        if s.kind != FRICTION
+    }
+
+
+def _friction(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, FrictionHistory]:
+    contacts, number = scenario.friction, friction_contacts(system)
+    columns = [i for i, spring in enumerate(system.springs) if spring.kind == FRICTION]
+    figures: list[dict[str, Any]] = [{} for _ in contacts]
+    if contacts and motion.trajectory is not None:
+        figures = sliding_figures(system, motion.trajectory, contacts)
+    return {
+        c.name: FrictionHistory(
+            name=c.name,
+            normal_force=c.normal_force,
+            static_force=c.static_force,
+            sliding_force=c.sliding_force,
+            stiffness=c.stiffness,
+            start_force=c.start_force,
+            displacement=motion.column("stretch", i),
+            force=motion.column("spring_force", i),
+            stuck=motion.histories.closed(int(j)),
+            sliding_share=1.0 - float(motion.contact_share[j]),
+            **of_contact,
+        )
+        for c, i, j, of_contact in zip(contacts, columns, number, figures, strict=True)
     }
 
 
@@ -650,7 +681,9 @@ def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajecto
 
 
 def _breakpoints(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> int:
-    return int(np.sum((trajectory.event_contact >= len(system.snubbers)) & (trajectory.event_time > 0)))
+    rubbing = np.isin(trajectory.event_contact, friction_contacts(system))
+    of_spring = (trajectory.event_contact >= len(system.snubbers)) & ~rubbing
+    return int(np.sum(of_spring & (trajectory.event_time > 0)))
 
 
 def _bodies(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
@@ -752,7 +785,7 @@ def _summary(
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
-    if system.springs:
+    if any(spring.kind != FRICTION for spring in system.springs):
         summary["breakpoints_passed"] = motion.breakpoints
     if system.stress is not None:
         where = int(largest(motion.extremes["stress"]).argmax())

@@ -106,7 +106,12 @@ def energies(
     phases, states = trajectory.phases_at(times), _states(flow)
     values = states.split(trajectory.sample(times, states), phases[0])
     stored = stored_energy(flow, values["state"], values["penetration"], phases)
-    return EnergyHistory(work_in=integral[:, 1], dissipated=integral[:, 0], stored=stored)
+    events = np.cumsum(trajectory.event_losses().sum(axis=1))
+    at, first = (
+        np.clip(np.searchsorted(trajectory.time, t, side="right") - 1, 0, None) for t in (times, np.array([begin]))
+    )
+    dissipated = integral[:, 0] + (events[at] - events[first])
+    return EnergyHistory(work_in=integral[:, 1], dissipated=dissipated, stored=stored)
 
 
 def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
@@ -124,24 +129,34 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         table = np.concatenate([flow.output_table(left), flow.output_table(right)], axis=2)
         integrals = trajectory.segment_integrals(table, weight)
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
+        events = np.cumsum(trajectory.event_losses().sum(axis=1))
+        sums[:, 0] += np.append(events, events[-1:])
         times = np.append(trajectory.time, trajectory.end)
-        y = np.vstack([trajectory.y, trajectory.final_y])
         phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
-        base = None if flow.base_channel < 0 else flow.forcing.base_displacement
-        moved = None if base is None else (base(times), np.zeros(times.size))
-        penetration, _ = penetration_of_states(flow.system.contacts, y, moved)
+        y, penetration = contact_motion(trajectory)
         history = EnergyHistory(sums[:, 1], sums[:, 0], stored_energy(flow, y, penetration, phases))
         return EnergyBalance.of(times, history, float(np.abs(integrals[:, 1]).sum()))
 
 
+def contact_motion(trajectory: Trajectory) -> tuple[Floats, Floats]:
+    """(S + 1, N) states and (S + 1, m) penetrations where the segments begin, and at the end."""
+    flow, times = trajectory.flow, np.append(trajectory.time, trajectory.end)
+    y = np.vstack([trajectory.y, trajectory.final_y])
+    base = None if flow.base_channel < 0 else flow.forcing.base_displacement
+    moved = None if base is None else (base(times), np.zeros(times.size))
+    return y, penetration_of_states(flow.system.contacts, y, moved)[0]
+
+
 def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
-    """Dissipative forces in the contacts, and the rates on which they act."""
+    """Dissipative forces in the contacts, and the rates on which they act; what events lose comes on top."""
     dashpot, internal = flow.system.contacts.losses(phases)
     _, moved = flow.penetrations
     if internal.size:
         moved = stack(moved, flow.internal_rates(phases))
     factor = np.concatenate([dashpot, internal])[:, None]
-    return LinearOutput(moved.row * factor, moved.direct * factor, moved.direct_slope * factor), moved
+    forces = LinearOutput(moved.row * factor, moved.direct * factor, moved.direct_slope * factor)
+    forces.direct[: dashpot.size, 0] += flow.system.contacts.friction(phases)
+    return forces, moved
 
 
 def _base_rate(flow: ExactFlow) -> LinearOutput | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.outputs import OutputOf, OutputSet, energies_of_rows
+from beamsim.contacts.springs import FRICTION
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.outputs import OutputRows
 from beamsim.system.structural import StructuralSystem
@@ -121,13 +122,17 @@ def motion_figures(
             figures[f"{name}_output"] = {output.name: by_output[output.name] for output in system.outputs}
     if system.springs:
         ends = np.array(extremes["stretch"][::2]).T  # (springs, 2); the force is largest at one of them
-        springs = [s.name for s in system.springs]
-        figures["peak_stretch_m"] = by_name(springs, np.abs(ends).max(axis=1))
+        stretches = np.abs(ends).max(axis=1).tolist()
         if "spring_force" in extremes:  # which depends on more than the stretch
             forces = largest(extremes["spring_force"]).tolist()
         else:
-            forces = [np.abs(s.force(x)).max() for s, x in zip(system.springs, ends, strict=True)]
-        figures["peak_spring_force_n"] = by_name(springs, np.array(forces))
+            forces = [float(np.abs(s.force(x)).max()) for s, x in zip(system.springs, ends, strict=True)]
+        rows = list(zip(system.springs, stretches, forces, strict=True))
+        if springs := [row for row in rows if row[0].kind != FRICTION]:
+            figures["peak_stretch_m"] = {s.name: stretch for s, stretch, _ in springs}
+            figures["peak_spring_force_n"] = {s.name: force for s, _, force in springs}
+        if rubbing := [row for row in rows if row[0].kind == FRICTION]:
+            figures["peak_friction_force_n"] = {s.name: force for s, _, force in rubbing}
     if system.stress is not None and "stress" in extremes:
         figures["largest_bending_stress_pa"] = float(largest(extremes["stress"]).max())
     return figures

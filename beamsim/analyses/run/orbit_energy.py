@@ -127,7 +127,7 @@ def _in_closed_form(flow: VariationalFlow, passage: Passage) -> tuple[float, flo
     )  # fmt: skip
     left, right, weight = power_factors(exact)
     lost, work = trajectory.product_integrals(np.array([trajectory.end]), left, right, weight)[0]
-    return float(work), float(lost)
+    return float(work), float(lost + trajectory.event_losses().sum())
 
 
 @cache

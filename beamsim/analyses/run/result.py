@@ -110,6 +110,42 @@ class SpringHistory:
 
 
 @declared
+class FrictionHistory:
+    """One friction contact at the output times; between two places the displacement is the stretch."""
+
+    name: str = key("name of the friction contact")
+    normal_force: float = attribute("N", "force that presses the faces together")
+    static_force: float = attribute("N", "friction force up to which it sticks")
+    sliding_force: float = attribute("N", "friction force while it slides")
+    stiffness: float = attribute("N/m", "tangential stiffness while it sticks")
+    start_force: float = attribute(
+        "N", "friction force at the start, positive where it resists a positive displacement"
+    )
+    displacement: Floats = dataset("m", "displacement along the face, relative to what it rubs on", along=_TIME)
+    force: Floats = dataset("N", "friction force, positive where it resists a positive displacement", along=_TIME)
+    stuck: Bools = dataset("1", "whether the contact sticks", along=_TIME, flags=("sliding", "stuck"))
+    sliding_share: float = attribute("1", "share of the time during which it slides")
+    # of the continuous motion: None of a time-stepped or interrupted one
+    slides: int | None = attribute("1", "how often sliding begins", default=None)
+    sliding_distance: float | None = attribute("m", "distance that it slides", default=None)
+    dissipated_energy: float | None = attribute("J", "energy lost", default=None)
+    dissipated_power: float | None = attribute("W", "energy lost over the duration of the run", default=None)
+    wear_power: float | None = attribute("W", "mean of normal force times sliding speed", default=None)
+    worn_volume: float | None = attribute("m^3", "volume worn, where wear_rate is given", default=None)
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers by name, with their units."""
+        numbers = {f"{name}_{unit}": getattr(self, name) for name, unit in _FRICTION_UNITS.items()}
+        return {"sliding_share": self.sliding_share, "slides": self.slides, **numbers}
+
+
+_FRICTION_UNITS = {
+    "sliding_distance": "m", "dissipated_energy": "j", "dissipated_power": "w", "wear_power": "w", "worn_volume": "m3",
+    "start_force": "n", "static_force": "n", "sliding_force": "n",
+}  # fmt: skip
+
+
+@declared
 class EventLog:
     """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them.
 
@@ -400,6 +436,9 @@ _SUMMARY = (
     Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
     Entry("peak_spring_force_n", "N", "largest magnitude of a spring's force", "peak spring force"),
     Entry("peak_stretch_m", "m", "largest magnitude of a spring's stretch"),
+    Entry("peak_friction_force_n", "N", "largest magnitude of a friction contact's force", "peak friction force"),
+    Entry("friction", "", "by friction contact share of time, number and distance of sliding, energy and power lost, "
+             "wear power, worn volume and force at the start; units are in the names", "friction"),
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
     Entry("peak_output", "", "largest magnitude of an output of run.outputs, in its output_unit", "outputs"),
     Entry("min_output", "", "its smallest value"),
@@ -471,6 +510,7 @@ class RunResult(Result):
     against: Against | None = group("against", default=None)  # where a time stepper was asked for
     contact: ContactInstant | None = group("contact", default=None)  # of several bodies with contact
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
+    friction: dict[str, FrictionHistory] = named("friction", default_factory=dict)
     outputs: dict[str, OutputHistory] = named("outputs", default_factory=dict)  # that the run asks for
     named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
 

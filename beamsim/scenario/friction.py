@@ -1,0 +1,140 @@
+"""Dry friction at a place against the base or the ground, or between two places."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, Tag
+
+from beamsim.scenario import units
+from beamsim.scenario.base import Path, Schema, Variants, fail
+from beamsim.scenario.names import Named
+from beamsim.scenario.place import AtPlace, Sited
+from beamsim.scenario.quantities import Force, PositiveForce, PositiveNumber, Quantity, Ratio, Stiffness
+from beamsim.scenario.spring import check_places
+
+WearRate = Annotated[float, Quantity(units.WEAR_RATE, above=0.0)]
+
+
+class FrictionCoefficients(Schema):
+    """Friction force over normal force."""
+
+    static: PositiveNumber
+    """Coefficient up to which the contact sticks."""
+    sliding: Ratio
+    """Coefficient while it slides; not above the static one."""
+
+    def settle(self) -> None:
+        """Demand an order."""
+        if self.sliding > self.static:
+            raise fail(
+                f"= {self.sliding:g} is above static = {self.static:g}", "exchange them, or give one coefficient",
+                ("sliding",),
+            )  # fmt: skip
+
+
+def _coefficient_form(value: Any) -> str:
+    return "<both>" if isinstance(value, (dict, FrictionCoefficients)) else "<number>"
+
+
+def _start_form(value: Any) -> str:
+    return "<text>" if value == "unstressed" else "<number>"
+
+
+class FrictionBase(Named):
+    """Common part of all friction contacts: |T| = coefficient times normal force at most."""
+
+    kind: ClassVar[str] = "friction"
+
+    normal_force: PositiveForce
+    """Constant force that presses the faces together."""
+    coefficient: Annotated[
+        Annotated[PositiveNumber, Tag("<number>")] | Annotated[FrictionCoefficients, Tag("<both>")],
+        Variants(_coefficient_form),
+    ]
+    """Friction force over normal force: one number, or {static: 0.3, sliding: 0.2}."""
+    stiffness: Stiffness
+    """Tangential stiffness of the contact while it sticks."""
+    start: Annotated[
+        Annotated[Literal["unstressed"], Tag("<text>")] | Annotated[Force, Tag("<number>")], Variants(_start_form)
+    ] = "unstressed"
+    """Friction force at the start of a motion, which the past decides: unstressed, or a force that resists a positive
+    displacement. Static equilibrium is that under this force."""
+    wear_rate: WearRate | None = None
+    """Volume worn per normal force and sliding distance (Archard); unknown by default."""
+
+    @property
+    def static_force(self) -> float:
+        """Largest friction force while it sticks, N."""
+        both = self.coefficient
+        return self.normal_force * (both.static if isinstance(both, FrictionCoefficients) else both)
+
+    @property
+    def sliding_force(self) -> float:
+        """Friction force while it slides, N."""
+        both = self.coefficient
+        return self.normal_force * (both.sliding if isinstance(both, FrictionCoefficients) else both)
+
+    @property
+    def start_force(self) -> float:
+        """Friction force at the start of a motion, N."""
+        return 0.0 if isinstance(self.start, str) else self.start
+
+    def settle(self) -> None:
+        """Demand a force at the start that sticks."""
+        super().settle()
+        if abs(self.start_force) >= self.static_force:
+            limit = "coefficient times normal_force"
+            raise fail(
+                f"= {self.start_force:g} N is not held: the contact sticks below {limit} = {self.static_force:g} N",
+                "give a smaller force, or unstressed", ("start",),
+            )  # fmt: skip
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The place, or both places."""
+        raise NotImplementedError
+
+    @property
+    def place_paths(self) -> tuple[Path, ...]:
+        """Where each of the places is written, below the contact."""
+        return ("between", 0), ("between", 1)
+
+
+class FrictionAtPlace(Sited, FrictionBase):
+    """Dry friction at a place, which rubs on the base or the ground in the direction of its displacement."""
+
+    mounted_on: Literal["base", "ground"] = "base"
+    """Base: what it rubs on moves with the base excitation; ground: fixed."""
+
+    def settle(self) -> None:
+        """Demand exactly one place."""
+        Sited.settle(self)
+        FrictionBase.settle(self)
+
+
+class FrictionBetween(FrictionBase):
+    """Dry friction between places of two bodies or of one."""
+
+    between: Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    """The two places; the friction force of a positive stretch holds the second back."""
+
+    def settle(self) -> None:
+        """Demand two different places."""
+        check_places(self.between)
+        super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Both places."""
+        return self.between
+
+
+def _sites(value: Any) -> str:
+    between = isinstance(value, FrictionBetween) or (isinstance(value, dict) and value.get("between") is not None)
+    return "<between>" if between else "<place>"
+
+
+AnyFriction = Annotated[
+    Annotated[FrictionAtPlace, Tag("<place>")] | Annotated[FrictionBetween, Tag("<between>")], Variants(_sites)
+]
