@@ -102,7 +102,7 @@ class _Springs:
         c = system.contacts
         if not c.one_sided:
             raise MethodError(
-                "contacts", "with friction, with law no_tension and a dashpot, or with Maxwell branches, are beyond harmonic "
+                "contacts", "with friction, law no_tension and a dashpot, or Maxwell branches are beyond harmonic "
                 "balance: their internal states move by themselves",
                 "use shooting, or law kelvin_voigt without branches and friction",
             )  # fmt: skip
