@@ -43,6 +43,12 @@ class TemplateKind(StrEnum):
 
     beam = "beam"
     chain = "chain"
+    sweep = "sweep"
+    shock = "shock"
+    random = "random"
+    panel_pair = "panel-pair"
+    nnm = "nnm"
+    identify = "identify"
 
 
 def _version(show: bool) -> None:
@@ -164,15 +170,16 @@ def new(
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Write a commented scenario to start from."""
+    """Write a commented scenario to start from, and the schema by which editors check and complete it."""
     from beamsim.cli.printing import print_json
     from beamsim.cli.template import write_template
+    from beamsim.scenario.template import COMMANDS
 
-    write_template(file, kind.value, force=force)
+    written = write_template(file, kind.value, force=force)
     if json:
-        print_json({"files": [str(file)]})
+        print_json({"files": [str(path) for path in written]})
     else:
-        print(f"{file}: written; edit it and `beamsim run {file}`")
+        print(f"{file}: written; edit it and `beamsim {COMMANDS[kind.value]} {file}`")
 
 
 @app.command()

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 from beamsim.errors import ScenarioError
 from beamsim.files import replacing
 
+SCHEMA = "beamsim.schema.json"
 
-def write_template(path: Path, kind: Literal["beam", "chain"], *, force: bool) -> None:
-    """Write a template; an existing file is kept unless ``force``.
+
+def write_template(path: Path, kind: str, *, force: bool) -> list[Path]:
+    """Write a template and, beside it, the schema that its first line names; return the files.
+
+    An existing scenario is kept unless ``force``. The schema is that of this version, and is written in any case.
 
     Raises
     ------
@@ -19,9 +22,16 @@ def write_template(path: Path, kind: Literal["beam", "chain"], *, force: bool) -
     ResultFileError
         If it cannot be written.
     """
+    from beamsim.cli.validation import schema_text
     from beamsim.scenario import template
 
     if path.exists() and not force:
         raise ScenarioError(f"{path} already exists; choose another name, or use --force to replace it")
-    with replacing(path) as temporary:
-        temporary.write_text(template(kind), encoding="utf-8")
+    schema = path.with_name(SCHEMA)
+    for target, text in (
+        (path, f"# yaml-language-server: $schema={SCHEMA}\n{template(kind)}"),
+        (schema, schema_text() + "\n"),
+    ):
+        with replacing(target) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [path, schema]

@@ -21,6 +21,7 @@ def json_schema() -> dict[str, Any]:
     _describe(complete)
     _require_kinds(complete)
     _show_units(complete)
+    _fit_examples(complete)
     parts: dict[str, Any] = complete.pop("$defs")
     complete["properties"] = {"extends": {"type": "null"}, **complete["properties"]}
     extends = {
@@ -52,6 +53,40 @@ def json_schema() -> dict[str, Any]:
 
 
 _CHANGES = "Changes"
+
+_EXAMPLES = {
+    "m": {
+        "width": "50 mm", "thickness": "5 mm", "diameter": "20 mm", "outer_diameter": "20 mm", "wall_thickness": "2 mm",
+        "web_thickness": "3 mm", "flange_thickness": "4 mm", "extreme_fibre": "6 mm", "height": "20 mm",
+        "gap": "0.1 mm", "peak_displacement": "1 mm", "side": "30 mm", "y": "100 mm",
+    },
+    "s": {
+        "rise": "0.5 ms", "fall": "0.5 ms", "minimum_rest": "1 ms", "longest_time": "1 s", "period": "0.1 s",
+        "relaxation_time": "40 ms", "time": "5 ms",
+    },
+    "Hz": {
+        "sample_rate": "20 kHz", "history_rate": "1 kHz", "resample": "2 kHz", "low_pass": "2 kHz",
+        "highest_frequency": "2 kHz",
+    },
+    "N": {"preload": "5 N", "peak_force": "50 N", "force_threshold": "1 N"},
+}  # fmt: skip
+"""What an editor proposes for a key, by its SI unit, where the example of its dimension would mislead."""
+
+
+def _fit_examples(schema: Any, key: str = "") -> None:
+    """Give each quantity an example of a size that is usual for its key."""
+    if isinstance(schema, list):
+        for item in schema:
+            _fit_examples(item, key)
+    elif isinstance(schema, dict):
+        if key in _EXAMPLES.get(schema.get("x-unit", ""), {}):
+            schema["examples"] = [_EXAMPLES[schema["x-unit"]][key]]
+        for name, item in schema.items():
+            if name == "properties":
+                for inner in item:
+                    _fit_examples(item[inner], inner)
+            else:
+                _fit_examples(item, key)
 
 
 def _loosened(schema: Any) -> Any:

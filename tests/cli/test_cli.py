@@ -17,6 +17,7 @@ from beamsim.cli.failures import verdict
 from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import template
+from beamsim.scenario.template import COMMANDS
 from beamsim.store.results import write_run
 
 CASE = """\
@@ -167,10 +168,11 @@ def test_schema_is_json_schema(call, here):
     assert json.loads((here / "s.json").read_text()) == schema
 
 
-@pytest.mark.parametrize("kind", ["beam", "chain"])
+@pytest.mark.parametrize("kind", COMMANDS)
 def test_new_writes_a_valid_case(kind, call, here):
     done = call("new", "mine.yaml", "--kind", kind)
     assert done.exit_code == 0, done.output
+    assert f"`beamsim {COMMANDS[kind]} mine.yaml`" in done.stdout
     valid = call("validate", "mine.yaml")
     assert valid.exit_code == 0, valid.output
     (here / "mine.yaml").write_text("precious")
@@ -179,7 +181,10 @@ def test_new_writes_a_valid_case(kind, call, here):
     assert "--force" in refused.stderr
     assert (here / "mine.yaml").read_text() == "precious"
     assert call("new", "mine.yaml", "--kind", kind, "--force", "--json").exit_code == 0
-    assert (here / "mine.yaml").read_text() == template(kind)
+    first, _, rest = (here / "mine.yaml").read_text().partition("\n")
+    assert rest == template(kind)
+    schema = here / first.removeprefix("# yaml-language-server: $schema=")
+    assert json.loads(schema.read_text(encoding="utf-8")) == json.loads(call("schema").stdout)
 
 
 def test_version(call):

@@ -23,7 +23,9 @@ from beamsim.scenario import (
     json_schema,
     load_scenario,
     template,
+    units,
 )
+from beamsim.scenario.template import COMMANDS
 from beamsim.scenario.tree import parse
 
 EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
@@ -230,15 +232,16 @@ def test_doubts(override, says):
     assert any(says in doubt for doubt in doubts) if says else doubts == ()
 
 
-@pytest.mark.parametrize("kind", ["beam", "chain"])
+@pytest.mark.parametrize("kind", COMMANDS)
 def test_templates_are_valid(kind):
     text = template(kind)
     scenario = load_scenario(text)
-    assert (scenario.beam is not None) == (kind == "beam")
-    assert scenario.run is not None
+    assert getattr(scenario, COMMANDS[kind].replace("-", "_")) is not None
     assert scenario.warnings == ()
-    assert 30 <= len(text.splitlines()) <= 50
-    assert text.count("#") > 15
+    assert 20 <= len(text.splitlines()) <= 50
+    assert text.count("#") >= 5
+    commented = re.sub(r"^# (?=(?:limits|vary): )", "", text, flags=re.M)  # what is proposed in a line is valid too
+    assert load_scenario(commented).title == scenario.title
 
 
 # --- JSON Schema ---------------------------------------------------------------------------------------------------
@@ -320,9 +323,37 @@ def test_schema_accepts_the_examples_and_their_resolved_form(path):
     assert valid(schema, yaml.safe_load(load_scenario(path).to_yaml()), schema)
 
 
+def test_every_example_of_the_schema_is_read_by_its_key():
+    """In its dimension, and not the example of a beam's length for a wall thickness."""
+    schema = json_schema()
+
+    def quantities(item, key=""):
+        if isinstance(item, dict):
+            if "x-unit" in item:
+                yield key, item
+            for name, inner in item.items():
+                if name == "properties":
+                    for field in inner:
+                        yield from quantities(inner[field], field)
+                else:
+                    yield from quantities(inner, key)
+        elif isinstance(item, list):
+            for inner in item:
+                yield from quantities(inner, key)
+
+    known = {}
+    for key, item in quantities(schema["$defs"]):
+        for example in item["examples"]:
+            known.setdefault(key, set()).add(example)
+            gravity = item["x-unit"] == "m/s^2"
+            assert units.read_quantity(example, units.Dimension(key, item["x-unit"], example, gravity=gravity)) > 0
+    assert known["wall_thickness"] == {"2 mm"}
+    assert known["length"] == {"270 mm"}
+
+
 def test_schema_accepts_templates_and_partial_files_that_extend():
     schema = json_schema()
-    for kind in ("beam", "chain"):
+    for kind in COMMANDS:
         assert valid(schema, parse(template(kind)).plain(), schema)
     assert valid(schema, {"extends": "a.yaml", "excitation": {"frequency": "45 Hz"}, "beam": {"length": 1}}, schema)
     assert valid(schema, {"extends": "a.yaml", "run": {"start": "rest"}, "beam": None}, schema)
