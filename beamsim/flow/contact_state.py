@@ -41,6 +41,21 @@ class LinearOutput:
     direct: Floats  # (k, F)
     direct_slope: Floats  # (k, F)
 
+    def __add__(self, other: LinearOutput) -> LinearOutput:
+        return LinearOutput(self.row + other.row, self.direct + other.direct, self.direct_slope + other.direct_slope)
+
+    def scaled(self, factor: float | Floats) -> LinearOutput:
+        """Each output times a factor: one for all, or (k, 1)."""
+        return LinearOutput(factor * self.row, factor * self.direct, factor * self.direct_slope)
+
+    def combined(self, matrix: Floats) -> LinearOutput:
+        """Sums of the outputs, weighted by the rows of a matrix (j, k)."""
+        return LinearOutput(matrix @ self.row, matrix @ self.direct, matrix @ self.direct_slope)
+
+    def some(self, rows: Ints | slice) -> LinearOutput:
+        """Some of the outputs."""
+        return LinearOutput(self.row[rows], self.direct[rows], self.direct_slope[rows])
+
     def __neg__(self) -> LinearOutput:
         return LinearOutput(-self.row, -self.direct, -self.direct_slope)
 

@@ -257,11 +257,7 @@ class ExactFlow:
         n, contacts = self.system.size, self.system.contacts
         free, drive = contacts.internal_rates(phases)
         delta, rate = self.penetrations
-        a, b = drive[:, :, 0], drive[:, :, 1]
-        output = LinearOutput(
-            a @ delta.row + b @ rate.row, a @ delta.direct + b @ rate.direct,
-            a @ delta.direct_slope + b @ rate.direct_slope,
-        )  # fmt: skip
+        output = delta.combined(drive[:, :, 0]) + rate.combined(drive[:, :, 1])
         output.row[:, 2 * n :] += free
         output.direct[:, 0] += drive[:, :, 2].sum(axis=1)
         return output
@@ -273,12 +269,7 @@ class ExactFlow:
     def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
         """Combinations of penetrations, their rates, 1 (k, 3) and internal states (k, r), for each of ``contact``."""
         delta, rate = self.penetrations
-        a, b = row[:, :1], row[:, 1:2]
-        output = LinearOutput(
-            a * delta.row[contact] + b * rate.row[contact],
-            a * delta.direct[contact] + b * rate.direct[contact],
-            a * delta.direct_slope[contact] + b * rate.direct_slope[contact],
-        )
+        output = delta.some(contact).scaled(row[:, :1]) + rate.some(contact).scaled(row[:, 1:2])
         output.direct[:, 0] += row[:, 2]
         output.row[:, 2 * self.system.size :] += internal
         return output

@@ -406,8 +406,8 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
     ("output", "path", "message", "remedy"),
     [
         ({"kind": "reaction_force", "body": "iner", "support": "left"}, "body", "unknown body", "inner"),
-        ({"kind": "reaction_force", "body": "inner", "support": "lft"}, "support", "no support", "left"),
-        ({"kind": "reaction_force", "body": "inner", "support": "right"}, "support", "no support", "left"),
+        ({"kind": "reaction_force", "body": "inner", "support": "lft"}, "support", "not a support", "left"),
+        ({"kind": "reaction_force", "body": "inner", "support": "right"}, "support", "not a support", "left"),
         ({"kind": "reaction_force", "support": "left"}, "", "names no body", "inner"),
         ({"kind": "reaction_moment", "support": "base"}, "support", "no moment", "support"),
         ({"kind": "joint_force", "joint": "hing"}, "joint", "unknown joint", "hinge"),

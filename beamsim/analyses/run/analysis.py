@@ -222,11 +222,14 @@ def _with_impacts(
                     result, fatigue=fatigue_of(motion.trajectory, system.stress, stresses, settings.fatigue)
                 )
     except Stopped:
-        missing = "interrupted: statistics of impacts or the damage of stress are missing"
-        result = changed(result, warnings=(*result.warnings, missing))
-        if result.complete:
-            result = changed(result, outcome=Outcome.of(OutcomeCode.INTERRUPTED, during="the statistics of impacts"))
+        return _given_up(result, "statistics of impacts or the damage of stress")
     return result
+
+
+def _given_up(result: RunResult, figures: str) -> RunResult:
+    """The result without figures whose computation was interrupted; an earlier outcome stays."""
+    outcome = Outcome.of(OutcomeCode.INTERRUPTED, during=f"the {figures}") if result.complete else result.outcome
+    return changed(result, outcome=outcome, warnings=(*result.warnings, f"interrupted: {figures} are missing"))
 
 
 def _with_statistics(result: RunResult, system: StructuralSystem, stop: Callable[[], bool]) -> RunResult:
@@ -239,10 +242,7 @@ def _with_statistics(result: RunResult, system: StructuralSystem, stop: Callable
         with heeding(stop if result.time.size > SAMPLES_OF_A_STOPPED_RUN else never):
             return changed(result, random=random_response(result, force, stationary=stationary))
     except Stopped:
-        result = changed(result, warnings=(*result.warnings, "interrupted: densities and statistics are missing"))
-        if not result.complete:
-            return result
-        return changed(result, outcome=Outcome.of(OutcomeCode.INTERRUPTED, during="the statistics"))
+        return _given_up(result, "densities and statistics")
 
 
 def _with_shock_response(
@@ -270,8 +270,7 @@ def _with_shock_response(
                         f"{settings.to:g} Hz",
                     )
     except Stopped:
-        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the shock response spectra")
-        return changed(result, outcome=outcome if result.outcome.complete else result.outcome)
+        return _given_up(result, "shock response spectra")
     return changed(result, srs=shock, warnings=warnings)
 
 

@@ -14,7 +14,6 @@ from beamsim.analyses.run.outputs import (
     OutputOf,
     bending_stress,
     exact_flow,
-    first_rows,
     in_every_state,
     output_groups,
     stack,
@@ -211,7 +210,7 @@ def _searches(system: StructuralSystem, trajectory: Trajectory, asked: Collectio
 
 
 def _first(output_of: OutputOf, count: int) -> OutputOf:
-    return lambda phases: first_rows(output_of(phases), count)
+    return lambda phases: output_of(phases).some(slice(count))
 
 
 def _negative(output_of: OutputOf) -> OutputOf:

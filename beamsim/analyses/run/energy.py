@@ -153,8 +153,7 @@ def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearO
     _, moved = flow.penetrations
     if internal.size:
         moved = stack(moved, flow.internal_rates(phases))
-    factor = np.concatenate([dashpot, internal])[:, None]
-    forces = LinearOutput(moved.row * factor, moved.direct * factor, moved.direct_slope * factor)
+    forces = moved.scaled(np.concatenate([dashpot, internal])[:, None])
     forces.direct[: dashpot.size, 0] += flow.system.contacts.friction(phases)
     return forces, moved
 

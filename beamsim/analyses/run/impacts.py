@@ -165,22 +165,18 @@ def _factors(flow: ExactFlow, contact: int) -> tuple[OutputOf, OutputOf, Floats]
     one.direct[0, 0] = 1.0
 
     def force(phases: Ints) -> LinearOutput:
-        return _rows(flow.contact_forces(phases), np.array([contact]))
+        return flow.contact_forces(phases).some(np.array([contact]))
 
     def left(phases: Ints) -> LinearOutput:
-        return stack(force(phases), one, _rows(contact_losses(flow, phases)[0], rows))
+        return stack(force(phases), one, contact_losses(flow, phases)[0].some(rows))
 
     def right(phases: Ints) -> LinearOutput:
-        return stack(force(phases), force(phases), _rows(contact_losses(flow, phases)[1], rows))
+        return stack(force(phases), force(phases), contact_losses(flow, phases)[1].some(rows))
 
     weight = np.zeros((2 + rows.size, 3))
     weight[0, 0] = weight[1, 1] = 1.0
     weight[2:, 2] = 1.0
     return left, right, weight
-
-
-def _rows(output: LinearOutput, rows: Ints) -> LinearOutput:
-    return LinearOutput(output.row[rows], output.direct[rows], output.direct_slope[rows])
 
 
 def _force(trajectory: Trajectory, contact: int, segments: Ints, certified: float) -> TurningPoints:
@@ -203,27 +199,17 @@ def _force_and_rate(flow: ExactFlow, contact: int, phases: Ints) -> LinearOutput
     contacts, one = flow.system.contacts, np.array([contact])
     row, internal = contacts.force_rows(phases)
     stiffness, dashpot, _ = row[contact]
-    rate = _scaled(_rows(flow.penetrations[1], one), stiffness)
+    rate = flow.penetrations[1].some(one).scaled(stiffness)
     if dashpot != 0.0:
         sign = contacts.sign[contact]
         shape = -sign * contacts.shape[one]
         faster = accelerations(flow, shape, phases)
         if flow.observers and contacts.on_ground[contact]:
             faster.direct[:, flow.sources.channel == flow.first_observer] -= sign
-        rate = _sum(rate, _scaled(faster, dashpot))
+        rate += faster.scaled(dashpot)
     if internal.shape[1]:
-        moving = flow.internal_rates(phases)
-        h = internal[one]
-        rate = _sum(rate, LinearOutput(h @ moving.row, h @ moving.direct, h @ moving.direct_slope))
-    return stack(_rows(flow.contact_forces(phases), one), rate)
-
-
-def _scaled(output: LinearOutput, factor: float) -> LinearOutput:
-    return LinearOutput(factor * output.row, factor * output.direct, factor * output.direct_slope)
-
-
-def _sum(a: LinearOutput, b: LinearOutput) -> LinearOutput:
-    return LinearOutput(a.row + b.row, a.direct + b.direct, a.direct_slope + b.direct_slope)
+        rate += flow.internal_rates(phases).combined(internal[one])
+    return stack(flow.contact_forces(phases).some(one), rate)
 
 
 def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Floats]:
@@ -237,7 +223,7 @@ def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Fl
 
 def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> Floats:
     """(nt,) rates of penetration at any times."""
-    rate = _rows(trajectory.flow.penetrations[1], np.array([contact]))
+    rate = trajectory.flow.penetrations[1].some(np.array([contact]))
     if not times.size:
         return np.zeros(0)
     order = np.argsort(times, kind="stable")

@@ -44,11 +44,6 @@ def events_in_memory(flow: ExactFlow, memory: float) -> int:
     return int(MOTION_SHARE * memory / (2 * 8 * (flow.size + 8)))
 
 
-def first_rows(output: LinearOutput, count: int) -> LinearOutput:
-    """The first rows: of contacts those that are snubbers."""
-    return LinearOutput(*(part[:count] for part in (output.row, output.direct, output.direct_slope)))
-
-
 def velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
     """``shape @ q'`` for every row of ``shape`` (k, n)."""
     output = flow.empty_output(shape.shape[0])
@@ -87,10 +82,7 @@ def asked_for(flow: ExactFlow, rows: Sequence[OutputRows], phases: Ints) -> Line
         np.vstack([getattr(each, name) for each in rows])
         for name in ("displacement", "velocity", "acceleration", "contact", "load")
     )
-    output = accelerations(flow, acceleration, phases)
-    output.row[:] += contact @ forces.row
-    output.direct[:] += contact @ forces.direct
-    output.direct_slope[:] += contact @ forces.direct_slope
+    output = accelerations(flow, acceleration, phases) + forces.combined(contact)
     output.row[:, :n] += displacement
     output.row[:, n : 2 * n] += velocity
     output.direct[:, 0] += np.concatenate([each.constant for each in rows])
@@ -177,12 +169,7 @@ def spring_forces(system: StructuralSystem, flow: ExactFlow, phases: Ints) -> Li
     """Forces of the springs with laws of phases, N, none of them cubic: of their linear part and their law."""
     stretch, of_law = stretches(flow, system.springs), flow.contact_forces(phases)
     linear = np.array([spring.linear for spring in system.springs])[:, None]
-    first = len(system.snubbers)
-    return LinearOutput(
-        linear * stretch.row + of_law.row[first:],
-        linear * stretch.direct + of_law.direct[first:],
-        linear * stretch.direct_slope + of_law.direct_slope[first:],
-    )
+    return stretch.scaled(linear) + of_law.some(slice(len(system.snubbers), None))
 
 
 def in_every_state(output: LinearOutput) -> OutputOf:

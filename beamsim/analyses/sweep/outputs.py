@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.outputs import accelerations, bending_stress, displacements, first_rows, stack
+from beamsim.analyses.run.outputs import accelerations, bending_stress, displacements, stack
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import CycleImpacts, Envelope, LevelWork, SweepCurve, SweepHistory
 from beamsim.contacts.contacts import Contacts
@@ -67,12 +67,12 @@ class SweepOutputs:
         displacement = displacements(template, shapes)
         of_limits = []
         if "gap" in self.limited:
-            of_limits.append(first_rows(template.penetrations[0], count))
+            of_limits.append(template.penetrations[0].some(slice(count)))
         if "bending_stress" in self.limited and system.stress is not None:
             of_limits.append(bending_stress(template, system.stress))
 
         def output_of(phases: Ints) -> LinearOutput:
-            parts = [displacement, first_rows(template.contact_forces(phases), count)]
+            parts = [displacement, template.contact_forces(phases).some(slice(count))]
             if self.with_accelerations:
                 parts.append(accelerations(template, shapes, phases, system.carried))
             if self.with_impacts:
@@ -167,7 +167,7 @@ def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
     """Penetration rates of the snubbers in contact, 0 elsewhere, and outputs whose squares are the power lost."""
     contacts, rate = flow.system.contacts, flow.penetrations[1]
     moved = stack(rate, flow.internal_rates(phases)) if contacts.internal_states else rate
-    rows = stack(first_rows(rate, snubbers), moved)
+    rows = stack(rate.some(slice(snubbers)), moved)
     touching = contacts.touching(phases)[:snubbers].astype(float)
     factor = np.concatenate([touching, np.sqrt(np.concatenate(contacts.losses(phases)))])[:, None]
-    return LinearOutput(rows.row * factor, rows.direct * factor, rows.direct_slope * factor)
+    return rows.scaled(factor)
