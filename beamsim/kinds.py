@@ -18,7 +18,7 @@ class Kind(NamedTuple):
     called: str
     analysis: str  # function of a scenario that computes it
     result: str  # its class
-    plots: str  # function of a result, a folder, a stem and a format: the files written
+    figures: str  # function of a result: its matplotlib figures by name
     commands: str = "beamsim.cli.app"  # module whose ``register`` adds the command
     texts: str = ""  # of entries of its table that are more than a number and a unit
 
@@ -29,7 +29,7 @@ KINDS = {
         analysis="beamsim.analyses.run.analysis:run",
         result="beamsim.analyses.run.result:RunResult",
         texts="beamsim.cli.run_report:TEXTS",
-        plots="beamsim.plots.run:save_run_plots",
+        figures="beamsim.plots.run:run_figures",
     ),
     "sweep": Kind(
         "sweep", "a sweep of one design by `beamsim sweep`",
@@ -37,7 +37,7 @@ KINDS = {
         result="beamsim.analyses.sweep.result:SweepResult",
         commands="beamsim.cli.sweep",
         texts="beamsim.cli.sweep_report:TEXTS",
-        plots="beamsim.plots.sweep:save_sweep_plots",
+        figures="beamsim.plots.sweep:sweep_figures",
     ),
     "continuation": Kind(
         "sweep", "a continuation by `beamsim sweep`",
@@ -45,7 +45,7 @@ KINDS = {
         result="beamsim.analyses.response.result:FrequencyResponse",
         commands="beamsim.cli.sweep",
         texts="beamsim.cli.response_report:TEXTS",
-        plots="beamsim.plots.continuation:save_response_plots",
+        figures="beamsim.plots.continuation:frequency_response_figures",
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
@@ -53,7 +53,7 @@ KINDS = {
         result="beamsim.analyses.designs.result:DesignsResult",
         commands="beamsim.cli.sweep",
         texts="beamsim.cli.designs_report:TEXTS",
-        plots="beamsim.plots.designs:save_design_plots",
+        figures="beamsim.plots.designs:design_figures",
     ),
     "identify-stiffness": Kind(
         "identify-stiffness", "the result of `beamsim identify-stiffness`",
@@ -61,7 +61,7 @@ KINDS = {
         result="beamsim.analyses.identify.result:IdentificationResult",
         commands="beamsim.cli.identification",
         texts="beamsim.cli.identification_report:TEXTS",
-        plots="beamsim.plots.identification:save_identification_plots",
+        figures="beamsim.plots.identification:identification_figures",
     ),
     "nnm": Kind(
         "nnm", "the result of `beamsim nnm`",
@@ -69,7 +69,7 @@ KINDS = {
         result="beamsim.analyses.nnm.result:NormalModeResult",
         commands="beamsim.cli.nnm",
         texts="beamsim.cli.nnm_report:TEXTS",
-        plots="beamsim.plots.nnm:save_nnm_plots",
+        figures="beamsim.plots.nnm:nnm_figures",
     ),
     "compare": Kind(
         "compare", "the result of `beamsim compare`",
@@ -77,7 +77,7 @@ KINDS = {
         result="beamsim.analyses.compare.result:Comparison",
         commands="beamsim.cli.identification",
         texts="beamsim.cli.comparison_report:TEXTS",
-        plots="beamsim.plots.comparison:save_comparison_plots",
+        figures="beamsim.plots.comparison:comparison_figures",
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",
@@ -85,7 +85,7 @@ KINDS = {
         result="beamsim.analyses.compare_modes.result:ModeComparison",
         commands="beamsim.cli.mode_comparison",
         texts="beamsim.cli.mode_comparison:TEXTS",
-        plots="beamsim.plots.mode_comparison:save_mode_plots",
+        figures="beamsim.plots.mode_comparison:mode_comparison_figures",
     ),
 }  # fmt: skip
 
@@ -94,3 +94,15 @@ def named(place: str) -> Any:
     """The function or class at ``module:name``."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)
+
+
+def kind_of_class(cls: type) -> str:
+    """The kind whose results have this class.
+
+    Raises
+    ------
+    KeyError
+        If it is the class of no kind.
+    """
+    place = f"{cls.__module__}:{cls.__qualname__}"
+    return {kind.result: name for name, kind in KINDS.items()}[place]

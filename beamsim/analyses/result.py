@@ -9,9 +9,14 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from beamsim.fields import Entry, attribute, changed, declared_base, ending, stored, summary_of
+from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.outcomes import Outcome, OutcomeCode
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
     from beamsim.scenario import Scenario
 
 # entries that the summaries of several analyses share
@@ -101,3 +106,32 @@ class Result:
     def title(self) -> str:
         """The scenario's title."""
         return self.scenario.title
+
+    def plot(self) -> dict[str, Figure]:
+        """Return the figures that the command saves, by name; a notebook shows each."""
+        figures: dict[str, Figure] = named(KINDS[kind_of_class(type(self))].figures)(self)
+        return figures
+
+    def to_pandas(self) -> dict[str, pandas.DataFrame]:
+        """Return the tables of the CSV export, by name.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return named("beamsim.store.frames:data_frames")(self)  # type: ignore[no-any-return]
+
+    def to_xarray(self) -> xarray.DataTree:
+        """Return the groups of the result file as a tree of datasets with their axes, units and meanings.
+
+        Raises
+        ------
+        ImportError
+            If xarray or h5netcdf is not installed.
+        """
+        return named("beamsim.store.frames:data_tree")(self)  # type: ignore[no-any-return]
+
+    def _repr_html_(self) -> str:
+        """Return the printed table as HTML, for notebooks."""
+        return str(named("beamsim.cli.report:html_table")(kind_of_class(type(self)), self))

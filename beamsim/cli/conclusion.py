@@ -119,7 +119,9 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
     """
     files = [target]
     if reporting.plots and not signal:
-        files += named(KINDS[kind].plots)(result, target.parent, target.stem)
+        from beamsim.plots.save import save_figures
+
+        files += save_figures(named(KINDS[kind].figures)(result), target.parent, target.stem)
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if reporting.json or not reporting.quiet:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,16 @@ def table_rows(kind: str, result: Result) -> Iterator[Row]:
             text = _with_changes(result.summary, entry.name, text)
             yield from _labelled(entry.label, text)
     yield "wall time", si(result.wall_time_s, "s")
+
+
+def html_table(kind: str, result: Result) -> str:
+    """Return the rows of a result's table as HTML, for notebooks."""
+    rows = "".join(
+        f'<tr><th style="text-align:left;vertical-align:top">{escape(label)}</th>'
+        f'<td style="text-align:left;white-space:pre-wrap">{escape(text)}</td></tr>'
+        for label, text in table_rows(kind, result)
+    )
+    return f"<table><caption>{escape(result.title)}</caption>{rows}</table>"
 
 
 def _with_changes(

@@ -50,13 +50,14 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
     ResultFileError
         If the file cannot be read or a picture cannot be written.
     """
+    from beamsim.plots.save import save_figures
     from beamsim.store.results import open_result
     from beamsim.store.stored import damage_of, kind_of
 
-    draw = named(KINDS[kind_of(path)].plots)
+    figures = named(KINDS[kind_of(path)].figures)
     result = open_result(path)
     with damage_of(path):
-        return list(draw(result, folder, path.stem, form))
+        return save_figures(figures(result), folder, path.stem, form)
 
 
 def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:

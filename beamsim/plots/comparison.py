@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
-from beamsim.plots.save import save_figures
 from beamsim.plots.style import finish, scale_for, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _PREDICTED: dict[str, Any] = {"color": "#0b3c5d", "linestyle": "-", "linewidth": 1.2}
 _MEASURED: dict[str, Any] = {"color": "#d1495b", "linestyle": (0, (4, 2)), "linewidth": 1.2}
@@ -53,16 +52,8 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
     return ax
 
 
-def save_comparison_plots(
-    comparison: Comparison, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save one figure per channel as ``<stem>_<place>_<quantity>.<form>``; returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        If a file cannot be written.
-    """
+def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
+    """One figure per channel, named after place and quantity."""
     from matplotlib.figure import Figure
 
     figures = {}
@@ -73,4 +64,4 @@ def save_comparison_plots(
         plot_histories(c, above)
         plot_spectra(c, below)
         figures[f"{c.place}_{c.quantity}".replace(" ", "_")] = figure
-    return save_figures(figures, folder, stem.replace(" ", "_"), form, dots_per_inch)
+    return figures

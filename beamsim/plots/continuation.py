@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import numpy as np
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
-from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, level_text, scale_for
 from beamsim.typing import Floats
 
@@ -118,25 +116,12 @@ def frequency_response_figures(result: FrequencyResponse) -> dict[str, Figure]:
         drawn[f"harmonics_{probe}"] = partial(plot_harmonics, result, probe=probe)
     if any(c.parameter.size for c in result.fold_curves):
         drawn["folds"] = partial(plot_fold_curves, result)
-    return {name.replace("/", "_").replace(" ", "_"): figure_of(result.title, draw) for name, draw in drawn.items()}
-
-
-def save_response_plots(
-    result: FrequencyResponse, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        When a file cannot be written.
-    """
-    figures = frequency_response_figures(result)
+    figures = {name.replace("/", "_").replace(" ", "_"): figure_of(result.title, draw) for name, draw in drawn.items()}
     if result.expansion:
         from beamsim.plots.multiple_scales import forced_expansion_figures
 
         figures |= forced_expansion_figures(result)
-    return save_figures(figures, folder, stem, form, dots_per_inch)
+    return figures
 
 
 def _curves(result: FrequencyResponse, ax: Axes, values: Any, scale: Scale, *, logarithmic: bool = True) -> None:

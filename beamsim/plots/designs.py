@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response
-from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
 from beamsim.typing import Floats
 
@@ -166,19 +164,6 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
         if column:
             ax.set_ylabel("")
     return {"scatter": figure}
-
-
-def save_design_plots(
-    result: DesignsResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        If a file cannot be written.
-    """
-    return save_figures(design_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _of(result: DesignsResult, quantity: str) -> list[Response]:

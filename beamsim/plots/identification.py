@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ProfileLikelihood, TestFit
-from beamsim.plots.save import save_figures
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
 from beamsim.typing import Floats
 
@@ -157,19 +156,6 @@ def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
             plot_harmonic_residuals(test, axes[2 * k + 1])
         figures["harmonics"] = figure
     return figures
-
-
-def save_identification_plots(
-    result: IdentificationResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save every plot as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        If a file cannot be written.
-    """
-    return save_figures(identification_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, float, str]]:

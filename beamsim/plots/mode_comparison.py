@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.compare_modes.result import ModeComparison
-from beamsim.plots.save import save_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_NUMBERS = 150  # written into the cells of a matrix
 
@@ -47,16 +46,8 @@ def plot_mac(result: ModeComparison, ax: Axes) -> Axes:
     return ax
 
 
-def save_mode_plots(
-    result: ModeComparison, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save the matrix as ``<stem>_mac.<form>``; returns the file.
-
-    Raises
-    ------
-    ResultFileError
-        If the file cannot be written.
-    """
+def mode_comparison_figures(result: ModeComparison) -> dict[str, Figure]:
+    """The matrix alone, as ``mac``."""
     from matplotlib.figure import Figure
 
     rows, columns = result.mac.shape
@@ -64,4 +55,4 @@ def save_mode_plots(
     plot_mac(result, figure.subplots())
     if result.title:
         figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
-    return save_figures({"mac": figure}, folder, stem, form, dots_per_inch)
+    return {"mac": figure}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,6 @@ from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_freque
 from beamsim.plots.multiple_scales import comparison_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.relaxed import relaxed_figure
-from beamsim.plots.save import save_figures
 from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
 from beamsim.typing import Floats
@@ -212,16 +210,3 @@ def _motion_name(result: NormalModeResult) -> str:
     at = names[result.parameter].format(branch.parameter[k])
     also = "" if result.parameter == "frequency" else f", {branch.frequency_hz[k]:.6g} Hz"
     return f"{BRANCH_NAMES[branch.kind]}, {at}{also}"
-
-
-def save_nnm_plots(
-    result: NormalModeResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save every picture as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        When a file cannot be written.
-    """
-    return save_figures(nnm_figures(result), folder, stem, form, dots_per_inch)

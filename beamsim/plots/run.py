@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.impacts import impact_figures
 from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import plot_density, plot_transmissibility
-from beamsim.plots.save import save_figures
 from beamsim.plots.shock_response import plot_shock_response
 from beamsim.plots.style import AT_ONCE, MOST_CURVES, Scale, curve_style, finish, legend, scale_for, thinned
 from beamsim.structures.assembly import snubber_site
@@ -328,19 +326,6 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
                 ax.set_title(body, fontsize="medium")
         figures["deflected_shapes"] = figure
     return figures | impact_figures(result, panels) | plate_figures(result) | assembly_figures(result)
-
-
-def save_run_plots(
-    result: RunResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        If a file cannot be written.
-    """
-    return save_figures(run_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _histories(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-from beamsim.plots.save import save_figures
 from beamsim.plots.style import STANDARD_GRAVITY, Scale, curve_style, finish, legend, level_text, scale_for
 from beamsim.typing import Floats
 
@@ -261,19 +259,6 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         plot_poincare(result, below, last.name, probe)
         figures["steady_states"] = figure
     return figures
-
-
-def save_sweep_plots(
-    result: SweepResult, folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
-    """Save every plot as ``<stem>_<name>.<form>`` in ``folder``; returns the files.
-
-    Raises
-    ------
-    ResultFileError
-        If a file cannot be written.
-    """
-    return save_figures(sweep_figures(result), folder, stem, form, dots_per_inch)
 
 
 def _by_frequency(curve: SweepCurve, values: Floats) -> tuple[Floats, Floats]:

@@ -15,7 +15,7 @@ from beamsim.analyses.run.result import (
     SpectralLine,
     Spectrum,
 )
-from beamsim.fields import Attribute, Counter, Dataset, members_of, rows_of
+from beamsim.fields import Attribute, Counter, Dataset, filled, members_of, rows_of
 from beamsim.store.csv_folder import CsvFolder, header
 from beamsim.structures.stations import Stations
 
@@ -121,7 +121,7 @@ def _along(owner: Any, axis: str, prefix: str = "") -> dict[str, Any]:
         declared, values = member.declaration, rows_of(owner, member.name)
         if isinstance(declared, Dataset) and values is not None and _is_along(declared, axis):
             flags = values.astype(int) if isinstance(values, np.ndarray) and values.dtype == bool else values
-            columns[header(f"{prefix}{member.stored_name.replace('/', '_')}", declared.unit)] = flags
+            columns[header(f"{prefix}{member.stored_name.replace('/', '_')}", filled(declared.unit, [owner]))] = flags
     return columns
 
 

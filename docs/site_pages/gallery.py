@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import beamsim
 from beamsim.kinds import KINDS, named
+from beamsim.plots.save import save_figures
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -62,4 +63,4 @@ def _pictures(entry: Entry, folder: Path) -> list[Path]:
         result = beamsim.design_study(beamsim.plan_designs(scenario))
     else:
         result = named(KINDS[kind].analysis)(scenario)
-    return list(named(KINDS[kind].plots)(result, folder, entry.config))
+    return save_figures(named(KINDS[kind].figures)(result), folder, entry.config)

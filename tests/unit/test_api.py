@@ -29,7 +29,7 @@ def test_every_verb_and_every_reader_is_there():
 @pytest.mark.parametrize("name", KINDS)
 def test_everything_that_belongs_to_a_kind_is_there(name):
     kind = KINDS[name]
-    for place in (kind.analysis, kind.result, kind.plots):
+    for place in (kind.analysis, kind.result, kind.figures):
         assert callable(named(place)), place
     for place in (kind.analysis, kind.result):
         assert getattr(beamsim, place.partition(":")[2]) is named(place)

@@ -11,7 +11,8 @@ from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.plots.designs import design_figures, save_design_plots, shown_quantities
+from beamsim.plots.designs import design_figures, shown_quantities
+from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.export_designs import export_designs
 from beamsim.store.journal import Journal, journal_path
@@ -173,7 +174,7 @@ def test_damaged_and_foreign_versions(tmp_path):
 )  # fmt: skip
 def test_pictures(name, picture, tmp_path):
     result = fabricated(name, failed=(1,))
-    (path,) = save_design_plots(result, tmp_path, "study")
+    (path,) = save_figures(design_figures(result), tmp_path, "study")
     assert path.name == f"study_{picture}.png"
     assert path.stat().st_size > 10_000
 

@@ -6,7 +6,8 @@ import pytest
 import beamsim
 from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.plates import plate_figures
-from beamsim.plots.run import save_run_plots
+from beamsim.plots.run import run_figures
+from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
 
@@ -131,4 +132,5 @@ def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):
     }  # fmt: skip
     result = beamsim.run(load_scenario(case))
     assert result.modes.stations.parts[0].body == "matrices"
-    assert {path.name for path in save_run_plots(result, tmp_path, "m")} >= {"m_displacement.png", "m_spectrum.png"}
+    files = save_figures(run_figures(result), tmp_path, "m")
+    assert {path.name for path in files} >= {"m_displacement.png", "m_spectrum.png"}

@@ -48,7 +48,7 @@ def ax():
     ],
 )
 def test_every_kind_of_result_gets_its_pictures(how, missing, fabricated_run, tmp_path):
-    files = plots.save_run_plots(fabricated_run(**how), tmp_path, "case")
+    files = save_figures(plots.run_figures(fabricated_run(**how)), tmp_path, "case")
     assert {path.name for path in files} == {f"case_{name}.png" for name in EVERYTHING - missing}
     assert set(os.listdir(tmp_path)) == {path.name for path in files}
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in files)
@@ -103,7 +103,7 @@ def test_interrupted_plot_leaves_no_file(fabricated_run, tmp_path, monkeypatch):
 
     monkeypatch.setattr("beamsim.plots.save.write_png", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        plots.save_run_plots(fabricated_run(), tmp_path, "case")
+        save_figures(plots.run_figures(fabricated_run()), tmp_path, "case")
     assert os.listdir(tmp_path) == []
 
 
@@ -121,7 +121,7 @@ def test_every_panel_is_measured_once_and_drawn_once(fabricated_run, tmp_path, m
 
     counting("draw")
     counting("get_tightbbox")
-    plots.save_run_plots(fabricated_run(), tmp_path, "case")
+    save_figures(plots.run_figures(fabricated_run()), tmp_path, "case")
     panels = {ax for _, ax in counts}
     assert len(panels) == 11
     assert set(counts.values()) == {1}
@@ -177,7 +177,7 @@ def test_pictures_hold_the_pixels_that_were_drawn(tmp_path):
 def test_no_place_for_the_plots(fabricated_run, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ResultFileError, match="not a folder"):
-        plots.save_run_plots(fabricated_run(), tmp_path / "file", "case")
+        save_figures(plots.run_figures(fabricated_run()), tmp_path / "file", "case")
 
 
 @pytest.mark.parametrize(

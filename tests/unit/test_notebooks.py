@@ -1,0 +1,65 @@
+"""Results in a notebook: a table, figures, data frames, a tree of datasets."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.cli.report import table_rows
+from beamsim.kinds import KINDS, kind_of_class, named
+
+CHAIN = {
+    "title": "One mass & its stop",
+    "chain": {
+        "masses": [1],
+        "springs": [1],
+        "dashpots": [0.1],
+        "snubbers": [{"name": "stop", "mass": 1, "side": "above", "stiffness": 100, "gap": 1}],
+    },
+    "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 0.3, "frequency": 0.15},
+    "probes": [{"name": "first", "mass": 1}],
+    "run": {"duration": 60, "sample_rate": 10, "convergence": "off"},
+}
+
+
+@pytest.fixture(scope="module")
+def result():
+    return beamsim.run(beamsim.load_scenario(CHAIN))
+
+
+def test_the_table_is_the_printed_one(result):
+    text = result._repr_html_()
+    assert "<caption>One mass &amp; its stop</caption>" in text
+    cells = [html.unescape(cell) for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", text, flags=re.S)]
+    assert cells == [cell for row in table_rows("run", result) for cell in row]
+
+
+def test_figures_are_those_that_the_command_saves(result):
+    from matplotlib.figure import Figure
+
+    figures = result.plot()
+    assert {"displacement", "contact_force", "spectrum"} <= figures.keys()
+    assert all(isinstance(figure, Figure) for figure in figures.values())
+
+
+def test_data_frames_and_trees_hold_the_same_bits(result):
+    pytest.importorskip("pandas")
+    histories = result.to_pandas()["time_histories"]
+    np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
+    assert "base_acceleration_m_per_s2" in histories.columns
+    pytest.importorskip("xarray")
+    tree = result.to_xarray()
+    displacement = tree["probes/first"]["displacement"]
+    np.testing.assert_array_equal(displacement, result.probes["first"].displacement)
+    np.testing.assert_array_equal(displacement["time"], result.time)
+    assert displacement.attrs["units"] == "m"
+    assert displacement.attrs["long_name"]
+
+
+def test_every_kind_is_known_by_its_class():
+    for name, kind in KINDS.items():
+        assert kind_of_class(named(kind.result)) == name
+    with pytest.raises(KeyError):
+        kind_of_class(dict)
