@@ -30,11 +30,14 @@ for _name, _page in PAGES.items():
 project = "beamsim"
 author = "the beamsim authors"
 version = release = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["site_pages", "tutorial.md"]  # the tutorial is built with what its commands print
 autodoc_typehints = "signature"
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 html_theme = "furo"
 html_title = f"beamsim {version}"
 html_show_sourcelink = False
