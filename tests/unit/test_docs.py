@@ -87,3 +87,11 @@ def test_the_files_of_the_tutorial_load_and_its_pictures_are_those_of_its_comman
         picture.split("_")[0] for _, picture in site_pages.tutorial._PICTURE.findall(text)
     }
     assert site_pages.tutorial._COMMANDS.findall(text)
+
+
+def test_every_page_is_in_the_site():
+    index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^(?:generated/)?([\w/]+)$", index, flags=re.M))
+    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index"}
+    assert pages <= listed
+    assert {f"notebooks/{path.stem}" for path in (ROOT / "docs/notebooks").glob("*.ipynb")} <= listed
