@@ -13,9 +13,10 @@ import numpy as np
 from beamsim.contacts.contacts import Watched
 from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads, state_matrices
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
-from beamsim.flow.sources import Sources, compile_sources
+from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
+from beamsim.inputs.streamed import CubicRecord, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -50,6 +51,8 @@ class ExactFlow:
     observers : further signals (the base's motion) that outputs may contain; they load nothing.
     shared : keeps contact states that flows with other contacts or levels have in common.
     most_states : states kept at once, 2 at least; by default all.
+    pieces : first and last (left out) of those of a record of which all signals are made; by default all pieces of
+        the signals. Others follow with `on_pieces`.
     """
 
     system: PiecewiseLinearSystem
@@ -58,6 +61,7 @@ class ExactFlow:
     observers: tuple[Signal, ...] = ()
     shared: SharedBuilds | None = None
     most_states: int | None = None
+    pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
     base_channel: int = field(init=False)
     states: list[ContactState] = field(init=False, default_factory=list)
@@ -70,11 +74,16 @@ class ExactFlow:
             channels.append(self.forcing.base_displacement)
         self.first_observer = len(channels)
         channels.extend(self.observers)
-        self.sources = compile_sources(tuple(channels), self.duration)
+        self._channels = tuple(channels)
+        record = self.record
+        if record is None:
+            self.sources = compile_sources(self._channels, self.duration)
+        else:
+            self.sources = sources_of_pieces(self._channels, *(self.pieces or (0, record.pieces)), self.duration)
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
-        self._length = common_length(self.sources)
+        self._length = common_length(self.sources) if record is None else record.step
         self._clear()
         self._inputs: Inputs | None = None
 
@@ -82,14 +91,40 @@ class ExactFlow:
         """Remove all states."""
         self.states = []
         self.visited: list[Ints] = []  # phases of all states visited
-        self.built = 0  # states, those built again included
-        self.largest_exponent = 0.0  # 1/s, of all states visited
-        self.highest_frequency = 0.0  # rad/s, likewise
+        self._built_states: list[tuple[float, float]] = []  # their largest exponent, 1/s, and highest frequency, rad/s
         self._visit: list[int] = []  # number among them of each state that is kept
         self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
         self._step: list[PieceStep] = []  # of each state that is kept, over an equal piece
         self._steps: PieceSteps | None = None
+
+    @property
+    def record(self) -> CubicRecord | None:
+        """That of which all signals are made, whose pieces can be taken in parts; None where they are not."""
+        return common_record(self._channels)
+
+    def on_pieces(self, first: int, last: int) -> ExactFlow:
+        """The same flow, which shares its contact states, with other pieces of the record."""
+        flow = copy(self)
+        flow.pieces = first, last
+        flow.sources = sources_of_pieces(self._channels, first, last, self.duration)
+        flow._inputs = flow._steps = None
+        return flow
+
+    @property
+    def built(self) -> int:
+        """Number of states built, those built again included."""
+        return len(self._built_states)
+
+    @property
+    def largest_exponent(self) -> float:
+        """1/s, of all states visited."""
+        return max((exponent for exponent, _ in self._built_states), default=0.0)
+
+    @property
+    def highest_frequency(self) -> float:
+        """rad/s, of all states visited."""
+        return max((frequency for _, frequency in self._built_states), default=0.0)
 
     @property
     def dropped(self) -> bool:
@@ -116,15 +151,14 @@ class ExactFlow:
         known = self._tables.index(phases)
         if known is not None:
             return known
-        self.built += 1
         state = self._built(phases)
         watched = self.system.contacts.watched(phases)
         output = self.watched(watched)
         watch = state.coefficients(output, self.sources)
         roughness = state.roughness(output, watch)[:, : watched.guards]
         index = self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
-        self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
-        self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
+        largest = float(np.abs(state.exponent).max()), float(np.abs(state.exponent.imag).max())
+        self._built_states.append(largest)
         visit = self._visits.setdefault(phases.tobytes(), len(self.visited))
         if visit == len(self.visited):
             self.visited.append(state.phases)

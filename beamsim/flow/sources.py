@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.inputs.signal import Signal
+from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
 MANY_PIECES = 512  # of the inputs, from which equal ones are worth looking for
@@ -89,6 +90,24 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
         np.array(channel, dtype=np.int64),
         longest,
     )
+
+
+def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, duration: float) -> Sources:
+    """The sources on some of the pieces of a record of which all channels are made, see `common_record`.
+
+    All but the pieces' starts and amplitudes is that of the whole motion, of a ``duration`` in s.
+    """
+    record = common_record(channels)
+    assert record is not None
+    parts = [signal.between(first, last) for signal in channels if isinstance(signal, StreamedSignal)]
+    degrees = [part.coefficient.shape[2] for part in parts]
+    columns = [np.ones((last - first, 1), dtype=complex), *(part.coefficient[:, 0] for part in parts)]
+    power = np.concatenate([np.zeros(1, dtype=np.int64), *(np.arange(degree) for degree in degrees)])
+    longest = min(record.step + 4.0 * np.finfo(float).eps * duration, duration)  # with the round-off of the starts
+    return Sources(
+        record.start(first, last), np.ascontiguousarray(np.concatenate(columns, axis=1)), np.zeros(power.size, complex),
+        power, np.repeat(np.arange(-1, len(parts)), [1, *degrees]), np.full(power.size, longest),
+    )  # fmt: skip
 
 
 def _about(signal: Signal, start: Floats) -> Complexes:

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.march import Carried, Log, Motion, carry
 from beamsim.flow.stopping import never
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -42,26 +42,37 @@ def simulate(
     _load_kernels()
     begin = clock.process_time()
     end = float(flow.duration if duration is None else duration)
-    y = flow.whole_state(np.asarray(initial_state, dtype=float))
-    phases, entered = flow.begin(y)
-    motion = Motion(y, flow.state_index(phases))
+    motion, begun = start(flow, initial_state)
     carried = carry(
         flow, motion, (end,), keep=True, max_events=max_events, max_evaluations=max_evaluations,
         progress=None if progress is None else lambda t: progress(t / end), stop=stop,
     )  # fmt: skip
-    log, processor = carried.log, clock.process_time() - begin
-    if log is None or not log.time.size:  # out of budget within the first segment: at least the start is known
-        one, no_event = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        state = flow.visits(one + motion.state)
-        log = Log(np.zeros(1), np.zeros(1), state, one, y[None, :].copy(), np.zeros(0), no_event, no_event)
+    return motion_of(flow, motion, begun, carried, clock.process_time() - begin)
+
+
+def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
+    """A motion at t = 0, and the events of the contacts that begin at this very time."""
+    y = flow.whole_state(np.asarray(initial_state, dtype=float))
+    phases, entered = flow.begin(y)
     first = np.flatnonzero(entered)
-    log = log._replace(
-        event_time=np.concatenate([np.zeros(first.size), log.event_time]),
-        event_contact=np.concatenate([first, log.event_contact]),
-        event_phase=np.concatenate([phases[first], log.event_phase]),
-    )
-    trajectory = Trajectory(flow, motion.time, *log, y, carried.evaluations, carried.outcome, processor)
-    return trajectory if np.all(np.isfinite(y)) else trajectory.up_to_finite()
+    begun = Log.sized(0, y.size)._replace(
+        event_time=np.zeros(first.size), event_contact=first, event_phase=phases[first]
+    )  # fmt: skip
+    return Motion(y, flow.state_index(phases)), begun
+
+
+def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, processor_time_s: float) -> Trajectory:
+    """What was logged until a motion got where it is, after events at its start."""
+    assert carried.log is not None
+    log = Log.join([begun, carried.log])
+    if not log.time.size:  # out of budget within the first segment: at least the start is known
+        one = np.zeros(1, dtype=np.int64)
+        log = log._replace(
+            time=np.array([motion.time]), length=np.zeros(1), state=flow.visits(one + motion.state), piece=one,
+            y=motion.y[None, :].copy(),
+        )  # fmt: skip
+    trajectory = Trajectory(flow, motion.time, *log, motion.y, carried.evaluations, carried.outcome, processor_time_s)
+    return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
 
 
 @cache

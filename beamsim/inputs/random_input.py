@@ -16,15 +16,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.sampled import MOST_SAMPLES, interpolate
+from beamsim.inputs.sampled import interpolate
 from beamsim.inputs.signal import Signal
-from beamsim.typing import Complexes, Floats
+from beamsim.inputs.streamed import MARGIN, CubicRecord, StreamedSignal
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import RandomInput
 
 SAMPLES_PER_CYCLE = 20  # of the highest frequency
-MARGIN = 32  # samples before and after the run: what a spline takes of its ends falls by 2 - sqrt(3) with each sample
+PIECES_AT_HAND = 2**16  # of a run, above which they are made block by block
+MOST_SAMPLES = 50_000_000  # of a period, made by one Fourier transform
+MOST_OF_ANY_SIZE = (
+    4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory
+)
+MOST_PIECES = 1_000_000_000
 
 
 def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
@@ -47,10 +53,13 @@ def _spectrum(
     """Frequencies (Hz) and complex amplitudes of the sines."""
     frequency = np.arange(count // 2 + 1) / period
     amplitude = np.sqrt(2 * density(frequency, at_hz, value) / period)
-    phase = generator.uniform(0, 2 * np.pi, frequency.size)
+    used = np.flatnonzero(amplitude)
+    out = np.zeros(frequency.size, dtype=complex)
+    out[used] = np.exp(1j * generator.uniform(0, 2 * np.pi, frequency.size)[used])
     if gaussian:
         amplitude = amplitude * np.sqrt(generator.standard_exponential(frequency.size))
-    return frequency, amplitude * np.exp(1j * phase)
+    out[used] *= amplitude[used]
+    return frequency, out
 
 
 def noise(
@@ -72,31 +81,45 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
     period = excitation.period or duration or 1.0
     rate = excitation.sample_rate or SAMPLES_PER_CYCLE * float(at[-1])
     total = duration if duration is not None else period
-    if max(period, total) * rate > MOST_SAMPLES:
-        raise ScenarioError(
-            Problem(
-                "excitation",
-                f"needs {max(period, total) * rate:.3g} samples (at most {MOST_SAMPLES:.0e})",
-                "shorten run.duration, or give excitation.period or a lower excitation.sample_rate",
-            )
-        )
+    for samples, most, remedy in (
+        (period * rate, MOST_SAMPLES, "give a shorter excitation.period, after which the noise repeats"),
+        (total * rate, MOST_PIECES, "shorten run.duration, or give a lower excitation.sample_rate"),
+    ):
+        if samples > most:
+            raise ScenarioError(Problem("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy))
     count = int(np.ceil(period * rate))
+    if count > MOST_OF_ANY_SIZE:
+        from scipy.fft import next_fast_len
+
+        count = int(next_fast_len(count, real=True))
     generator = np.random.default_rng(excitation.seed)
     frequency, amplitude = _spectrum(at, value, period, count, generator, excitation.amplitudes == "random")
-    one_period = np.fft.irfft(0.5 * count * amplitude, count)
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
-    index = np.arange(-MARGIN, pieces + MARGIN)
-    time, samples = np.asarray(index * step, dtype=float), np.asarray(one_period[index % count], dtype=float)
     velocity_0 = displacement_0 = 0.0
-    if excitation.ramp > 0:
-        x = np.clip(time / excitation.ramp, 0, 1)
-        samples = samples * x**2 * (3 - 2 * x)
-    else:
-        omega = 2 * np.pi * frequency[1:]
-        velocity_0 = float(np.sum(amplitude[1:] / (1j * omega)).real)
-        displacement_0 = float(np.sum(-amplitude[1:] / omega**2).real)
-    wider, within = interpolate(time, samples, "cubic"), slice(MARGIN, MARGIN + pieces)
+    if excitation.ramp == 0:
+        used = slice(1, None) if count <= MOST_OF_ANY_SIZE else np.flatnonzero(amplitude)
+        omega = 2 * np.pi * frequency[used]
+        velocity_0 = float(np.sum(amplitude[used] / (1j * omega)).real)
+        displacement_0 = float(np.sum(-amplitude[used] / omega**2).real)
+    del frequency
+    amplitude *= 0.5 * count
+    one_period = np.fft.irfft(amplitude, count)
+    del amplitude
+
+    def samples_at(index: Ints) -> Floats:
+        samples = np.asarray(one_period[index % count], dtype=float)
+        if excitation.ramp > 0:
+            x = np.clip(index * step / excitation.ramp, 0, 1)
+            samples = samples * x**2 * (3 - 2 * x)
+        return samples
+
+    if pieces > PIECES_AT_HAND:
+        record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0))
+        return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
+    index = np.arange(-MARGIN, pieces + MARGIN)
+    wider = interpolate(np.asarray(index * step, dtype=float), samples_at(index), "cubic")
+    within = slice(MARGIN, MARGIN + pieces)
     signal = Signal(wider.start[within], wider.exponent, wider.coefficient[within])
     velocity = signal.antiderivative(velocity_0)
     return signal, velocity, velocity.antiderivative(displacement_0)

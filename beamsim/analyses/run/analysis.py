@@ -42,6 +42,7 @@ from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import (
+    MOTION_SHARE,
     OutputSet,
     bending_stress,
     energies_of_rows,
@@ -49,6 +50,7 @@ from beamsim.analyses.run.outputs import (
     exact_flow,
     in_every_state,
     output_groups,
+    pieces_of,
 )
 from beamsim.analyses.run.result import (
     MAIN_QUANTITY,
@@ -73,9 +75,18 @@ from beamsim.analyses.run.spectra import (
     spectra_of_motion,
     spectra_of_samples,
 )
+from beamsim.analyses.run.stretches import (
+    BYTES_A_PIECE,
+    COMPARED_SHARE,
+    SPECTRUM_SHARE,
+    STRETCH_SHARE,
+    figures_of_stretches,
+    station_extremes,
+)
 from beamsim.contacts.springs import FRICTION
 from beamsim.errors import Problem, ScenarioError
-from beamsim.fields import changed, later
+from beamsim.fields import changed, later, rows_of
+from beamsim.flow.long_motion import CHECKPOINT_PIECES, LongMotion
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -129,7 +140,11 @@ def run(
     else:
         system = build_system(scenario)
     times = _output_times(settings)
-    solve = _reference if _steps_in_time(system, settings) else _exact
+    one_random = scenario.excitation.kind == "random" and not _steps_in_time(system, settings)
+    in_stretches = one_random and pieces_of(system) * BYTES_A_PIECE > MOTION_SHARE * settings.memory
+    if in_stretches:
+        _check_stretches(system, settings)
+    solve = _reference if _steps_in_time(system, settings) else _exact_in_stretches if in_stretches else _exact
     motion = solve(system, settings, times, progress, stop)
     try:
         with heeding(stop):
@@ -184,10 +199,13 @@ def run(
         result = _with_shock_response(result, system, motion, settings.srs, stop)
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
-    sampled_at = np.zeros(0) if result.random is None else result.time
-    of_probes = {key: spectra[key] for key in spectra if key[0] in result.probes}
-    derived = DerivedFigures(scenario, of_probes, result.random, sampled_at, result.srs)
-    checked = _checked(scenario, system, motion, summary, derived, stop)
+    if in_stretches:
+        checked = _checked_on_first_part(scenario, motion, stop)
+    else:
+        sampled_at = np.zeros(0) if result.random is None else result.time
+        of_probes = {key: spectra[key] for key in spectra if key[0] in result.probes}
+        derived = DerivedFigures(scenario, of_probes, result.random, sampled_at, result.srs)
+        checked = _checked(scenario, system, motion, summary, derived, stop)
     if checked is not None:
         result = with_convergence(result, checked)
         summary |= checked.summary()
@@ -239,7 +257,7 @@ def _with_statistics(result: RunResult, system: StructuralSystem, stop: Callable
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
     try:
-        with heeding(stop if result.time.size > SAMPLES_OF_A_STOPPED_RUN else never):
+        with heeding(stop if rows_of(result, "time").size > SAMPLES_OF_A_STOPPED_RUN else never):
             return changed(result, random=random_response(result, force, stationary=stationary))
     except Stopped:
         return _given_up(result, "densities and statistics")
@@ -437,6 +455,130 @@ def _exact(
         memory=_memory(flow, settings),
         warnings=warnings,
     )
+
+
+def _check_stretches(system: StructuralSystem, settings: Run) -> None:
+    """Refuse what needs the whole motion, which does not fit into the memory."""
+    needed = {
+        "run.low_pass": settings.low_pass,
+        "run.srs": settings.srs,
+        "run.impacts": settings.impacts,
+        "run.fatigue": settings.fatigue,
+        "friction": friction_contacts(system).tolist() or None,
+    }
+    problems = [
+        Problem(
+            name,
+            f"needs the whole motion in memory, and that does not fit into run.memory = {settings.memory:.3g} bytes",
+            "raise run.memory, shorten run.duration, or leave it out",
+        )
+        for name, value in needed.items()
+        if value is not None
+    ]
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _exact_in_stretches(
+    system: StructuralSystem,
+    settings: Run,
+    times: OutputTimes,
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
+) -> _RunMotion:
+    """A motion of more pieces of the input than fit into the memory."""
+    at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
+    pieces = (0, min(at_once, pieces_of(system)))
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory, pieces=pieces)
+    room = events_in_memory(flow, settings.memory)
+    motion = LongMotion(
+        flow, system.initial_state, at_once, max_events=min(settings.max_events, room), progress=progress, stop=stop
+    )
+    groups, grace = output_groups(system, flow), Grace(stop)
+    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
+    if system.stress is not None:
+        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
+    figures = figures_of_stretches(motion, searched, system.energy_outputs, groups, times, grace)
+    limit = "run.max_events" if settings.max_events <= room else "run.memory"
+    outcome = figures.balance.checked(_with_limit(motion.outcome, limit))
+    times = times if motion.outcome.complete else times.until(motion.end)
+    whole = ExactHistories(motion, groups, times, grace)
+    histories: Histories = figures.few if outcome.interrupted else whole
+    last = motion.within(max(motion.end - _analysed(settings, motion), 0.0), motion.end)
+    extremes = figures.extremes
+    extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
+    kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
+    seen = motion.end - float(last.time[0])
+    compared = "" if settings.convergence == "off" else (
+        f", a finer model is compared on the first {_compared_s(settings, motion.record.step):.3g} s"
+    )  # fmt: skip
+    return _RunMotion(
+        method="exact",
+        outcome=outcome,
+        histories=histories,
+        balance=figures.balance,
+        events=_events(system, motion),
+        breakpoints=_breakpoints(system, motion),
+        extremes=extremes,
+        station_extremes=lambda: station_extremes(motion, searched["stress"]),
+        von_mises=_von_mises(system, whole, searched),
+        extreme_times=extreme_times,
+        extreme_states=motion.states_at(extreme_times),
+        state_at=lambda time: motion.states_at(np.array([time]))[0],
+        contact_share=motion.contact_share(),
+        work=Work(
+            events=motion.event_time.size,
+            evaluations=motion.evaluations,
+            segments=motion.segments,
+            states=len(flow.visited),
+            processor_time_s=motion.processor_time_s,
+        ),
+        trajectory=None if outcome.interrupted else last,
+        memory=_memory(flow, settings),
+        warnings=(f"{kept}; spectra are those of the last {seen:.3g} s{compared}",),
+    )
+
+
+def _analysed(settings: Run, motion: LongMotion) -> float:
+    """Length of the last part of the motion of which there are spectra, s."""
+    room = SPECTRUM_SHARE * settings.memory / BYTES_A_PIECE * motion.record.step
+    return min(room, settings.spectrum.last or room)
+
+
+def _compared_s(settings: Run, step: float) -> float:
+    """Length of the first part of the motion that is compared with that of a finer model, s."""
+    return COMPARED_SHARE * settings.memory / BYTES_A_PIECE * step
+
+
+def _checked_on_first_part(scenario: Scenario, motion: _RunMotion, stop: Callable[[], bool]) -> Convergence | None:
+    """What a finer model changes in the first part of a motion that is not kept as a whole."""
+    settings, excitation = scenario.run, scenario.excitation
+    assert settings is not None
+    assert excitation.kind == "random"
+    if settings.convergence == "off" or not motion.outcome.complete:
+        return None
+    assert motion.trajectory is not None
+    step = float(np.median(np.diff(motion.trajectory.flow.sources.start)))
+    duration = _compared_s(settings, step)
+    same = excitation.model_copy(update={"period": excitation.period or settings.duration})
+    first = scenario.model_copy(
+        update={"excitation": same, "run": settings.model_copy(update={"duration": duration, "convergence": "on"})}
+    )
+    assert first.run is not None
+    system = build_system(first)
+    part = _exact(system, first.run, _output_times(first.run), None, stop)
+    if not part.outcome.complete:
+        return Convergence({}, reason="interrupted" if part.outcome.interrupted else part.outcome.text)
+    try:
+        with heeding(stop):
+            spectra = _spectra(first, system, part)
+    except Stopped:
+        return Convergence({}, reason="interrupted")
+    probes = {probe.name for probe in system.probes}
+    of_probes = {key: spectra[key] for key in spectra if key[0] in probes}
+    derived = DerivedFigures(first, of_probes, None, np.zeros(0), None)
+    checked = _checked(first, system, part, _figures(system, part), derived, stop)
+    return None if checked is None else replace(checked, lines={})
 
 
 def _memory(flow: ExactFlow, settings: Run) -> dict[str, int]:
@@ -671,7 +813,7 @@ def _outputs(system: StructuralSystem, motion: _RunMotion) -> dict[str, OutputHi
     }  # fmt: skip
 
 
-def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> EventLog:
+def _events(system: StructuralSystem, trajectory: Trajectory | LongMotion | ReferenceTrajectory) -> EventLog:
     """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers are
     piecewise-linear springs."""
     of_snubber = (trajectory.event_contact < len(system.snubbers)) & (trajectory.touch_changes != 0)
@@ -679,7 +821,7 @@ def _events(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajecto
     return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
 
 
-def _breakpoints(system: StructuralSystem, trajectory: Trajectory | ReferenceTrajectory) -> int:
+def _breakpoints(system: StructuralSystem, trajectory: Trajectory | LongMotion | ReferenceTrajectory) -> int:
     rubbing = np.isin(trajectory.event_contact, friction_contacts(system))
     of_spring = (trajectory.event_contact >= len(system.snubbers)) & ~rubbing
     return int(np.sum(of_spring & (trajectory.event_time > 0)))

@@ -52,6 +52,7 @@ class EnergyBalance:
     history: EnergyHistory
     error: float  # largest imbalance over max(stored energy, integral of |power in|); 0 for a motionless structure
     lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
+    exchanged: float = np.nan  # J, integral of the loads' power without its sign
 
     @classmethod
     def unknown(cls) -> EnergyBalance:
@@ -64,9 +65,9 @@ class EnergyBalance:
         imbalance = np.abs(history.work_in - history.dissipated - (history.stored - history.stored[0]))
         scale = max(float(history.stored.max()), exchanged)
         if scale == 0.0:
-            return cls(history, 0.0, None)
+            return cls(history, 0.0, None, exchanged)
         lost = np.flatnonzero(~np.isfinite(imbalance) | (np.isfinite(scale) & (imbalance > LARGEST_ERROR * scale)))
-        return cls(history, float(imbalance.max() / scale), float(times[lost[0]]) if lost.size else None)
+        return cls(history, float(imbalance.max() / scale), float(times[lost[0]]) if lost.size else None, exchanged)
 
     def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
@@ -89,7 +90,7 @@ def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
 
 def _energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
     left, right, weight = factors = power_factors(trajectory.flow)
-    history = energies(trajectory, times, factors)
+    history = energies(trajectory, times, factors, float(trajectory.time[0]))
     power = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight[:, 1]
     return EnergyBalance.of(times, history, float(np.trapezoid(np.abs(power), times)))
 
@@ -123,7 +124,8 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
     flow, count = trajectory.flow, trajectory.time.size
     by_products = trajectory.exponentials or many_pieces(trajectory)
     if count < LEAST_SEGMENTS or flow.dropped or not by_products:
-        return energy_history(trajectory, trajectory.end * FEW_TIMES)
+        begin = float(trajectory.time[0])
+        return energy_history(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
     with np.errstate(over="ignore", invalid="ignore"):
         left, right, weight = power_factors(flow)
         table = np.concatenate([flow.output_table(left), flow.output_table(right)], axis=2)

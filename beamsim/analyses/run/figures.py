@@ -69,15 +69,16 @@ def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows
     def values(times: Floats) -> Floats:
         return energies_of_rows(energies, trajectory.sample(times, rows_of))
 
-    times = np.linspace(0.0, trajectory.end, ENERGY_SAMPLES)
-    step = times[1] if times.size > 1 else 0.0
+    begin = float(trajectory.time[0])
+    times = np.linspace(begin, trajectory.end, ENERGY_SAMPLES)
+    step = times[1] - times[0] if times.size > 1 else 0.0
     sampled = sampled_extremes(times, values(times))
     best = [np.array(part) for part in sampled]
     for k in range(len(energies)):
         for value, when, sign in ((0, 1, -1.0), (2, 3, 1.0)):
             width = step
             for _ in range(REFINEMENTS):
-                near = np.clip(best[when][k] + width * np.linspace(-1.0, 1.0, 9), 0.0, trajectory.end)
+                near = np.clip(best[when][k] + width * np.linspace(-1.0, 1.0, 9), begin, trajectory.end)
                 at = values(np.unique(near))[:, k]
                 i = int(np.argmax(sign * at))
                 if sign * at[i] > sign * best[value][k]:

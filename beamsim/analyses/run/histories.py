@@ -19,6 +19,7 @@ from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputOf, OutputSet
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.fields import by_rows, later
+from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.stopping import Stopped, heeding
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Floats
@@ -124,10 +125,15 @@ class ExactHistories:
     stop : asked several times a second whether to give up the energies and peaks.
     """
 
-    def __init__(self, trajectory: Trajectory, groups: OutputSet, times: OutputTimes, stop: Callable[[], bool]) -> None:
+    def __init__(
+        self, trajectory: Trajectory | LongMotion, groups: OutputSet, times: OutputTimes, stop: Callable[[], bool]
+    ) -> None:
         self._trajectory, self._groups, self._stop, self.times = trajectory, groups, stop, times
         columns = groups(trajectory.flow.system.contacts.start).row.shape[0] + trajectory.flow.size
-        self.block_size: int = 1 << max(VALUES_A_BLOCK // columns, 1).bit_length() - 1  # times of a block
+        most = VALUES_A_BLOCK // columns
+        if isinstance(trajectory, LongMotion):
+            most = min(most, int(trajectory.stretch_s * times.rate / times.step))
+        self.block_size: int = 1 << max(most, 1).bit_length() - 1  # times of a block
         self._latest: dict[str, tuple[int, Any]] = {}  # number and contents of the last block of each kind
         self._work: list[Floats] = [np.zeros(2)]  # dissipated and put in before each block that was reached
         self._energies_given_up = False
@@ -172,7 +178,7 @@ class ExactHistories:
         first = number * self.block_size
         times = self.times.rows(first, min(first + self.block_size, self.count))
         begin = float(self.times.rows(first - 1, first)[0]) if number else 0.0
-        return times, self._trajectory.within(begin, float(times[-1])) if times.size else self._trajectory
+        return times, self._trajectory.within(begin, float(times[-1]) if times.size else begin)
 
     def _outputs(self, number: int) -> Mapping[str, Floats]:
         def sampled(number: int) -> Mapping[str, Floats]:
@@ -275,6 +281,7 @@ class ExactHistories:
     def station_extremes(self, stress_of: OutputOf) -> Extreme:
         """Extremes of the stress at every station; those of samples where the search was interrupted."""
         few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
+        assert isinstance(self._trajectory, Trajectory)
         try:
             with heeding(self._stop):
                 return refine_extremes(self._trajectory, {"stress": stress_of}, few, one_figure=())["stress"]

@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.contacts.springs import SpringInfo
+from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow, states_in_memory
+from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.structures.stations import StressRows
 from beamsim.system.outputs import OutputRows
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
+MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
 MEMORY = 2e9  # bytes, that a run may keep unless it says otherwise
 TABLES_SHARE, MOTION_SHARE = 0.128, 0.5  # of it: tables of contact states, the motion between events
 
@@ -128,15 +131,39 @@ class OutputSet:
 
 def exact_flow(
     system: StructuralSystem, duration: float, most_states: int | None = None, shared: SharedBuilds | None = None,
-    memory: float = MEMORY,
+    memory: float = MEMORY, pieces: tuple[int, int] | None = None,
 ) -> ExactFlow:  # fmt: skip
-    """The exact flow of a built system; its first observer is the base's acceleration. ``shared``: see `ExactFlow`.
+    """The exact flow of a built system; its first observer is the base's acceleration. ``shared``, ``pieces``: see
+    `ExactFlow`.
 
     ``most_states`` contact states are kept at once, by default those that fit into their share of ``memory``, bytes.
+
+    Raises
+    ------
+    ScenarioError
+        For a record of too many pieces to be taken as a whole.
     """
     observers = () if system.base_acceleration is None else (system.base_acceleration,)
     most = most_states or states_in_memory(system.dynamics, TABLES_SHARE * memory)
-    return ExactFlow(system.dynamics, system.forcing, duration, observers, shared, most)
+    if pieces is None:
+        for record in (s.record for s in (*system.forcing.signal, *observers) if isinstance(s, StreamedSignal)):
+            if record.pieces > MOST_PIECES:
+                raise ScenarioError(
+                    Problem(
+                        "excitation",
+                        f"has {record.pieces:.3g} pieces, too many for this command or method (at most "
+                        f"{MOST_PIECES:.0e})",
+                        "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random "
+                        "excitation and method: exact takes any number",
+                    )
+                )
+    return ExactFlow(system.dynamics, system.forcing, duration, observers, shared, most, pieces)
+
+
+def pieces_of(system: StructuralSystem) -> int:
+    """Number of pieces of the record of which all loads are made; 0 where they are not made of one, or it is short."""
+    record = common_record(system.forcing.signal)
+    return 0 if record is None else record.pieces
 
 
 def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:

@@ -15,9 +15,13 @@ amplitudes of this one are random or fixed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
+from beamsim.fields import rows_of
 from beamsim.flow.stopping import check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Complexes, Floats
@@ -26,6 +30,7 @@ SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
 SKIPPED = 0.1  # share of a run that is left out at its beginning
 CONFIDENCE = 0.95
+HISTORIES_SHARE = 0.2  # of the memory of a run, for the histories that are analysed
 
 
 def random_response(
@@ -44,43 +49,83 @@ def random_response(
     Stopped
         On a request to stop that is heeded, see `beamsim.flow.stopping`.
     """
-    first = int(skip * result.time.size)
-    count = result.time.size - first
+    times = rows_of(result, "time")
+    first = int(skip * times.size)
+    count = times.size - first
     if count < LEAST_SAMPLES:
         return None
-    rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
+    rate = (times.size - 1) / float(times[times.size - 1 : times.size][0] - times[:1][0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
 
     def density(x: Floats) -> Floats:
         return cross_density(x, x, rate, length).real
 
-    def statistics(name: str, quantity: str, unit: str, values: Floats) -> SignalStatistics:
-        x = values[first:]
+    def statistics(signal: _Observed, x: Floats) -> SignalStatistics:
         check_stop()
         interval = rms_interval(x) if stationary else {}
         return SignalStatistics(
-            name=name, quantity=quantity, unit=unit, density=density(x), **statistics_of(x, rate), **interval
-        )
+            name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x), **statistics_of(x, rate),
+            **interval,
+        )  # fmt: skip
 
-    given = result.base_acceleration if force is None else force
-    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
-    signals = []
-    transmissibility, coherence = {}, {}
-    for probe in result.probes.values():
-        signals.append(statistics(probe.name, "absolute_acceleration", "m/s^2", probe.absolute_acceleration))
-        signals.append(statistics(probe.name, "displacement", "m", probe.displacement))
-        output = (probe.absolute_acceleration if force is None else probe.displacement)[first:]
-        cross = cross_density(given[first:], output, rate, length)
-        sxx, syy = density(given[first:]), density(output)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            transmissibility[probe.name] = np.asarray(cross / sxx)
-            coherence[probe.name] = np.asarray(np.abs(cross) ** 2 / (sxx * syy))
-    signals += [statistics(snubber.name, "force", "N", snubber.force) for snubber in result.snubbers.values()]
-    signals += [statistics(o.name, o.quantity, o.unit, o.value) for o in result.outputs.values()]
+    assert result.scenario.run is not None
+    memory = HISTORIES_SHARE * result.scenario.run.memory
     takes = getattr(result.scenario.excitation, "takes", ("acceleration" if force is None else "force",))
-    quantity, unit = takes[0], amplitude_unit(takes[0])
-    entered = statistics("input", quantity, unit, given)
-    return RandomResponse(float(result.time[first]), frequency, (entered, *signals), transmissibility, coherence)
+    entered = _Observed("input", takes[0], amplitude_unit(takes[0]), result, "base_acceleration")
+    given = next(x for _, x in _histories([entered], first, times.size, memory)) if force is None else force[first:]
+    sxx = density(given)
+    felt = "absolute_acceleration" if force is None else "displacement"
+    signals, transmissibility, coherence = [statistics(entered, given)], {}, {}
+    for signal, x in _histories(_observed(result), first, times.size, memory):
+        signals.append(statistics(signal, x))
+        if signal.field == felt and signal.owner is result.probes.get(signal.name):
+            cross = cross_density(given, x, rate, length)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                transmissibility[signal.name] = np.asarray(cross / sxx)
+                coherence[signal.name] = np.asarray(np.abs(cross) ** 2 / (sxx * signals[-1].density))
+    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
+    return RandomResponse(float(times[first : first + 1][0]), frequency, tuple(signals), transmissibility, coherence)
+
+
+class _Observed(NamedTuple):
+    """A history of a result."""
+
+    name: str
+    quantity: str
+    unit: str
+    owner: Any
+    field: str
+
+
+def _observed(result: RunResult) -> list[_Observed]:
+    signals = []
+    for probe in result.probes.values():
+        signals.append(_Observed(probe.name, "absolute_acceleration", "m/s^2", probe, "absolute_acceleration"))
+        signals.append(_Observed(probe.name, "displacement", "m", probe, "displacement"))
+    signals += [_Observed(s.name, "force", "N", s, "force") for s in result.snubbers.values()]
+    return signals + [_Observed(o.name, o.quantity, o.unit, o, "value") for o in result.outputs.values()]
+
+
+def _histories(
+    observed: Sequence[_Observed], first: int, last: int, memory: float
+) -> Iterator[tuple[_Observed, Floats]]:
+    """Each history from sample ``first`` to ``last``; as many at once, from one pass, as fit into ``memory``, bytes."""
+    if 8.0 * last * len(observed) <= memory:
+        for signal in observed:
+            yield signal, getattr(signal.owner, signal.field)[first:]
+        return
+    at_once = max(int(memory / (8.0 * (last - first))), 1)
+    for begin in range(0, len(observed), at_once):
+        some = observed[begin : begin + at_once]
+        blocks = [rows_of(signal.owner, signal.field) for signal in some]
+        values = np.empty((len(some), last - first))
+        size = max(getattr(block, "block", 1) for block in blocks)  # which all share
+        for number in range(first // size, -(-last // size)):
+            check_stop()
+            row, end = max(number * size, first), min((number + 1) * size, last)
+            for value, block in zip(values, blocks, strict=True):
+                value[row - first : end - first] = block[row:end]
+        yield from zip(some, values, strict=True)
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:

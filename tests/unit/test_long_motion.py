@@ -1,0 +1,174 @@
+"""Motions under random input that are not kept as a whole: the same as kept ones, in bounded memory."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run import analysis, stretches
+from beamsim.analyses.run.outputs import exact_flow
+from beamsim.errors import ScenarioError
+from beamsim.flow import exact, long_motion
+from beamsim.inputs import random_input, streamed
+from beamsim.inputs.random_input import random_signals
+from beamsim.outcomes import OutcomeCode
+from beamsim.system.build import build_system
+
+PIECES = 5600  # of the input in 0.14 s
+
+
+def scenario(**run):
+    data = beamsim.load_scenario("configs/one_sided_65hz.yaml").model_dump(
+        mode="json", by_alias=True, exclude_none=True
+    )
+    edges = [{"frequency": 20.0, "density": 2.0}, {"frequency": 2000.0, "density": 2.0}]
+    data["excitation"] = {"kind": "random", "applied_to": "base", "seed": 3, "psd": edges}
+    data["run"] = {"duration": 0.14, "convergence": "off", "memory": 64e6, **run}
+    return beamsim.load_scenario(data)
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch):
+    monkeypatch.setattr(random_input, "PIECES_AT_HAND", 1000)
+    monkeypatch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
+    for module in (long_motion, analysis):
+        monkeypatch.setattr(module, "CHECKPOINT_PIECES", 256)
+    monkeypatch.setattr(analysis, "BYTES_A_PIECE", 12800)
+    monkeypatch.setattr(stretches, "SEEDS_OF_A_STRETCH", 8)
+
+
+@pytest.fixture
+def pieces_made(monkeypatch):
+    """Numbers of pieces of which sources were made."""
+    counts = []
+    make = exact.sources_of_pieces
+
+    def counted(channels, first, last, duration):
+        counts.append(last - first)
+        return make(channels, first, last, duration)
+
+    monkeypatch.setattr(exact, "sources_of_pieces", counted)
+    return counts
+
+
+def histories(result):
+    arrays = {"time": result.time, "base": result.base_acceleration, "moved": result.base_displacement}
+    arrays |= {name: getattr(result.energy, name) for name in ("work_in", "dissipated", "stored")}
+    for probe in result.probes.values():
+        arrays |= {
+            f"{probe.name} {k}": getattr(probe, k) for k in ("displacement", "velocity", "absolute_acceleration")
+        }
+    for snubber in result.snubbers.values():
+        arrays |= {f"{snubber.name} {k}": getattr(snubber, k) for k in ("force", "penetration", "closed")}
+    return arrays
+
+
+def test_a_motion_in_stretches_is_that_which_is_kept(pieces_made):
+    whole = beamsim.run(scenario(memory=1e9))
+    assert pieces_made == [PIECES + 2]  # it was kept
+    pieces_made.clear()
+    parts = beamsim.run(scenario())
+    assert len(pieces_made) > 20
+    assert max(pieces_made) <= PIECES // 2
+    assert parts.work.events == whole.work.events > 20
+    assert parts.work.segments == whole.work.segments > PIECES
+    for name, values in histories(whole).items():
+        of_energy = 1e-12 * np.abs(values).max() if name in ("work_in", "dissipated", "stored") else 0.0
+        np.testing.assert_allclose(histories(parts)[name], values, rtol=0, atol=of_energy, err_msg=name)
+    np.testing.assert_array_equal(parts.events.time, whole.events.time)
+    np.testing.assert_array_equal(parts.events.closing, whole.events.closing)
+    exact_figures = ("peak_displacement_m", "min_displacement_m", "peak_acceleration_g", "peak_force_n", "contacts",
+                     "largest_pull_n", "largest_gap_m")  # fmt: skip
+    for name in exact_figures:
+        assert parts.summary[name] == pytest.approx(whole.summary[name], rel=1e-9), name
+    assert parts.summary["largest_bending_stress_pa"] == pytest.approx(whole.summary["largest_bending_stress_pa"])
+    assert parts.summary["contact_share"] == pytest.approx(whole.summary["contact_share"], rel=1e-12)
+    assert parts.summary["energy_error"] < 1e-10
+    assert parts.summary["memory_bytes"] == 64e6
+    assert parts.summary["random"] == whole.summary["random"]
+    stress = whole.only_body.peak_bending_stress
+    np.testing.assert_allclose(parts.only_body.peak_bending_stress, stress, rtol=0, atol=1e-9 * stress.max())
+    shapes = whole.only_body.extreme_shapes
+    np.testing.assert_allclose(parts.only_body.extreme_shapes, shapes, rtol=0, atol=1e-7 * np.abs(shapes).max())
+
+
+def test_memory_does_not_grow_with_the_duration(pieces_made):
+    most = []
+    for duration in (0.14, 0.28):
+        pieces_made.clear()
+        beamsim.run(scenario(duration=duration, sample_rate=5000.0))
+        most.append(max(pieces_made))
+    assert most[1] <= 1.1 * most[0]
+
+
+def test_stretches_are_forgotten():
+    system = build_system(scenario())
+    flow = exact_flow(system, 0.14, pieces=(0, 513))
+    motion, kept = long_motion.LongMotion(flow, system.initial_state, 256), []
+    tracemalloc.start()
+    for stretch in motion.stretches():
+        del stretch
+        kept.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert len(kept) == 22
+    size_of_a_stretch = 256 * 8 * (flow.size + 4)
+    assert kept[-1] - kept[8] < 2 * size_of_a_stretch  # checkpoints and events; segments would be 13 times as much
+
+
+def test_statistics_are_gathered_a_few_histories_at_a_time(monkeypatch):
+    whole = beamsim.run(scenario()).random
+    monkeypatch.setattr("beamsim.analyses.run.random_response.HISTORIES_SHARE", 0.005)  # two histories
+    few = beamsim.run(scenario()).random
+    assert [signal.rms for signal in few.signals] == [signal.rms for signal in whole.signals]
+    for name, coherence in whole.coherence.items():
+        np.testing.assert_array_equal(few.coherence[name], coherence)
+
+
+def test_an_interrupted_motion_keeps_what_it_reached():
+    reached = []
+    result = beamsim.run(scenario(), progress=reached.append, stop=lambda: len(reached) > 8)
+    assert result.outcome.code is OutcomeCode.INTERRUPTED
+    assert np.all(np.diff(reached) > 0)
+    assert 0.2 * 0.14 < result.time[-1] < 0.8 * 0.14
+    whole = beamsim.run(scenario())
+    kept = np.isin(whole.time, result.time)
+    tip = result.probes["tip"].displacement
+    np.testing.assert_allclose(tip, whole.probes["tip"].displacement[kept], rtol=1e-12, atol=1e-18)
+    assert result.summary["peak_displacement_m"]["tip"] >= np.abs(tip).max()
+    assert 0 < result.summary["events"] < whole.summary["events"]
+
+
+@pytest.mark.parametrize(
+    "asked", [{"low_pass": 1000.0}, {"impacts": {}}, {"srs": {"from": 20.0, "to": 500.0}}], ids=lambda a: next(iter(a))
+)
+def test_what_needs_the_whole_motion_is_refused(asked):
+    with pytest.raises(ScenarioError, match=rf"run.{next(iter(asked))}.*run.memory"):
+        beamsim.run(scenario(**asked))
+
+
+def test_a_finer_model_is_compared_on_the_first_part():
+    result = beamsim.run(scenario(convergence="on", memory=128e6))
+    assert result.summary["convergence"]["peak_displacement_m"]["tip"] > 0.0
+    assert any("finer model is compared on the first" in warning for warning in result.warnings)
+
+
+def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.run.outputs.MOST_PIECES", 2000)
+    with pytest.raises(ScenarioError, match="pieces, too many for this command or method"):
+        beamsim.run(scenario(method="reference"))
+
+
+@pytest.mark.parametrize("ramp", [0.0, 0.05])
+def test_a_record_in_blocks_is_the_spline_through_all_samples(monkeypatch, ramp):
+    excitation = scenario().excitation.model_copy(update={"ramp": ramp, "period": 0.1})
+    blocks = random_signals(excitation, 0.14)
+    monkeypatch.setattr(random_input, "PIECES_AT_HAND", 10**6)
+    whole = random_signals(excitation, 0.14)
+    times = np.random.default_rng(1).uniform(0.0, 0.14, 5000)
+    for one, other in zip(blocks, whole, strict=True):
+        assert type(one) is not type(other)
+        np.testing.assert_allclose(one(times), other(times), rtol=0, atol=1e-11 * np.abs(other(times)).max())
+        np.testing.assert_allclose(one.coefficient[:, 0, 0], other.coefficient[:, 0, 0], rtol=0,
+                                   atol=1e-11 * np.abs(other.coefficient[:, 0, 0]).max())  # fmt: skip
+    np.testing.assert_array_equal((2.0 * blocks[0])(times), 2.0 * blocks[0](times))
