@@ -109,6 +109,7 @@ class Result:
 
     def plot(self) -> dict[str, Figure]:
         """Return the figures that the command saves, by name; a notebook shows each."""
+        named("beamsim.plots.notebook:show_figures")()
         figures: dict[str, Figure] = named(KINDS[kind_of_class(type(self))].figures)(self)
         return figures
 

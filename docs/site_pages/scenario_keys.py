@@ -112,7 +112,8 @@ def _type(item: dict[str, Any]) -> str:
     kind = item.get("type")
     if kind == "array":
         if "prefixItems" in item:
-            return "[" + ", ".join(map(_type, item["prefixItems"])) + "]"
+            inner = list(map(_type, item["prefixItems"]))
+            return f"list of {len(inner)}: {inner[0]}" if len(set(inner)) == 1 else f"list: {', '.join(inner)}"
         return f"list of {_type(item.get('items', {}))}"
     if kind == "object":
         values = item.get("additionalProperties")
