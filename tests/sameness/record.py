@@ -52,6 +52,9 @@ RENAMED: dict[str, tuple[str, str]] = {}
 MENDED: dict[str, str] = {
     "* *lines/relative_change": "a weak line beside a strong one is not sought at the strong one in the finer model",
     "* *convergence/spectral_lines*": "the same",
+    "* *gapping*": "supports that move have an entry",
+    "* *outcome_numbers/numbers/time": "when contacts are no longer determined",
+    "one_sided_160hz run *segments": "the lowest derivative decides the first contact state",
 }
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
