@@ -317,13 +317,19 @@ class ExactFlow:
 
         A guard that is negative hands over to the phase it names: the contact was in it before. Where a guard is zero
         the first derivative that is not zero decides, which counts as zero when it is below the round-off of the terms
-        that make it up; the phase that it hands over to is entered here.
+        that make it up; the phase that it hands over to is entered here. The lowest derivative is the first to act,
+        and a contact that would leave again at once is not entered: its derivative was round-off.
         """
         contacts = self.system.contacts
         phases, entered = contacts.start, np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)
         unvisited = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
+
+        def hands_over(watched: Watched, g: int) -> bool:
+            j, following = int(watched.contact[g]), int(watched.following[g])
+            return following in unvisited[j] or bool(entered[j] and following == contacts.start[j])
+
         while True:
             index = self.state_index(phases)
             watched, s = self._tables.watched[index], self.states[index]
@@ -332,18 +338,16 @@ class ExactFlow:
             gamma = np.zeros((s.exponent.size, watched.guards), dtype=complex)
             np.add.at(gamma, s.term_basis, zeta[:, None] * watch)
             signs, orders = _first_signs(gamma, s.derivatives_at_start)
-            for g in range(watched.guards):
-                j = int(watched.contact[g])
-                following = int(watched.following[g])
-                if following not in unvisited[j]:
-                    continue
-                if signs[g] < 0:
-                    unvisited[j].discard(following)
-                    phases = contacts.after(phases, j, following)
-                    entered[j] |= orders[g] > 0
-                    break
-            else:
+            acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g)]
+            if not acting:
                 return phases, entered & (phases != contacts.start)
+            g = min(acting, key=lambda g: orders[g])
+            j, following = int(watched.contact[g]), int(watched.following[g])
+            unvisited[j].discard(following)
+            if following == contacts.start[j]:
+                unvisited[j].clear()
+            phases = contacts.after(phases, j, following)
+            entered[j] |= orders[g] > 0
 
 
 def _first_signs(gamma: Complexes, derivatives: Complexes) -> tuple[Floats, Ints]:

@@ -97,3 +97,40 @@ def test_a_mass_that_rests_at_a_closed_gap_until_it_is_pushed(kind, masses):
     assert result.events.closing[0]
     assert result.events.time[0] == 0.3
     assert result.summary["contact_share"]["stop"] == pytest.approx(0.7, abs=1e-12)
+
+
+def test_a_mass_that_another_stop_pushes_away_has_no_contact_at_its_closed_gap():
+    """The load alone would close the gap; with the pressed stop's force the mass leaves at once."""
+    closed = {"name": "closed", "mass": 1, "side": "below", "stiffness": STOP, "gap": 0.0}
+    pressed = {**closed, "name": "pressed", "gap": -0.1}
+    chain = {"masses": [1.0], "springs": [SPRING], "snubbers": [closed, pressed]}
+    push = {"kind": "step", "applied_to": {"mass": 1}, "level": -3.0}
+    result = beamsim.run(case("rest", chain=chain, excitation=push, run={"duration": 0.1}))
+    assert result.events.time.size == 0
+    assert result.summary["contacts"] == {"closed": 0, "pressed": 0}
+    assert result.summary["contact_share"] == {"closed": 0.0, "pressed": 1.0}
+    assert result.snubbers["closed"].force.max() == 0.0
+
+
+def test_a_derivative_of_round_off_closes_no_gap():
+    """A force on the fourth of five masses, a stop on either side of the fifth: one of them is entered, not both."""
+    stops = [
+        {"name": side, "mass": 5, "side": side, "stiffness": k, "gap": 0.0, "law": "no_tension",
+         "damping": {"kind": "ratio", "ratio": ratio}}
+        for side, k, ratio in (("above", 10533.203633616988, 0.04373741283871345),
+                               ("below", 8684.829056684921, 0.1117638574994136))
+    ]  # fmt: skip
+    chain = {
+        "masses": [1.0027570682915976, 2.4045486280421886, 1.2995674886628397, 0.4611989924256367, 0.6325785072459154],
+        "springs": [17.29693229489926, 7.319181994686006, 6.616266038796908, 11.237172059910959, 9.782131527219867,
+                    45.887855283766264],
+        "dashpots": [0.14120812273431618, 0.2632385481394736, 0.034959007581655224, 0.2836023694923981,
+                     0.3090108099713598, 0.38150608120087237],
+        "snubbers": stops,
+    }  # fmt: skip
+    tone = {"kind": "harmonic", "applied_to": {"mass": 4}, "level": 6.344851789506788e-06,
+            "frequency": 0.16651448916969097, "phase": 0.33507399616793787}  # fmt: skip
+    result = beamsim.run(case("rest", chain=chain, excitation=tone, run={"duration": 3.0}))
+    assert [(float(t), int(k)) for t, k in zip(result.events.time[:1], result.events.snubber, strict=False)] == [(0, 0)]
+    assert result.events.time[1] > 2.9
+    assert result.summary["contacts"] == {"above": 1, "below": 0}

@@ -248,8 +248,10 @@ def _events(own, result, end):
         t, phase = t[keep], phase[keep]
         if name not in result.snubbers:
             continue
-        mine = (result.events.snubber == list(result.snubbers).index(name)) & (result.events.time > begin)
-        mine &= result.events.time < edge
+        mine = result.events.snubber == list(result.snubbers).index(name)
+        if np.sum(mine & (result.events.time <= begin)) > 1:
+            found.append(f"{name}: begins and ends at the start")
+        mine &= (result.events.time > begin) & (result.events.time < edge)
         theirs, closing = result.events.time[mine], result.events.closing[mine]
         if t.size == theirs.size and np.array_equal(phase == 1, closing):
             allowed = np.maximum.accumulate(5 * np.max(late, axis=0, initial=0.0) + 1e-7 * end)

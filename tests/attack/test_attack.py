@@ -40,6 +40,8 @@ FOUND = {
     7006101: "a contact of no gap that begins with a power of time, seen late",
     7006206: "the extremes of a quantity that is zero but for round-off",
     7007079: "a stop of no gap at which a mass rests until the input begins, seen late",
+    8100004: "a contact that began and ended at t = 0, by round-off",
+    8100246: "a contact that began and ended at t = 0, without the force of a pressed stop",
 }
 
 
