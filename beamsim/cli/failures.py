@@ -13,7 +13,7 @@ from typing import ParamSpec
 
 import typer
 
-from beamsim.errors import BeamsimError, ExitCode, ScenarioError
+from beamsim.errors import BeamsimError, ExitCode, ScenarioError, StoppedEarlyError
 
 Parameters = ParamSpec("Parameters")
 
@@ -41,6 +41,26 @@ def verdict(error: BaseException) -> tuple[int, str]:
         return ExitCode.USAGE, f"beamsim: cannot write the output: {error.strerror}"
     text = f"{type(error).__name__}: {error}".splitlines()[0]
     return ExitCode.BUG, f"beamsim: internal error ({text}); use --debug for the traceback"
+
+
+def interruption_behind(error: BaseException) -> BaseException | None:
+    """What SIGINT or SIGTERM raised, where a library made an error of its own of it; None for other errors.
+
+    >>> try:
+    ...     try:
+    ...         raise KeyboardInterrupt
+    ...     except:
+    ...         raise ValueError("cannot write")
+    ... except ValueError as error:
+    ...     interruption_behind(error)
+    KeyboardInterrupt()
+    """
+    if isinstance(error, StoppedEarlyError):  # the partial result is kept
+        return None
+    behind = error.__context__
+    while behind is not None and not isinstance(behind, (KeyboardInterrupt, SystemExit)):
+        behind = behind.__context__
+    return behind
 
 
 def say(text: str) -> None:
@@ -77,7 +97,11 @@ def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
             if end.code == ExitCode.TERMINATED:
                 say(NOTHING_INCOMPLETE)
             raise
-        except (Exception, KeyboardInterrupt) as error:
+        except (Exception, KeyboardInterrupt) as raised:
+            error = interruption_behind(raised) or raised
+            if isinstance(error, SystemExit):
+                say(NOTHING_INCOMPLETE)
+                raise error from None
             if broken_pipe(error):
                 discard_output()
                 raise typer.Exit(ExitCode.BROKEN_PIPE) from None

@@ -90,6 +90,25 @@ def test_a_response_that_is_stopped_keeps_as_many_points_as_are_quickly_evaluate
     assert part.warnings[-1] == "interrupted: of 3 points of a branch one is kept"
 
 
+@pytest.mark.parametrize("stage", ["_spectra", "_with_impacts", "_summary", "_checked"])
+def test_a_run_stopped_at_any_stage_keeps_as_many_samples_as_are_quickly_written(stage, monkeypatch, tmp_path):
+    from beamsim.analyses.run import analysis
+
+    monkeypatch.setattr(analysis, "SAMPLES_OF_A_STOPPED_RUN", 100)
+    reached, real = [], getattr(analysis, stage)
+    monkeypatch.setattr(analysis, stage, lambda *given: reached.append(1) or real(*given))
+    scenario = load_scenario(CONFIGS / "one_sided_45hz.yaml", ["run.duration=0.5 s", "run.sample_rate=2 kHz"])
+    part = analysis.run(scenario, stop=lambda: bool(reached))
+    assert part.outcome.interrupted
+    assert part.warnings[-1] == "interrupted: of 11 output times one is kept"
+    np.testing.assert_allclose(part.time, np.arange(91) * 55e-4, rtol=1e-12)
+    whole = analysis.run(scenario)
+    assert whole.outcome.complete
+    for kept in (part, beamsim.open_result(beamsim.write_result(part, tmp_path / "part.h5"))):
+        np.testing.assert_allclose(kept.probes["tip"].displacement, whole.probes["tip"].displacement[::11], atol=1e-15)
+        np.testing.assert_allclose(kept.energy.stored, whole.energy.stored[::11], rtol=1e-9)
+
+
 def test_what_was_not_begun_is_named():
     request = After(2)
     part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
@@ -349,6 +368,34 @@ def test_a_signal_whose_exception_is_lost_ends_a_study_after_the_case(heeded, mo
     assert len(solved) == 2
     assert "2 of 5 cases are in" in done.output
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_of_which_a_library_makes_an_error_is_a_signal(number, code, heeded, monkeypatch, tmp_path):
+    """As pyuff does: it catches everything while it writes."""
+    import pyuff
+    from typer.testing import CliRunner
+
+    from beamsim.cli.app import app
+
+    def write(*_, **__):
+        try:
+            os.kill(os.getpid(), number)
+        except BaseException as error:
+            raise RuntimeError("Error writing data-set #58") from error
+
+    short = ["--set", "run.duration=0.5 s", "--no-plots", "-o", str(tmp_path / "case.h5")]
+    done = CliRunner().invoke(app, ["run", str(CONFIGS / "one_sided_45hz.yaml"), *short])
+    assert done.exit_code == 0, done.output
+    monkeypatch.setattr(pyuff.UFF, "write_sets", write)
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        done = CliRunner().invoke(app, ["export", str(tmp_path / "case.h5"), "--format", "uff", "-o", str(tmp_path)])
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert done.exit_code == code, done.output
+    assert done.output == "beamsim: interrupted; no incomplete file was left\n"
+    assert os.listdir(tmp_path) == ["case.h5"]
 
 
 def test_what_is_raised_again_is_what_was_lost(heeded):

@@ -106,6 +106,7 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 50_000_000
 SAMPLES_OF_A_STOPPED_RUN = 20_000
+_KEPT = "interrupted: of {} output times one is kept"
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
 
@@ -158,20 +159,12 @@ def run(
         scenario=scenario,
         method=motion.method,
         outcome=reduction_checked(motion.outcome, system.modes),
-        time=motion.histories.signal(lambda time: time),
-        probes=_probes(system, motion),
-        snubbers=_snubbers(system, motion),
-        springs=_springs(system, motion),
-        friction=_friction(scenario, system, motion),
-        outputs=_outputs(system, motion),
         contact=_contact(system, motion),
-        base_acceleration=motion.histories.signal(partial(_signal, system.base_acceleration)),
         base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
-        base_displacement=motion.histories.signal(partial(_signal, system.base_displacement)),
         events=motion.events,
         spectra=spectra,
+        **_histories(scenario, system, motion),
         **_bodies(scenario, system, motion),
-        energy=motion.histories.energies(),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
@@ -209,8 +202,39 @@ def run(
     if checked is not None:
         result = with_convergence(result, checked)
         summary |= checked.summary()
+    if stop():
+        result = _with_few_samples(result, system, motion)
     result = result.with_summary(spectral_lines=_spectral_lines(result.spectra), **summary)
     return changed(result, wall_time_s=clock.perf_counter() - begin)
+
+
+def _histories(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
+    """Everything at the output times, as fields of the result."""
+    return {
+        "time": motion.histories.signal(lambda time: time),
+        "probes": _probes(system, motion),
+        "snubbers": _snubbers(system, motion),
+        "springs": _springs(system, motion),
+        "friction": _friction(scenario, system, motion),
+        "outputs": _outputs(system, motion),
+        "base_acceleration": motion.histories.signal(partial(_signal, system.base_acceleration)),
+        "base_displacement": motion.histories.signal(partial(_signal, system.base_displacement)),
+        "energy": motion.histories.energies(),
+    }
+
+
+def _with_few_samples(result: RunResult, system: StructuralSystem, motion: _RunMotion) -> RunResult:
+    """Where a stop is requested: of many output times those that are quickly sampled and written."""
+    step = _step_of_few(motion.histories.count)
+    if step == 1:
+        return result
+    low_passed = None if motion.low_passed is None else motion.low_passed[::step]
+    few = replace(motion, histories=motion.histories.every(step), low_passed=low_passed)
+    outcome = result.outcome
+    if outcome.complete:
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
+    warnings = (*result.warnings, _KEPT.format(step))
+    return changed(result, outcome=outcome, warnings=warnings, **_histories(result.scenario, system, few))
 
 
 def _with_impacts(
@@ -589,8 +613,12 @@ def _memory(flow: ExactFlow, settings: Run) -> dict[str, int]:
 
 def _few(times: OutputTimes) -> tuple[OutputTimes, tuple[str, ...]]:
     """Of many output times those that are quickly sampled and written, with a warning."""
-    step = max(-(-times.size // SAMPLES_OF_A_STOPPED_RUN), 1)
-    return times.every(step), (f"interrupted: of {step} output times one is kept",) if step > 1 else ()
+    step = _step_of_few(times.size)
+    return times.every(step), (_KEPT.format(step),) if step > 1 else ()
+
+
+def _step_of_few(count: int) -> int:
+    return max(-(-count // SAMPLES_OF_A_STOPPED_RUN), 1)
 
 
 def _reference(

@@ -79,6 +79,9 @@ class Histories(Protocol):
     def energies(self) -> EnergyHistory:
         """Energies, nan where their computation was interrupted."""
 
+    def every(self, step: int) -> Histories:
+        """Those at one of ``step`` output times."""
+
 
 @dataclass(frozen=True)
 class SampledHistories:
@@ -113,6 +116,12 @@ class SampledHistories:
     def energies(self) -> EnergyHistory:
         """Energies."""
         return self.energy
+
+    def every(self, step: int) -> SampledHistories:
+        """Those at one of ``step`` output times."""
+        values = {name: group[::step] for name, group in self.values.items()}
+        energy = EnergyHistory(*(getattr(self.energy, name)[::step] for name in ENERGIES))
+        return SampledHistories(self.time[::step], values, self.touching[::step], energy)
 
 
 class ExactHistories:
@@ -260,6 +269,10 @@ class ExactHistories:
             )
 
         return EnergyHistory(*map(of, ENERGIES))
+
+    def every(self, step: int) -> ExactHistories:
+        """Those at one of ``step`` output times."""
+        return ExactHistories(self._trajectory, self._groups, self.times.every(step), self._stop)
 
     def extremes(self, searched: Mapping[str, OutputOf]) -> Extremes:
         """Extremes of the samples of some outputs."""
