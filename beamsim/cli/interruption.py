@@ -7,10 +7,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 from beamsim.cli.failures import say
 from beamsim.errors import ExitCode
+from beamsim.flow.stopping import CompilationStopped, between_compilations, is_compiling, loses_exceptions
 
 
 class Interruption:
@@ -18,15 +20,23 @@ class Interruption:
 
     def __init__(self) -> None:
         self.signal = 0  # number of the signal received, or 0
+        self.raised: CompilationStopped | None = None  # while a kernel was being compiled
 
     def __call__(self) -> bool:
         """Whether a signal was received."""
         return self.signal != 0
 
+    def end_compilation(self) -> None:
+        """Raise what a signal has raised while a kernel was being compiled, if it was lost."""
+        if self.raised is not None and not self.raised.caught:
+            raise self.raised
+
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
     """Yield an object that the first SIGINT or SIGTERM sets; the second has its previous effect.
+
+    Where a kernel is being compiled, which takes seconds, the first one ends that as well.
 
     Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
@@ -40,14 +50,19 @@ def interruptible() -> Iterator[Interruption]:
         for number, handler in before.items():
             signal.signal(number, handler)
 
-    def request(number: int, _frame: object) -> None:
+    def request(number: int, frame: FrameType | None) -> None:
         interruption.signal = number
         restore()
         say("beamsim: stopping after the current point and saving the partial result; press again to stop immediately")
+        if is_compiling(frame):
+            interruption.raised = CompilationStopped()
+            if not loses_exceptions(frame):
+                raise interruption.raised
 
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: not set from Python
             before[number] = signal.signal(number, request)
+    between_compilations.append(interruption.end_compilation)
     try:
         yield interruption
     except KeyboardInterrupt:  # nothing was found that could be kept
@@ -55,6 +70,7 @@ def interruptible() -> Iterator[Interruption]:
             sys.exit(ExitCode.TERMINATED)
         raise
     finally:
+        between_compilations.remove(interruption.end_compilation)
         restore()
 
 
@@ -70,12 +86,13 @@ def raised_again() -> Iterator[Callable[[], None]]:
     raised: list[BaseException] = []
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def handle(number: int, frame: Any) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         try:
             before[signal.Signals(number)](number, frame)  # type: ignore[operator,misc]
         except BaseException as error:
             raised.append(error)
-            raise
+            if not loses_exceptions(frame):
+                raise
 
     def check() -> None:
         if raised:
@@ -84,8 +101,10 @@ def raised_again() -> Iterator[Callable[[], None]]:
     handled = [number for number, handler in before.items() if callable(handler)]
     for number in handled:
         signal.signal(number, handle)
+    between_compilations.append(check)
     try:
         yield check
     finally:
+        between_compilations.remove(check)
         for number in handled:
             signal.signal(number, before[number])

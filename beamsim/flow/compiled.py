@@ -20,6 +20,7 @@ from typing import Any
 import numba
 
 from beamsim.errors import CacheWarning
+from beamsim.flow.stopping import check_compilation
 
 _LOG = logging.getLogger(__name__)
 _REMEDY = "set NUMBA_CACHE_DIR to a folder that can be written"
@@ -152,6 +153,7 @@ def _tolerate_failures(dispatcher: Any) -> None:
             loaded = None
         if loaded is None:
             _announce()
+            check_compilation()
         return loaded
 
     def save_overload(*arguments: Any) -> None:
@@ -159,6 +161,7 @@ def _tolerate_failures(dispatcher: Any) -> None:
             save(*arguments)
         except Exception as error:  # what is on the disk may be damaged, too
             _warn_once(str(getattr(error, "strerror", "") or error or type(error).__name__))
+        check_compilation()
 
     files.load_overload, files.save_overload = load_overload, save_overload
     files._cache_file._load_index = known_overloads

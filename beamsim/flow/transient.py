@@ -11,7 +11,8 @@ import numpy as np
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Carried, Log, Motion, carry
 from beamsim.flow.stopping import never
-from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.trajectory import EVEN, Trajectory
+from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats
 
@@ -77,7 +78,10 @@ def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, pro
 
 @cache
 def _load_kernels() -> None:
-    """Compile the kernels, or load them from the cache, once per process and outside every measured time."""
+    """Compile the kernels, or load them from the cache, once per process and outside every measured time.
+
+    Those that sample the motion are among them, so that a motion that is stopped is kept without a compilation.
+    """
     from beamsim.contacts.contacts import Contacts
     from beamsim.contacts.laws import kelvin_voigt
 
@@ -86,4 +90,8 @@ def _load_kernels() -> None:
     system = PiecewiseLinearSystem(one, np.zeros((1, 1)), contacts, np.zeros(1))
     flow = ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 1.0)
     y = np.zeros(2)
-    Motion(y, flow.state_index(flow.starting_state(y))).advance(flow, 0.0, Log.sized(1, 2), 1)
+    log = Log.sized(2, y.size)
+    _, segments, events, evaluations = Motion(y, flow.state_index(flow.starting_state(y))).advance(flow, 1.0, log, 100)
+    log = log.first(segments, events)
+    motion = Trajectory(flow, 1.0, *log._replace(state=flow.visits(log.state)), y, evaluations, COMPLETE, 0.0)
+    motion.sample(np.linspace(0.0, 1.0, EVEN), lambda phases: flow.empty_output(1))

@@ -398,6 +398,64 @@ def test_a_signal_of_which_a_library_makes_an_error_is_a_signal(number, code, he
     assert os.listdir(tmp_path) == ["case.h5"]
 
 
+def compiling(number, *, lost=False):
+    """Compile a function; a signal arrives meanwhile, where LLVM drops what is raised or elsewhere."""
+    import numba
+    from numba.extending import overload
+
+    def _raw_object_cache_notify():
+        os.kill(os.getpid(), number)
+
+    def value():
+        raise NotImplementedError
+
+    @overload(value)
+    def compiled_value():
+        _raw_object_cache_notify() if lost else os.kill(os.getpid(), number)
+        return lambda: 1
+
+    return numba.njit(lambda: value())()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_compilation(number, heeded):
+    """Where something was found the search is given up, elsewhere nothing is kept."""
+    from beamsim.flow.stopping import Stopped, heeding
+
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        with interruptible() as interrupted, pytest.raises(Stopped), heeding(interrupted):
+            compiling(number)
+        assert interrupted.signal == number
+        with pytest.raises(KeyboardInterrupt if number == signal.SIGINT else SystemExit), interruptible():
+            compiling(number)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_a_signal_that_a_compilation_loses_ends_the_next_one(heeded):
+    from beamsim.flow.stopping import Stopped, between_compilations, check_compilation, heeding
+
+    with interruptible() as interrupted:
+        assert compiling(signal.SIGINT, lost=True) == 1
+        with pytest.raises(Stopped), heeding(interrupted):
+            check_compilation()
+        check_compilation()  # what keeps the result may compile
+        with pytest.raises(Stopped), heeding(interrupted):
+            check_compilation()
+    assert not between_compilations
+
+
+def test_no_compilation_begins_in_the_time_that_remains(heeded):
+    from beamsim.analyses.run.histories import Grace
+    from beamsim.flow.stopping import Stopped, check_compilation, check_stop, heeding
+
+    with heeding(Grace(lambda: True)):
+        check_stop()  # some of it is left
+    with pytest.raises(Stopped), heeding(Grace(lambda: True)):
+        check_compilation()
+
+
 def test_what_is_raised_again_is_what_was_lost(heeded):
     with raised_again() as check:
         check()

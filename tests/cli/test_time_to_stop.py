@@ -93,3 +93,31 @@ def test_a_command_ends_at_a_signal_with_what_there_is(name, number, compiled, t
     assert process.returncode == 128 + number, text
     assert "Traceback" not in text
     assert beamsim.open_result(tmp_path / "case.h5").outcome.interrupted
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time of another process is read from /proc")
+@pytest.mark.parametrize("name", ["run", "continuation"])
+def test_a_command_ends_while_it_compiles(name, tmp_path):
+    """The kernel that is being compiled, and those after it, are not finished."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    process = subprocess.Popen(
+        arguments(name, CASES[name][1]), cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+    )  # fmt: skip
+    try:
+        while not list(cache.rglob("*.nbc")):  # the first inner function is there
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=HANG)
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise
+    assert process.returncode == 128 + signal.SIGTERM, errors
+    assert errors.endswith("beamsim: interrupted; no incomplete file was left\n")
+    assert "Traceback" not in errors
+    assert not list(cache.rglob("*.march-*.nbc"))
+    assert not (tmp_path / "case.h5").exists()

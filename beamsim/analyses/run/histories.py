@@ -39,9 +39,13 @@ class Grace:
         self.stop = stop
         self.since: float | None = None  # s of processor time, when that was first seen
 
+    def requested(self) -> bool:
+        """Whether the motion is to be stopped."""
+        return self.stop()
+
     def __call__(self) -> bool:
         """Whether the time is over."""
-        if self.since is None and self.stop():
+        if self.since is None and self.requested():
             self.since = clock.process_time()
         return self.since is not None and clock.process_time() - self.since >= GRACE_S
 
