@@ -5,7 +5,8 @@ Until contact changes, the steady motion is the linear one about static equilibr
 .. math:: q = (K - \omega^2 + i \omega C)^{-1} \Big(l_1 - \frac{l_2}{\omega^2}\Big) A,
 
 with :math:`l_1` the load of a unit of base acceleration (or of the force) and :math:`l_2` that of a unit of base
-displacement on springs to ground; the contacts that are closed at rest belong to K and C. The level is therefore exact
+displacement on springs to ground (several forces act with their levels and phases, supports that move by their
+acceleration, velocity and displacement); the contacts that are closed at rest belong to K and C. The level is therefore exact
 for a steady motion. While a motion builds up, contact may change at a lower level.
 
 Closing one more contact, with :math:`\kappa = k + i \omega c`, divides the opening s there by
@@ -58,17 +59,16 @@ class ContactLevels:
 
 
 def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
-    """(F, n) coordinates for a unit amplitude of base acceleration or force, all contacts staying in phases (m,).
+    """(F, n) coordinates for a unit amplitude of the sine of `SineLoads`, all contacts staying in phases (m,).
 
     By default no contact acts.
     """
     contacts, omega = system.dynamics.contacts, 2 * np.pi * np.asarray(frequency_hz)
     phases = contacts.start if phases is None else phases
-    per_unit = np.repeat(system.forcing.load[:1].astype(complex), omega.size, axis=0)
+    assert system.sine is not None
+    per_unit = system.sine.at(omega) @ system.forcing.load
     if system.base_acceleration is not None:
         base = -1.0 / omega[:, None] ** 2
-        if system.forcing.load.shape[0] > 1:
-            per_unit += system.forcing.load[1] * base
         pushed = contacts.dynamic_stiffness(phases, omega)
         per_unit -= ((pushed * contacts.on_ground) @ contacts.shape) * base
     return _solved(system, omega, phases, per_unit[:, :, None])[:, :, 0]

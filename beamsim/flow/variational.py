@@ -493,7 +493,7 @@ class VariationalFlow(SeriesFlow):
     def phases_in(self, passage: Passage) -> Ints:
         """(G, m) phases of the contacts in each segment of a passage."""
         phases = np.array([self._states[k].phases for k in passage.state], dtype=np.int64)
-        return phases.reshape(-1, self.system.contacts.count)
+        return phases.reshape(passage.state.size, self.system.contacts.count)
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""

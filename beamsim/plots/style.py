@@ -62,7 +62,7 @@ def level_text(level: float, unit: str) -> str:
     """
     if unit == "m/s^2":
         return f"level {level / STANDARD_GRAVITY:.4g} g"
-    scale = scale_for(unit, np.array([level])) if unit else Scale(1.0, "")
+    scale = scale_for(unit, np.array([level])) if unit not in ("", "1") else Scale(1.0, "")
     return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
 
 

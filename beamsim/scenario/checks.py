@@ -16,7 +16,7 @@ from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.continuation_checks import continuation_problems
 from beamsim.scenario.designs import Vary, design_problems
 from beamsim.scenario.distributed import DistributedLoad, distributed_problems
-from beamsim.scenario.excitation import Harmonic, level_problems
+from beamsim.scenario.excitation import Forces, Harmonic, level_problems, sine_problems
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.identification_checks import identification_problems
 from beamsim.scenario.impacts import impact_problems
@@ -375,19 +375,13 @@ def _sweep(scenario: _Checked) -> Problems:
     sweep, excitation = scenario.sweep, scenario.excitation
     if sweep is None:
         return
-    if not isinstance(excitation, Harmonic):
-        yield _problem(
-            ("sweep",),
-            f"sweeps the frequency of a harmonic excitation, but this one is {excitation.kind}",
-            "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
-        )
+    unfit = list(sine_problems(excitation, "sweep"))
+    yield from unfit
+    if unfit:
         return
-    if isinstance(excitation.applied_to, MovedSupport):
-        yield _problem(
-            ("excitation", "applied_to"), "is a support that moves, which sweeps and continuations do not follow",
-            "use `beamsim run`, move the base (applied_to: base), or model what moves the support as a body",
-        )  # fmt: skip
-        return
+    assert isinstance(excitation, Harmonic | Forces)
+    if isinstance(sweep, SweptSine):
+        yield from _swept_supports(excitation)
     for index, level in enumerate(sweep.levels):
         yield from level_problems(excitation, ("sweep", "levels", index), level)
     if isinstance(sweep, Continuation):
@@ -398,11 +392,27 @@ def _sweep(scenario: _Checked) -> Problems:
         for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
             for index, point in enumerate(points):
                 if point.quantity is not None and point.quantity not in excitation.takes:
+                    several = isinstance(excitation, Forces)
                     yield _problem(
                         ("sweep", name, index, "level"),
-                        f"is a level of {point.quantity}, and the excitation is of {excitation.quantity}",
-                        "give it in a unit that fits excitation.applied_to",
-                    )
+                        f"is a level of {point.quantity}, "
+                        + ("but multiplies the levels of all forces" if several else
+                           f"and the excitation is of {excitation.quantity}"),
+                        "give a plain number: 0.5" if several else "give it in a unit that fits excitation.applied_to",
+                    )  # fmt: skip
+
+
+def _swept_supports(excitation: Harmonic | Forces) -> Problems:
+    """Supports follow a sine of constant frequency only: while the frequency changes, their motion would drift."""
+    forces = enumerate(excitation.forces) if isinstance(excitation, Forces) else [(None, excitation)]
+    for index, force in forces:
+        if isinstance(force.applied_to, MovedSupport):
+            yield _problem(
+                ("excitation", *(() if index is None else ("forces", index)), "applied_to"),
+                "is a support that moves, which a swept sine does not follow",
+                "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
+                "support as a body",
+            )  # fmt: skip
 
 
 def _identification(scenario: _Checked) -> Problems:

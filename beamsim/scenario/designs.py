@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import BY_KIND, Schema, Variants, fail, path_text
 from beamsim.scenario.quantities import (
+    FACTOR,
     LEVEL_DIMENSIONS,
     FieldType,
     LevelType,
@@ -24,6 +25,7 @@ from beamsim.scenario.quantities import (
     SteppedCount,
     Text,
     Whole,
+    level_unit,
 )
 from beamsim.scenario.units import UnitError
 
@@ -248,8 +250,9 @@ def _drawn_parameter(scenario: Schema, path: str, values: list[Any]) -> VariedPa
     if whole:
         read = [int(value) if not isinstance(value, str) and float(value).is_integer() else value for value in read]
     return VariedParameter(
-        path=path, places=tuple(places), unit=_unit(scenario, field), nominal=math.nan, values=tuple(read), whole=whole
-    )
+        path=path, places=tuple(places), unit=_unit(scenario, places[0], field), nominal=math.nan, values=tuple(read),
+        whole=whole,
+    )  # fmt: skip
 
 
 def case_count(vary: Grid | Zipped | LatinHypercube) -> int:
@@ -318,7 +321,7 @@ def _varied_parameter(scenario: Schema, parameter: Any) -> VariedParameter:
     common: dict[str, Any] = {
         "path": parameter.path,
         "places": tuple(places),
-        "unit": _unit(scenario, field),
+        "unit": _unit(scenario, first, field),
         "nominal": nominal if isinstance(nominal, str) else float(nominal),
         "whole": isinstance(field, Whole) or (field is None and isinstance(nominal, int)),
     }
@@ -414,11 +417,11 @@ def _read(scenario: Schema, place: Path, value: Value, at: Path) -> Value:
         shown = f"{value:.12g}" if isinstance(value, float) else value
         raise fail(f"= {shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
     if isinstance(number, LevelValue):
-        quantity = getattr(getattr(scenario, "excitation", None), "quantity", None)
+        quantity = _quantity(scenario, place)
         if number.quantity not in (None, quantity):
             raise fail(
-                f"= {value} is given in a unit of {number.quantity}, and the excitation's level is of {quantity}",
-                "give it in the unit of excitation.level",
+                f"= {value} is given in a unit of {number.quantity}, and the level there is of {quantity}",
+                f"give it in a unit of {quantity}" if quantity != FACTOR else "give a plain number: 0.5",
                 at,
             )
         return float(number)
@@ -440,8 +443,9 @@ def _deviation(scenario: Schema, place: Path, tolerance: Value, nominal: float) 
         elif isinstance(field, Quantity) and field.dimension.unit:
             deviation = read_quantity(tolerance, field.dimension)
         elif isinstance(field, LevelType):
-            quantity = getattr(getattr(scenario, "excitation", None), "quantity", "acceleration")
-            deviation = read_level(tolerance, (LEVEL_DIMENSIONS[quantity],))[0]
+            quantity = _quantity(scenario, place)
+            dimension = RATIO if quantity == FACTOR else LEVEL_DIMENSIONS[quantity]
+            deviation = read_level(tolerance, (dimension,))[0]
         else:
             deviation = read_quantity(tolerance, RATIO)
     except UnitError as error:
@@ -452,9 +456,17 @@ def _deviation(scenario: Schema, place: Path, tolerance: Value, nominal: float) 
     return deviation
 
 
-def _unit(scenario: Schema, field: FieldType | None) -> str:
+def _quantity(scenario: Any, place: Path) -> str:
+    """Quantity of the level at a place: its own force's, or that of the whole excitation."""
+    excitation = scenario.excitation
+    if place[:2] == ("excitation", "forces"):
+        excitation = excitation.forces[place[2]]
+    return getattr(excitation, "quantity", None) or "acceleration"
+
+
+def _unit(scenario: Schema, place: Path, field: FieldType | None) -> str:
     if isinstance(field, Quantity):
         return field.dimension.unit or "1"
     if isinstance(field, LevelType):
-        return LEVEL_DIMENSIONS[getattr(getattr(scenario, "excitation", None), "quantity", "acceleration")].unit
+        return level_unit(_quantity(scenario, place))
     return "1"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -11,7 +11,7 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import BY_KIND, Path, Schema, fail, path_text
 from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
 from beamsim.scenario.driven import Driven, spoken
-from beamsim.scenario.quantities import INTEGRALS, Angle, Duration, Frequency, Level, LevelValue, Time
+from beamsim.scenario.quantities import FACTOR, INTEGRALS, Angle, Duration, Frequency, Level, LevelValue, Time
 
 
 class NoExcitation(Schema):
@@ -53,6 +53,11 @@ class Harmonic(Driven):
     def frequencies_hz(self) -> tuple[float, ...]:
         """The frequency, Hz."""
         return (self.frequency,)
+
+    def at(self, frequency_hz: float, level: float | None = None) -> Harmonic:
+        """The same at another frequency, Hz, and level."""
+        changed = {"frequency": frequency_hz} | ({} if level is None else {"level": level})
+        return self.model_copy(update=changed)
 
 
 class Tone(Schema):
@@ -249,6 +254,29 @@ class Forces(Schema):
                 )
 
     @property
+    def harmonics(self) -> tuple[Harmonic, ...]:
+        """Those that are sines."""
+        return tuple(force for force in self.forces if isinstance(force, Harmonic))
+
+    # What a sweep asks a harmonic excitation: its levels multiply all forces, each of which keeps its own phase.
+    level: ClassVar[float] = 1.0
+    phase: ClassVar[float] = 0.0
+    quantity: ClassVar[str] = FACTOR
+    takes: ClassVar[tuple[str, ...]] = (FACTOR,)
+    on_base: ClassVar[bool] = False
+
+    @property
+    def frequency(self) -> float:
+        """That of the sines, Hz."""
+        return self.harmonics[0].frequency
+
+    def at(self, frequency_hz: float, level: float | None = None) -> Forces:
+        """The sines at another frequency, Hz, with their levels multiplied by ``level``."""
+        factor = 1.0 if level is None else level
+        forces = tuple(force.at(frequency_hz, factor * force.level) for force in self.harmonics)
+        return self.model_copy(update={"forces": forces})
+
+    @property
     def shock(self) -> bool:
         """Whether all of them begin at a time and leave a free motion."""
         return all(force.shock for force in self.forces)
@@ -262,6 +290,34 @@ class Forces(Schema):
     def highest_frequency_hz(self) -> float:
         """The highest of all, Hz."""
         return max(force.highest_frequency_hz for force in self.forces)
+
+
+Sine = Harmonic | Forces
+"""What sweeps and continuations follow; see `sine_problems`."""
+
+
+def sine_problems(excitation: Any, section: str) -> Iterator[Problem]:
+    """Why a sweep or continuation, a section of the scenario, cannot follow an excitation."""
+    if isinstance(excitation, Forces):
+        frequency = excitation.harmonics[0].frequency if excitation.harmonics else 0.0
+        for index, force in enumerate(excitation.forces):
+            at = f"excitation.forces[{index}]"
+            if not isinstance(force, Harmonic):
+                yield Problem(
+                    f"{at}.kind", f"= {force.kind} has no frequency that {section} could change",
+                    "make it harmonic, or leave it out",
+                )  # fmt: skip
+            elif force.frequency != frequency:
+                yield Problem(
+                    f"{at}.frequency", f"= {force.frequency:g} Hz, and another force has {frequency:g} Hz",
+                    f"give all forces one frequency, which {section} changes",
+                )  # fmt: skip
+    elif not isinstance(excitation, Harmonic):
+        yield Problem(
+            section,
+            f"needs the frequency of a harmonic excitation, but this one is {excitation.kind}",
+            "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
+        )
 
 
 Excitation = Annotated[
@@ -286,6 +342,8 @@ def level_problems(excitation: Excitation, path: Path, level: float | None) -> I
     if isinstance(level, LevelValue) and level.quantity not in (None, quantity):
         yield Problem(
             path_text(path),
-            f"is given in a unit of {level.quantity}, and the excitation's level is of {quantity}",
-            "give it in the unit of excitation.level",
+            f"is given in a unit of {level.quantity}, and the excitation's level is of {quantity}"
+            if quantity != FACTOR
+            else f"is given in a unit of {level.quantity}, but multiplies the levels of all forces",
+            "give it in the unit of excitation.level" if quantity != FACTOR else "give a plain number: 0.5",
         )

@@ -176,11 +176,24 @@ INTEGRALS = {"velocity": 1, "displacement": 2, "angular_velocity": 1, "rotation"
 """How often the acceleration of a motion is integrated to a quantity; of accelerations and loads 0 times."""
 
 
+FACTOR = "factor"
+"""Quantity of the levels of a sweep of several forces: they multiply all of them."""
+
+
+def level_unit(quantity: str) -> str:
+    """SI unit of levels of a quantity.
+
+    >>> level_unit("force"), level_unit("factor")
+    ('N', '1')
+    """
+    return "1" if quantity == FACTOR else LEVEL_DIMENSIONS[quantity].unit
+
+
 def amplitude_unit(quantity: str) -> str:
     """SI unit of what drives the equations at levels of a quantity: any base motion's acceleration, else the load."""
     motion = {"velocity": "acceleration", "displacement": "acceleration"}
     rotation = {"angular_velocity": "angular_acceleration", "rotation": "angular_acceleration"}
-    return LEVEL_DIMENSIONS[(motion | rotation).get(quantity, quantity)].unit
+    return level_unit((motion | rotation).get(quantity, quantity))
 
 
 @dataclass(frozen=True)

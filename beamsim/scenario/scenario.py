@@ -24,7 +24,7 @@ from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import DEFAULT_NAMES, named
 from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.place import AtPlace, ConstantForce, Probe
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Gravity, GravityVector, Name, Text
+from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
 from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring, has_own_law
@@ -224,11 +224,11 @@ class Scenario(Schema):
 
     @property
     def level_unit(self) -> str:
-        """SI unit of the excitation's levels; empty where levels multiply a profile, or there are none."""
+        """SI unit of the excitation's levels; empty where levels multiply a profile or several forces, or are none."""
         if getattr(self.sweep, "profile", ()):
             return ""
         quantity = getattr(self.excitation, "quantity", None)
-        return "" if quantity is None else LEVEL_DIMENSIONS[quantity].unit
+        return "" if quantity in (None, FACTOR) else level_unit(quantity)
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.inputs.signal import Signal
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -55,3 +55,18 @@ class Forcing:
     load: Floats  # (L, n)
     signal: tuple[Signal, ...]  # (L,)
     base_displacement: Signal | None = None
+
+
+@dataclass(frozen=True)
+class SineLoads:
+    """The loads of a forcing as multiples of one sine: load l is ``coefficient[l] (i omega)^power[l]`` times it.
+
+    The sine is the acceleration of the base or of a support that moves, the force, or what multiplies several forces.
+    """
+
+    coefficient: Complexes  # (L,)
+    power: Ints  # (L,)
+
+    def at(self, omega: Floats) -> Complexes:
+        """(F, L) multiples at angular frequencies (F,), rad/s."""
+        return np.asarray(self.coefficient * (1j * omega[:, None]) ** self.power)

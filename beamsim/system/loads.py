@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
-from beamsim.system.equations import Forcing
+from beamsim.scenario.excitation import sine_problems
+from beamsim.scenario.quantities import INTEGRALS
+from beamsim.system.equations import Forcing, SineLoads
 from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads
 from beamsim.typing import Floats
 
@@ -39,6 +41,31 @@ def carried_start(parts: Parts, forcing: Forcing) -> Floats:
     return start
 
 
+def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
+    """How the loads follow the one frequency of a harmonic excitation; None where it is no such excitation."""
+    excitation = parts.scenario.excitation
+    if excitation.kind == "none" or any(sine_problems(excitation, "sweep")):
+        return None
+    coefficient: list[complex] = []
+    power: list[int] = []
+    for _, force in exciting_forces(parts.scenario):
+        coefficient.append(_phasor(force) if excitation.kind == "forces" else 1.0)
+        power.append(0)
+    for moved in parts.moved:
+        first = INTEGRALS.get(str(moved.driven.quantity), 0) if excitation.kind == "forces" else 0
+        coefficient += 3 * [_phasor(moved.driven) if excitation.kind == "forces" else 1.0]
+        power += [first, first - 1, first - 2]
+    if not power:  # of a base: its acceleration, and its displacement where springs to the ground feel it
+        power = [0, -2][: len(forcing.signal)]
+        coefficient = [1.0] * len(power)
+    return SineLoads(np.array(coefficient, dtype=complex), np.array(power, dtype=np.int64))
+
+
+def _phasor(sine: Any) -> complex:
+    """Amplitude and phase of a harmonic force, over a sine of unit amplitude."""
+    return complex(sine.level * np.exp(1j * sine.phase))
+
+
 def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, Forcing]:
     """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground."""
     scenario, structure = parts.scenario, parts.structure
@@ -60,7 +87,7 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
             signals = (support.acceleration, support.velocity, support.displacement)
             loads += zip(moved.loads(parts.reduced), signals, strict=True)
         return None, Forcing(np.array([vector for vector, _ in loads]), tuple(signal for _, signal in loads))
-    assert excitation.kind != "forces"
+    assert excitation.kind != "forces"  # which move no base
     motion = signal_of(excitation, ("excitation",), base_motion)
     direction = base_direction(scenario)
     assert direction is not None

@@ -13,7 +13,7 @@ from beamsim.fields import Counter, attribute, dataset, declared, group, key, pe
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.outputs import OutputRows
 from beamsim.typing import Floats
 
@@ -119,6 +119,7 @@ class StructuralSystem:
     outputs: tuple[OutputRows, ...] = ()  # that the run asks for
     warnings: tuple[str, ...] = ()
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
+    sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
 
     @property
     def carried(self) -> Floats:

@@ -138,7 +138,7 @@ def test_what_cannot_act_is_said(excitation, where, what):
     assert len(caught.value.problems) == 1
 
 
-def test_a_sweep_of_several_forces_is_refused():
+def test_a_sweep_of_forces_that_are_no_sines_is_refused():
     sweep = {"kind": "stepped", "from": 10.0, "to": 20.0, "points": 3}
-    with pytest.raises(ScenarioError, match="sweeps the frequency of a harmonic excitation"):
+    with pytest.raises(ScenarioError, match="has no frequency that sweep could change"):
         load_scenario(case(together(HARMONIC, STEP), sweep=sweep))

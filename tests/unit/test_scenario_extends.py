@@ -288,7 +288,7 @@ def test_a_section_that_a_command_does_not_use_never_stops_it(folder):
     )
     text = "extends: swept.yaml\nexcitation: {kind: half_sine, applied_to: base, level: 20 g, duration: 11 ms}\n"
     (folder / "case.yaml").write_text(text)
-    with pytest.raises(ScenarioError, match="sweeps the frequency of a harmonic excitation"):
+    with pytest.raises(ScenarioError, match="needs the frequency of a harmonic excitation"):
         load_scenario(folder / "case.yaml")
     for command in ("run", "nnm", "identify-stiffness"):
         scenario = load_scenario(folder / "case.yaml", command=command)

@@ -24,7 +24,7 @@ from beamsim.orbits.multiple_scales import observed_orders, weakened
 from beamsim.orbits.multiple_scales_forced import ResonantForcing, SteadyMotion
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario.continuation import Continuation, FrequencyPath
-from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.system.build import build_system
 from beamsim.typing import Bools, Complexes, Floats
 
@@ -87,6 +87,10 @@ def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionCompari
         Where the loads are not those of one harmonic force, or the nonlinearity is no one-sided spring.
     """
     excitation, settings = scenario.excitation, scenario.sweep
+    if isinstance(excitation, Forces):
+        raise ScenarioError(
+            Problem("excitation", "lists several forces, and multiple scales is written for one", "leave --compare out")
+        )
     if not isinstance(excitation, Harmonic) or not isinstance(settings, Continuation):
         raise ScenarioError(
             Problem("sweep.kind", "is not followed by continuation", "use --compare with sweep: {kind: continuation}")

@@ -20,8 +20,9 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario.continuation import PositionPath, SnubberPath
 from beamsim.scenario.continuation_checks import snubber_index
-from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.excitation import Forces, Harmonic
+from beamsim.scenario.quantities import FACTOR
+from beamsim.scenario.quantities import level_unit as unit_of
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
@@ -158,7 +159,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
         raise ScenarioError(
             Problem("sweep.kind", "is not continuation", "write `sweep: {kind: continuation, from: …, to: …}`")
         )
-    if not isinstance(excitation, Harmonic):
+    if not isinstance(excitation, Harmonic | Forces):
         raise ScenarioError(Problem("excitation.kind", "has no frequency to follow", "use a harmonic excitation"))
     levels = settings.levels or (excitation.level,)
     for at, level in [(f"sweep.levels[{k}]", x) for k, x in enumerate(settings.levels)] or [
@@ -171,9 +172,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
     if parameter.kind == "frequency":
         highest = max(parameter.from_, parameter.to)
     level = excitation.level if excitation.level else 1.0
-    forced = scenario.model_copy(
-        update={"run": None, "excitation": excitation.model_copy(update={"frequency": highest, "level": level})}
-    )
+    forced = scenario.model_copy(update={"run": None, "excitation": excitation.at(highest, level)})
     moving = [p for p in (parameter, settings.follow_folds_in) if isinstance(p, PositionPath)]
     shape_at = None
     if moving:
@@ -198,8 +197,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
 
 def level_unit(scenario: Scenario) -> str:
     """SI unit of the excitation's level."""
-    dimension = LEVEL_DIMENSIONS.get(str(getattr(scenario.excitation, "quantity", None)))
-    return "1" if dimension is None else dimension.unit
+    return unit_of(getattr(scenario.excitation, "quantity", None) or FACTOR)
 
 
 def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
@@ -258,16 +256,15 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     The excitation's own quantity is what stays the same: a base acceleration held moves the base by ``A / omega^2``.
     """
     excitation = scenario.excitation
-    assert isinstance(excitation, Harmonic)
+    assert isinstance(excitation, Harmonic | Forces)
+    assert system.sine is not None
     omega, level = 2 * np.pi * excitation.frequency, excitation.level
     n = system.dynamics.size
     held = power_of(str(excitation.quantity))
     force, power, base, base_power = [], [], [], []
-    for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True):
-        # a displacement (springs to ground) changes by omega^-2 against an acceleration
-        is_displacement = system.base_displacement is not None and signal is system.base_displacement
+    for load, signal, of_sine in zip(system.forcing.load, system.forcing.signal, system.sine.power, strict=True):
         force.append(load.astype(complex) * _phasor(signal) / level)
-        power.append(held - 2.0 if is_displacement else held)
+        power.append(held + float(of_sine))
         base.append(0j)
         base_power.append(0.0)
     if system.forcing.base_displacement is not None:
@@ -284,7 +281,7 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
 def base_acceleration(scenario: Scenario, system: StructuralSystem) -> BaseAcceleration | None:
     """The base's own acceleration as a function of frequency, for a level of one; None where it is at rest."""
     excitation = scenario.excitation
-    assert isinstance(excitation, Harmonic)
+    assert isinstance(excitation, Harmonic | Forces)
     if system.base_acceleration is None:
         return None
     held = power_of(str(excitation.quantity))

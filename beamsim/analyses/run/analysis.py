@@ -90,7 +90,7 @@ from beamsim.flow.long_motion import CHECKPOINT_PIECES, LongMotion
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.scenario.moved_support import MovedSupport
+from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
@@ -902,10 +902,9 @@ def _gapping(
 ) -> dict[str, Any]:
     """Of a sine, the level that changes contact at its frequency, and when this run changed it, for the summary."""
     excitation = scenario.excitation
-    if excitation.kind != "harmonic" or not system.snubbers or system.cubic.count:
+    if system.sine is None or not system.snubbers or system.cubic.count:
         return {}
-    if isinstance(excitation.applied_to, MovedSupport):
-        return {}  # its motion, speed and acceleration are loads of their own, not one for a unit of the level
+    assert isinstance(excitation, Harmonic | Forces)
     frequency = np.array([excitation.frequency])
     levels = contact_levels(system, frequency)
     if not levels:

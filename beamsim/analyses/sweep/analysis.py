@@ -25,7 +25,7 @@ from beamsim.analyses.sweep.result import (
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
-from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 
@@ -74,7 +74,7 @@ def sweep(
         )
     if not isinstance(settings, (SweptSine, SteppedSine)):
         raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} belongs to another analysis", ""))
-    assert isinstance(excitation, Harmonic)
+    assert isinstance(excitation, Harmonic | Forces)
     system = sweep_system(scenario)
     if system.cubic.count:
         raise ScenarioError(
@@ -168,14 +168,10 @@ def sweep(
 def sweep_system(scenario: Scenario) -> StructuralSystem:
     """The system of a sweep: reduced for its highest frequency."""
     assert isinstance(scenario.sweep, (SweptSine, SteppedSine))
-    assert isinstance(scenario.excitation, Harmonic)
+    assert isinstance(scenario.excitation, Harmonic | Forces)
     highest = max(scenario.sweep.from_, scenario.sweep.to)
     # the sample rate of a run and the frequency of the excitation do not influence the reduction of a sweep
-    return build_system(
-        scenario.model_copy(
-            update={"run": None, "excitation": scenario.excitation.model_copy(update={"frequency": highest})}
-        )
-    )
+    return build_system(scenario.model_copy(update={"run": None, "excitation": scenario.excitation.at(highest)}))
 
 
 def _part(progress: Callable[[float], None], index: int, count: int) -> Callable[[float], None]:

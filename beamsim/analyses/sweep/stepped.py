@@ -22,8 +22,8 @@ from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, MeasuredCycles, MotionStopped, Settled, measure, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.excitation import Sine
+from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -54,7 +54,7 @@ def frequencies_of(settings: SteppedSine) -> Floats:
 def step_level(
     system: StructuralSystem,
     settings: SteppedSine,
-    excitation: Harmonic,
+    excitation: Sine,
     level: float,
     level_index: int,
     progress: Callable[[float], None] | None = None,
@@ -186,7 +186,7 @@ def _curve(
     )
     return outputs.curve(
         values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
-        level_unit=LEVEL_DIMENSIONS[quantity].unit, quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
+        level_unit=level_unit(quantity), quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
         excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.orders), steady=steady,
         energy_error=np.array([energy_errors(p.measured.imbalance, p.measured.energy).max() for p in points]),
     )  # fmt: skip

@@ -17,8 +17,8 @@ from beamsim.inputs.drift import CorrectionSize, jumps
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import SweepWindows, cut_into_windows
-from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.excitation import Sine
+from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -48,17 +48,22 @@ def legs_of(settings: SweptSine) -> list[Leg]:
     return legs
 
 
-def profile_of(settings: SweptSine, excitation: Harmonic, level: float) -> Profile:
+def profile_of(settings: SweptSine, excitation: Sine, level: float) -> Profile:
     """Amplitude of acceleration or force against frequency; with a table ``level`` is a factor."""
     quantity = excitation.quantity or "acceleration"
     return make_profile(level, quantity, settings.profile, settings.between, settings.notches)
 
 
 def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
-    """The flow of a built system whose one excitation is replaced by the swept sine."""
+    """The flow of a built system whose sine is replaced by the swept one.
+
+    Loads of supports that move are known at constant frequency alone.
+    """
     sine = windows.coefficient
     if system.base_acceleration is None:
-        return SweptFlow(system.dynamics, system.forcing.load, sine[None], windows)
+        assert system.sine is not None
+        channel = system.sine.at(windows.omega).T[:, :, None] * sine
+        return SweptFlow(system.dynamics, system.forcing.load, channel, windows)
     displacement = windows.displacement
     assert displacement is not None
     channels = [sine if signal is system.base_acceleration else displacement for signal in system.forcing.signal]
@@ -72,7 +77,7 @@ def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
 def sweep_level(
     system: StructuralSystem,
     settings: SweptSine,
-    excitation: Harmonic,
+    excitation: Sine,
     level: float,
     level_index: int,
     progress: Callable[[float], None] | None = None,
@@ -114,7 +119,7 @@ def sweep_level(
 def _curves(
     outputs: SweepOutputs,
     settings: SweptSine,
-    excitation: Harmonic,
+    excitation: Sine,
     level: float,
     level_index: int,
     legs: list[Leg],
@@ -124,7 +129,7 @@ def _curves(
     windows = record.flow.windows
     tracked = np.stack([record.tracked(order) for order in (0.0, *settings.orders)])  # (1 + R, C, K)
     quantity = excitation.quantity or "acceleration"
-    unit = "" if settings.profile else LEVEL_DIMENSIONS[quantity].unit
+    unit = "" if settings.profile else level_unit(quantity)
     period = np.asarray(np.bincount(windows.cycle, windows.length, minlength=windows.cycles), dtype=float)
     curves = []
     for index, leg in enumerate(legs):

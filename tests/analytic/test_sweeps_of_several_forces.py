@@ -1,0 +1,163 @@
+"""Sweeps, continuations and harmonic balance under several forces and supports that move, each with its own phase."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from tests.helpers.independent import Beam
+
+L, W, H, E, RHO, BETA = 0.9, 0.03, 0.004, 70e9, 2700.0, 3e-3
+BEAM = {
+    "length": L, "width": W, "thickness": H, "youngs_modulus": E, "density": RHO, "elements": 9,
+    "damping": {"kind": "rayleigh", "stiffness": BETA},
+}  # fmt: skip
+PINNED = {"left": "pinned", "right": "pinned"}
+FORCE = {"kind": "harmonic", "applied_to": {"position": 0.3}, "level": 4.0, "frequency": 25.0, "phase": "40 deg"}
+LINE = {"kind": "harmonic", "applied_to": {"line": "whole"}, "level": 3.0, "frequency": 25.0, "phase": "130 deg"}
+LEFT = {"kind": "harmonic", "applied_to": {"support": "left"}, "level": "0.5 mm", "frequency": 25.0, "phase": 0.4}
+RIGHT = {"kind": "harmonic", "applied_to": {"support": "right"}, "level": "5 m/s^2", "frequency": 25.0, "phase": 2.0}
+STOP = {"name": "s", "position": 0.6, "side": "below", "stiffness": 500.0, "gap": 2e-4,
+        "damping": {"kind": "viscous", "coefficient": 0.0}}  # fmt: skip
+STEPPED = {"kind": "stepped", "from": 24.0, "to": 25.0, "points": 3, "steady_to": 1e-11}
+CONTINUED = {"kind": "continuation", "from": 24.0, "to": 25.0, "points_at": [25.0], "side_branches": "none"}
+SWEPT = {"kind": "swept_sine", "from": 24.0, "to": 32.0, "rate": "60 oct/min"}
+
+
+def case(*forces, sweep=None, excitation=None, supports=PINNED, **more):
+    return load_scenario(
+        {
+            "beam": {**BEAM, "supports": supports},
+            "excitation": excitation or {"kind": "forces", "forces": list(forces)},
+            "probes": [{"name": "p", "position": 0.6}],
+            "reduction": {"modes": "all"},
+            **({} if sweep is None else {"sweep": sweep}),
+            **more,
+        }
+    )
+
+
+def receptances(hz, *forces):
+    """(F,) steady motion of the probe, by matrices of its own: the forces and supports of this file."""
+    whole = Beam(L, W, H, E, RHO, 9, "free")
+    held = [0, 18]
+    free = np.setdiff1d(np.arange(20), held)
+    m, k = whole.M, whole.K
+    # consistent load of a uniform force per length
+    h = L / 9
+    line = np.zeros(20)
+    for e in range(9):
+        line[2 * e : 2 * e + 4] += h * np.array([0.5, h / 12, 0.5, -h / 12])
+    out = []
+    for f in hz:
+        w = 2 * np.pi * f
+        z = k - w**2 * m + 1j * w * BETA * k
+        load = np.zeros(free.size, dtype=complex)
+        moved = np.zeros(2, dtype=complex)
+        for force in forces:
+            phase = np.deg2rad(float(force["phase"].split()[0])) if isinstance(force["phase"], str) else force["phase"]
+            turned = np.exp(1j * phase)
+            if force is FORCE:
+                load += 4.0 * turned * whole.whole_row(0.3)[free]
+            elif force is LINE:
+                load += 3.0 * turned * line[free]
+            elif force is LEFT:
+                moved[0] = 5e-4 * turned
+            else:
+                moved[1] = -5.0 / w**2 * turned
+        load -= z[np.ix_(free, held)] @ moved
+        q = np.linalg.solve(z[np.ix_(free, free)], load)
+        out.append(whole.whole_row(0.6)[free] @ q)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("forces", [(FORCE, LINE), (LEFT, RIGHT), (FORCE, LEFT, RIGHT)])
+def test_the_linear_response_is_that_of_independent_matrices(forces):
+    """The forces' phases count, each its own; supports follow levels of displacement and of acceleration."""
+    result = beamsim.sweep(case(*forces, sweep={**STEPPED, "from": 5.0, "to": 60.0, "points": 5}))
+    linear, curve = result.linear, result.curves["up_0"]
+    for hz, of in ((linear.frequency_hz[::97], linear.displacement["p"][::97]),
+                   (curve.frequency_hz, 1j * curve.displacement["p"].harmonics[list(curve.orders).index(1.0)])):  # fmt: skip
+        expected = receptances(hz, *forces)
+        np.testing.assert_allclose(of, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+    followed = beamsim.frequency_response(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))
+    branch = followed.branches[0]
+    expected = np.abs(receptances(branch.frequency_hz, *forces))
+    np.testing.assert_allclose(branch.peak_displacement["p"], expected, rtol=0, atol=1e-7 * expected.max())
+
+
+@pytest.mark.parametrize("forces", [(FORCE, LINE), (LEFT, RIGHT)])
+def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
+    """With a stop that closes: three methods against the run, which knows each force by its own signal."""
+    stop = {"snubbers": [STOP]}
+    settled = beamsim.run(case(*forces, run={"duration": 6.0, "sample_rate": 25.0 * 512, "convergence": "off"}, **stop))
+    assert settled.summary["contacts"]["s"] >= 30
+    x = settled.probes["p"].displacement[-513:-1]
+    first = 2 * np.fft.rfft(x)[1] / x.size
+    stepped = beamsim.sweep(case(*forces, sweep=STEPPED, **stop)).curves["up_0"]
+    of = stepped.displacement["p"].harmonics[list(stepped.orders).index(1.0), -1]
+    assert abs(of - first) < 1e-6 * abs(first)
+    for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 63}):
+        followed = beamsim.frequency_response(case(*forces, sweep={**CONTINUED, "method": method}, **stop))
+        branch = followed.branches[0]
+        k = int(np.argmin(np.abs(branch.frequency_hz - 25.0)))
+        assert abs(branch.frequency_hz[k] - 25.0) < 1e-9
+        assert branch.peak_displacement["p"][k] == pytest.approx(np.abs(x).max(), rel=2e-4)
+        assert np.abs(branch.harmonics["p"][k, 1]) == pytest.approx(abs(first), rel=1e-4)
+
+
+@pytest.mark.parametrize("sweep", [STEPPED, SWEPT, CONTINUED])
+def test_a_single_force_in_the_list_is_that_force(sweep):
+    stop = {"snubbers": [STOP]}
+    levels = {"levels": [4.0]}
+    alone = beamsim_of(case(excitation=FORCE, sweep={**sweep, **levels}, **stop))
+    listed = beamsim_of(case({**FORCE, "level": 2.0}, sweep={**sweep, "levels": [2.0]}, **stop))
+    if sweep is CONTINUED:
+        a, b = (result.branches[0].peak_displacement["p"] for result in (alone, listed))
+    else:
+        a, b = (result.curves["up_0"].displacement["p"].peak for result in (alone, listed))
+        assert listed.curves["up_0"].excitation_unit == listed.curves["up_0"].level_unit == "1"
+    np.testing.assert_allclose(a, b, rtol=1e-9)
+
+
+def beamsim_of(scenario):
+    return (beamsim.frequency_response if scenario.sweep.kind == "continuation" else beamsim.sweep)(scenario)
+
+
+def test_a_swept_sine_of_two_forces_superposes():
+    """Without contact, complex amplitudes of order 1 add up."""
+    parts = [beamsim.sweep(case(*forces, sweep=SWEPT)) for forces in ((FORCE,), (LINE,), (FORCE, LINE))]
+    a, b, both = (
+        result.curves["up_0"].displacement["p"].harmonics[list(result.curves["up_0"].orders).index(1.0)]
+        for result in parts
+    )
+    np.testing.assert_allclose(both, a + b, rtol=0, atol=1e-9 * np.abs(both).max())
+    assert np.abs(both).max() < 0.9 * (np.abs(a) + np.abs(b)).max()  # the phases count
+
+
+@pytest.mark.parametrize(
+    ("forces", "sweep", "where", "what"),
+    [
+        ((FORCE, {**LINE, "frequency": 31.0}), STEPPED, "excitation.forces[1].frequency", "another force has 25 Hz"),
+        ((FORCE, {"kind": "step", "applied_to": {"position": 0.4}, "level": 1.0}), CONTINUED,
+         "excitation.forces[1].kind", "no frequency"),
+        ((FORCE, LEFT), SWEPT, "excitation.forces[1].applied_to", "a swept sine does not follow"),
+        ((FORCE,), {**STEPPED, "levels": ["2 N"]}, "sweep.levels[0]", "multiplies the levels of all forces"),
+        ((FORCE,), {**SWEPT, "profile": [{"frequency": 20.0, "level": "2 N"}]}, "sweep.profile[0].level",
+         "multiplies the levels of all forces"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_swept_is_said(forces, sweep, where, what):
+    with pytest.raises(ScenarioError) as caught:
+        case(*forces, sweep=sweep)
+    assert any(p.path == where and what in p.message for p in caught.value.problems), caught.value
+
+
+def test_a_study_varies_the_level_of_one_of_several_forces():
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.forces[1].level", "values": ["1 N/m", "3 N/m"]}]}
+    found = beamsim.design_study(case(FORCE, LINE, vary=vary, run={"duration": 0.05, "convergence": "off"}))
+    assert found.coordinates[0].unit == "N/m"
+    peaks = found.responses["probes/p/peak_displacement"].values
+    assert np.isfinite(peaks).all()
+    assert peaks[0] != peaks[1]
