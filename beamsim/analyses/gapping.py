@@ -6,8 +6,8 @@ Until contact changes, the steady motion is the linear one about static equilibr
 
 with :math:`l_1` the load of a unit of base acceleration (or of the force) and :math:`l_2` that of a unit of base
 displacement on springs to ground (several forces act with their levels and phases, supports that move by their
-acceleration, velocity and displacement); the contacts that are closed at rest belong to K and C. The level is therefore exact
-for a steady motion. While a motion builds up, contact may change at a lower level.
+acceleration, velocity and displacement); the contacts that are closed at rest belong to K and C. The level is therefore
+exact for a steady motion. While a motion builds up, contact may change at a lower level.
 
 Closing one more contact, with :math:`\kappa = k + i \omega c`, divides the opening s there by
 :math:`1 + \kappa G`, where G is the receptance at the contact.

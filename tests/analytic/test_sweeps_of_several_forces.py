@@ -77,8 +77,11 @@ def test_the_linear_response_is_that_of_independent_matrices(forces):
     """The forces' phases count, each its own; supports follow levels of displacement and of acceleration."""
     result = beamsim.sweep(case(*forces, sweep={**STEPPED, "from": 5.0, "to": 60.0, "points": 5}))
     linear, curve = result.linear, result.curves["up_0"]
-    for hz, of in ((linear.frequency_hz[::97], linear.displacement["p"][::97]),
-                   (curve.frequency_hz, 1j * curve.displacement["p"].harmonics[list(curve.orders).index(1.0)])):  # fmt: skip
+    stepped = 1j * curve.displacement["p"].harmonics[list(curve.orders).index(1.0)]  # over a sine
+    for hz, of in (
+        (linear.frequency_hz[::97], linear.displacement["p"][::97]),
+        (curve.frequency_hz, stepped),
+    ):
         expected = receptances(hz, *forces)
         np.testing.assert_allclose(of, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
     followed = beamsim.frequency_response(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))

@@ -295,7 +295,7 @@ def test_a_section_that_a_command_does_not_use_never_stops_it(folder):
         assert scenario.sweep is None
         (warning,) = [text for text in scenario.warnings if "left out" in text]
         assert warning.startswith(f"left out, since {command} does not use it: {folder / 'swept.yaml'}:2: sweep needs")
-    with pytest.raises(ScenarioError, match="sweeps the frequency"):
+    with pytest.raises(ScenarioError, match="needs the frequency"):
         load_scenario(folder / "case.yaml", command="sweep")
     # also where a section's fault is seen elsewhere, and where its keys are wrong
     for section in ("nnm: {mode: 1, phase_resonance: {}}", "vary: {kind: gird}", "identify_stiffness: {snuber: tip}"):
