@@ -149,7 +149,8 @@ def test_rotation_of_the_base(level):
     assert said["level"] == pytest.approx(0.001 / static, rel=2e-3)
 
 
-def test_a_moved_support_has_no_entry():
+def test_the_level_of_a_moved_support_is_that_of_the_beam_in_closed_form():
+    """w = sin(beta x) / sin(beta L) + sinh(beta x) / sinh(beta L), halved, from the pinned end at rest."""
     result = beamsim.run(
         load_scenario(
             {
@@ -162,7 +163,12 @@ def test_a_moved_support_has_no_entry():
             }
         )
     )  # fmt: skip
-    assert "gapping" not in result.summary
+    omega = 2 * np.pi * 9.0
+    beta, length, x = (0.3 * omega**2 / 10.0) ** 0.25, 0.9, 0.4
+    shape = 0.5 * (np.sin(beta * x) / np.sin(beta * length) + np.sinh(beta * x) / np.sinh(beta * length))
+    of = result.summary["gapping"]["stop"]
+    assert of["level"] == pytest.approx(0.5e-3 / abs(shape) * omega**2, rel=1e-6)  # m/s^2 of the support
+    assert of["share_of_level"] == pytest.approx(0.5 / abs(shape), rel=1e-6)
 
 
 def test_level_zero_changes_nothing():

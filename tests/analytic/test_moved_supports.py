@@ -202,7 +202,7 @@ def test_a_node_of_imported_matrices_moves_as_the_end_of_the_beam(tmp_path):
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
 
 
-SWEEP = {"kind": "stepped", "from": 15, "to": 17, "points": 2}
+SWEEP = {"kind": "swept_sine", "from": 15, "to": 17, "rate": "1 oct/min"}
 
 
 @pytest.mark.parametrize(
@@ -216,7 +216,7 @@ SWEEP = {"kind": "stepped", "from": 15, "to": 17, "points": 2}
         ({"excitation": {**LEFT, "applied_to": {"support": "left", "body": "wing"}}}, "body = wing is an unknown body"),
         ({"excitation": {**LEFT, "applied_to": {"support": "left", "joint": "a"}}}, "names neither a support nor"),
         ({"probes": [{"name": "p", "position": 0.0}]}, "is at 0 m, which moves with the support of excitation"),
-        ({"sweep": SWEEP}, "excitation.applied_to is a support that moves, which sweeps"),
+        ({"sweep": SWEEP}, "excitation.applied_to is a support that moves, which a swept sine does not follow"),
         ({"run": {"duration": 0.1, "outputs": [{"name": "r", "kind": "reaction_force", "support": "left"}]}},
          "run.outputs[0].kind = reaction_force is not known where a support moves"),
     ],

@@ -133,7 +133,7 @@ def test_the_resolved_text_loads_to_the_same_study(kind):
         (["{path: beam.thickness, tolerance: 1 kg}"], "tolerance = 1 kg must be a length"),
         (["{path: snubbers.tip.gap, tolerance: 2 %}"], "leaves nothing to vary; give it in the quantity's own unit"),
         (["{path: 'beam.point_masses[*].mass', tolerance: 2 %}"], "different ones; vary them separately"),
-        (["{path: excitation.level, values: [1 mm]}"], "unit of displacement, and the excitation's level is of accel"),
+        (["{path: excitation.level, values: [1 mm]}"], "unit of displacement, and the level there is of accel"),
         ([STIFFNESS, STIFFNESS], "is varied twice, also by vary.parameters[0]"),
         (["{path: a b, values: [1]}"], "is not a path"),
     ],
