@@ -61,6 +61,11 @@ class Body(Schema):
         return False
 
     @property
+    def gives_strain(self) -> bool:
+        """Whether a strain of its surface can be recovered."""
+        return self.gives_stress
+
+    @property
     def recovered_rows(self) -> tuple[str, ...]:
         """Names of other quantities that it gives."""
         return ()

@@ -10,8 +10,8 @@ from pydantic import Field, Tag
 from beamsim.errors import Problem
 from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail, path_text, suggestion
 from beamsim.scenario.body import Body
-from beamsim.scenario.place import AtPlace, Point
-from beamsim.scenario.quantities import Coefficient, Count, Name, PositionOrShare
+from beamsim.scenario.place import AtPlace, ConstantForce, Point
+from beamsim.scenario.quantities import Coefficient, Count, ForcePerLength, Name, PositionOrShare, Pressure
 
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1)]
 Grid = Annotated[tuple[Row, ...], Field(min_length=1)]
@@ -232,6 +232,45 @@ class AreaLoad(DistributedLoad):
     def ends(self) -> tuple[Point, Point] | None:
         """Both corners, m."""
         return None if self.area == "whole" else self.area
+
+
+class DeadLineLoad(LineLoad):
+    """A dead load along a beam."""
+
+    force_per_length: ForcePerLength
+    """Force per length, positive upwards; with a shape its factor."""
+
+    @property
+    def force(self) -> float:
+        """The level, N/m."""
+        return self.force_per_length
+
+
+class DeadPressure(AreaLoad):
+    """A dead load on a plate."""
+
+    pressure: Pressure
+    """Pressure, positive upwards; with a shape its factor."""
+
+    @property
+    def force(self) -> float:
+        """The level, Pa."""
+        return self.pressure
+
+
+def _dead_load(value: Any) -> str:
+    for key, kind in (("line", DeadLineLoad), ("area", DeadPressure)):
+        if isinstance(value, kind) or (isinstance(value, dict) and key in value):
+            return f"<{key}>"
+    return "<point>"
+
+
+AnyDeadLoad = Annotated[
+    Annotated[ConstantForce, Tag("<point>")]
+    | Annotated[DeadLineLoad, Tag("<line>")]
+    | Annotated[DeadPressure, Tag("<area>")],
+    Variants(_dead_load),
+]
 
 
 class _WithBodies(Protocol):

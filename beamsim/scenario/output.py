@@ -49,7 +49,7 @@ class BendingOutput(Output, Sited):
 
     kind: Literal["bending_moment", "stress", "strain"]
     """E I w'' of a beam, positive where its top is in compression, or the moment per width of a plate; bending stress
-    or, of a beam, strain at a surface, positive in tension."""
+    or strain at a surface, positive in tension; the strain xy of a plate is the shear angle."""
     component: Literal["x", "y", "xy"] | None = None
     """On a plate which of the three: x by default; a beam has one."""
     surface: Literal["top", "bottom"] | None = None
@@ -78,8 +78,12 @@ class BendingOutput(Output, Sited):
             )
         elif self.component is not None and body.body_kind == "beam":
             yield _problem((*at, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")
+        elif self.kind == "strain" and body.gives_strain:
+            return
         elif self.kind == "strain" and body.body_kind == "plate":
-            yield _problem(at, f"asks for a strain, but {name} is a plate", "ask for kind: stress")
+            yield _problem(
+                at, f"needs the thickness of {name}, which its stiffnesses do not tell", "give its thickness"
+            )
         elif self.kind != "bending_moment" and not body.gives_stress:
             yield _problem(
                 at, f"needs the outermost fibre of {name}, which its bending stiffness does not tell",

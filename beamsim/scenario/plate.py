@@ -137,6 +137,11 @@ class PlateBody(Body):
         return self.stress_per_moment is not None
 
     @property
+    def gives_strain(self) -> bool:
+        """Whether the surface is at a known distance from the middle."""
+        return self.depth is not None
+
+    @property
     def rough_frequency_hz(self) -> float:
         """That of the first mode, about, Hz."""
         stiffness = max(self.rigidity.dx, self.rigidity.dy)
@@ -398,6 +403,8 @@ class StiffnessPlate(PlateBody):
     """Mass per unit area."""
     section_modulus: SectionModulusPerLength | None = None
     """Moment per width over the stress at the surface, for the stresses; h^2 / 6 where solid, none by default."""
+    thickness: Length | None = None
+    """Thickness from surface to surface, for strains there and for pictures; none by default."""
 
     @property
     def rigidity(self) -> Rigidity:
@@ -416,8 +423,8 @@ class StiffnessPlate(PlateBody):
 
     @property
     def depth(self) -> float | None:
-        """Unknown."""
-        return None
+        """Thickness, m, where it is given."""
+        return self.thickness
 
 
 def plate_by_stiffness(value: Any) -> bool:

@@ -16,6 +16,7 @@ from beamsim.scenario.bodies import AnyBody
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.designs import Vary
+from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.friction import AnyFriction
 from beamsim.scenario.identification import IdentifyStiffness
@@ -23,7 +24,7 @@ from beamsim.scenario.joint import AnyJoint
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import DEFAULT_NAMES, named
 from beamsim.scenario.nnm import NonlinearMode
-from beamsim.scenario.place import AtPlace, ConstantForce, Probe
+from beamsim.scenario.place import AtPlace, Probe
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
@@ -58,8 +59,8 @@ class Scenario(Schema):
         Annotated[Gravity, Tag("<number>")] | Annotated[GravityVector, Tag("<list>")], Variants(number_or_list)
     ] = 0.0
     """Acceleration of gravity, towards negative displacement; or its components [x, y, z], [0, 0, -9.81]."""
-    constant_forces: tuple[ConstantForce, ...] = ()
-    """Dead loads."""
+    constant_forces: tuple[AnyDeadLoad, ...] = ()
+    """Dead loads: a force at a point, {line: whole, force_per_length: 5 N/m} or {area: whole, pressure: 200 Pa}."""
     excitation: Excitation = NoExcitation()
     """Excitation of the structure; none by default."""
     probes: tuple[Probe, ...] = ()

@@ -8,9 +8,10 @@ from typing import Any, Protocol
 
 from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.damping import ModalDamping
+from beamsim.scenario.distributed import AnyDeadLoad, DistributedLoad
 from beamsim.scenario.excitation import Shock
 from beamsim.scenario.joint import Joint, points_apart
-from beamsim.scenario.place import ConstantForce, Probe, Sited
+from beamsim.scenario.place import Probe, Sited
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.whole import ScenarioParts
 
@@ -23,7 +24,7 @@ class _Doubted(ScenarioParts, Protocol):
 
     run: Run | None
     reduction: Reduction | None
-    constant_forces: tuple[ConstantForce, ...]
+    constant_forces: tuple[AnyDeadLoad, ...]
     probes: tuple[Probe, ...]
 
     @property
@@ -100,12 +101,14 @@ def _snubbers(scenario: _Doubted) -> Iterator[str]:
 
 
 def _idle_forces(scenario: _Doubted) -> Iterator[str]:
-    places: list[tuple[str, tuple[Sited, ...]]] = [
+    places: list[tuple[str, tuple[Sited | DistributedLoad, ...]]] = [
         ("constant_forces", scenario.constant_forces),
         ("probes", scenario.probes),
     ]
     for name, items in places:
         for index, item in enumerate(items):
+            if isinstance(item, DistributedLoad):
+                continue
             body = scenario.all_bodies.get(item.place.body or scenario.default_body)
             if body is not None and item.place.position is not None and body.holds(item.place.position):
                 yield f"{name}[{index}] sits on a support, which cannot deflect"

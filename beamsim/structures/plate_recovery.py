@@ -20,6 +20,7 @@ from beamsim.structures.supports import Support
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.scenario.plate import PlateBody
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.mesh import Mesh
     from beamsim.structures.plate_model import PlateModel
@@ -62,9 +63,19 @@ def plate_recovery(
         deflection=structure.whole_field(member.field(basis.vectors))[structure.mesh.deflections] * scale,
         bending_moment=moment * scale,
         stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
+        strains_per_moments=_strains_per_moments(plate),
         base_moment=-remainder * (whole.mass_scale / whole.stiffness_scale),
         moments=3,
     )
+
+
+def _strains_per_moments(plate: PlateBody) -> Floats | None:
+    """(3, 3) strains h/2 w_xx, h/2 w_yy and h w_xy of the lower surface for a unit of Mx, My, Mxy, 1/N."""
+    if plate.depth is None:
+        return None
+    d = plate.rigidity
+    stiffness = np.array([[d.dx, d.d1, 0.0], [d.d1, d.dy, 0.0], [0.0, 0.0, d.twisting]])
+    return np.asarray(plate.depth / 2 * np.linalg.inv(stiffness))
 
 
 def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:

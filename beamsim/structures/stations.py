@@ -117,6 +117,10 @@ class Stations:
         return iter(self.parts)
 
 
+COMPONENTS = ("x", "y", "xy")
+"""Of the moments, stresses and strains of a plate."""
+
+
 @dataclass(frozen=True)
 class Recovery:
     """Deflection along a body, and its bending moment where it bends, for a unit of each coordinate.
@@ -132,6 +136,8 @@ class Recovery:
     bending_moment: Floats | None = None
     stress_per_moment: Floats | None = None  # (moments nx,) extreme_fibre / I, Pa per N m; None where no fibre is known
     strain_per_moment: Floats | None = None  # (nx,) extreme_fibre / (E I), 1/(N m), of a beam
+    # of a plate (3, 3) strains x, y, xy of the lower surface for Mx, My, Mxy, 1/N
+    strains_per_moments: Floats | None = None
     # (moments nx,) of base_moment: per m/s^2 of base acceleration, the static share of the modes left out
     base_moment: Floats | None = None
     across: Floats | None = None  # (nx,) m, y on a plate
@@ -142,7 +148,15 @@ class Recovery:
         if self.across is None or y is None:
             return np.asarray(np.arange(self.position.size) == np.abs(self.position - x).argmin(), dtype=float)
         along = _linear(self.position, x) * _linear(self.across, y)
-        return np.concatenate([along if each == component else np.zeros(along.size) for each in ("x", "y", "xy")])
+        return np.concatenate([along if each == component else np.zeros(along.size) for each in COMPONENTS])
+
+    def strain_weights(self, x: float, y: float | None, component: str) -> Floats:
+        """(moments nx,) strain of the lower surface at a point for each moment."""
+        if self.strains_per_moments is None:
+            assert self.strain_per_moment is not None
+            return self.moment_weights(x, y, component) * self.strain_per_moment
+        row = self.strains_per_moments[COMPONENTS.index(component)]
+        return np.asarray(sum(s * self.moment_weights(x, y, each) for s, each in zip(row, COMPONENTS, strict=True)))
 
     @property
     def of_moments(self) -> Recovery:

@@ -179,13 +179,15 @@ class _Asked:
 
     def _bending(self, output: Any, place: Place) -> OutputRows:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
-        weights = recovery.moment_weights(place.coordinate, place.across, output.component or "x")
+        at = place.coordinate, place.across, output.component or "x"
+        weights = recovery.strain_weights(*at) if output.kind == "strain" else recovery.moment_weights(*at)
         plate = place.across is not None
         unit = "N m/m" if plate and output.kind == "bending_moment" else UNITS[output.kind]
-        if output.kind != "bending_moment":
-            factor = recovery.stress_per_moment if output.kind == "stress" else recovery.strain_per_moment
-            assert factor is not None  # the scenario has seen to it
-            weights = weights * factor * (-1.0 if output.surface == "top" else 1.0)
+        if output.kind == "stress":
+            assert recovery.stress_per_moment is not None  # the scenario has seen to it
+            weights = weights * recovery.stress_per_moment
+        if output.surface == "top":
+            weights = -weights
         assert recovery.bending_moment is not None
         assert recovery.base_moment is not None
         return self._zero(

@@ -431,3 +431,69 @@ def test_a_joint_too_many_has_no_force_of_its_own():
     case = {**CONTACT, "joints": [*CONTACT["joints"], again]}
     with pytest.raises(ScenarioError, match="not determined"):
         run(case, [{"name": "o", "kind": "joint_force", "joint": "hinge"}])
+
+
+@pytest.mark.parametrize(
+    ("line", "shape", "total", "lever"),
+    [
+        ("whole", {"kind": "uniform"}, 0.8, 0.4),
+        ([0.2, "75 %"], {"kind": "uniform"}, 0.4, 0.4),
+        ("whole", {"kind": "linear", "values": [0, 1]}, 0.4, 1.6 / 3),
+    ],
+)
+def test_dead_load_along_a_beam(line, shape, total, lever):
+    """Reactions of a cantilever in closed form, and those of a stop that the load presses on."""
+    dead = [{"line": line, "force_per_length": "-50 N/m", "shape": shape}]
+    case = {"beam": held("clamped", "free"), "constant_forces": dead}
+    found = values(run(case, [support("force", "left"), support("moment", "left"),
+                              {"name": "tip", "kind": "displacement", "position": 0.8}]))  # fmt: skip
+    np.testing.assert_allclose(found["force_left"], 50 * total, rtol=1e-10)
+    np.testing.assert_allclose(found["moment_left"], 50 * total * lever, rtol=1e-10)
+    if line == "whole":
+        tip = {0.8: 1 / 8, 0.4: 11 / 120}[total]
+        np.testing.assert_allclose(found["tip"], -50 * 0.8**4 / EI * tip, rtol=1e-9)
+    stop = {"name": "s", "position": 0.8, "side": "below", "stiffness": 1e12, "gap": 0.0}
+    propped = run({**case, "snubbers": [stop]}, [support("force", "left")])
+    prop = propped.summary["static_force_n"]["s"]
+    if line == "whole":
+        assert prop == pytest.approx(50 * 0.8 * {0.8: 3 / 8, 0.4: 11 / 40}[total], rel=1e-6)
+    np.testing.assert_allclose(values(propped)["force_left"], 50 * total - prop, rtol=1e-6)
+
+
+ORTHOTROPIC = {"dx": 400.0, "dy": 150.0, "nu": 0.25, "dxy": 90.0}
+
+
+@pytest.mark.parametrize("orthotropic", [False, True])
+def test_strains_of_a_plate_under_a_dead_pressure(orthotropic):
+    """w = W sin sin of a plate pinned along its edges under p sin sin; strains -z w_xx, -z w_yy and -2 z w_xy."""
+    a, b, h, pressure = 0.5, 0.3, 0.004, 300.0
+    common = {"kind": "plate", "length": a, "width": b, "thickness": h, "elements": [10, 8],
+              "supports": dict.fromkeys(("left", "right", "bottom", "top"), "pinned")}  # fmt: skip
+    d = 70e9 * h**3 / 12 / (1 - 0.3**2)
+    dx, dy, nu, dxy = (400.0, 150.0, 0.25, 90.0) if orthotropic else (d, d, 0.3, d * 0.35)
+    panel = (
+        {**common, "bending_stiffness": ORTHOTROPIC, "mass_per_area": 8.0}
+        if orthotropic
+        else {**common, "youngs_modulus": 70e9, "poissons_ratio": 0.3, "density": 2700.0}
+    )
+    shape = {"kind": "sine", "half_waves": [1, 1]}
+    case = {"bodies": {"panel": panel},
+            "constant_forces": [{"area": "whole", "pressure": f"{pressure} Pa", "shape": shape}]}  # fmt: skip
+    at = {"position": [0.2, 0.075]}  # nodes of the mesh
+    outputs = [
+        *({"name": f"strain_{c}", "kind": "strain", "component": c, **at} for c in ("x", "y", "xy")),
+        {"name": "below", "kind": "strain", "surface": "bottom", **at},
+        {"name": "w", "kind": "displacement", **at},
+        *(support("force", edge) for edge in ("left", "right", "bottom", "top")),
+        {"name": "base", "kind": "reaction_force", "support": "base"},
+    ]
+    found = {name: value[0] for name, value in values(run(case, outputs)).items()}
+    kx, ky = np.pi / a, np.pi / b
+    size = pressure / (dx * kx**4 + 2 * (nu * dy + 2 * dxy) * kx**2 * ky**2 + dy * ky**4)
+    w = size * np.sin(kx * 0.2) * np.sin(ky * 0.075)
+    assert found["w"] == pytest.approx(w, rel=1e-4)
+    assert found["strain_x"] == pytest.approx(h / 2 * kx**2 * w, rel=2e-3)
+    assert found["strain_y"] == pytest.approx(h / 2 * ky**2 * w, rel=2e-3)
+    assert found["strain_xy"] == pytest.approx(-h * kx * ky * size * np.cos(kx * 0.2) * np.cos(ky * 0.075), rel=2e-3)
+    assert found["below"] == -found["strain_x"]
+    assert found["base"] == pytest.approx(-pressure * a * b * 4 / np.pi**2, rel=1e-9)
