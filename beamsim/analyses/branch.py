@@ -12,6 +12,8 @@ from beamsim.fields import (
     declared,
     ending,
     group,
+    key,
+    named,
     per_probe,
     per_snubber,
     stored,
@@ -76,6 +78,23 @@ class OrbitMotion:
     def underway(self) -> Floats:
         """(2, nx) m, deflection an eighth and three eighths of a period later."""
         return self.stations[[(self.time.size - 1) // 8, 3 * (self.time.size - 1) // 8]]
+
+
+@declared
+class OutputExtremes:
+    """One of the `outputs` along a branch of forced motions."""
+
+    name: str = key("name of the output")
+    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
+    unit: str = attribute("", "unit of the quantity")
+    at: str = attribute("", "where it is: a place, a support, a joint or a body")
+    maximum: Floats = dataset("{unit}", "largest value of a period", along=_POINT)
+    minimum: Floats = dataset("{unit}", "smallest value of a period", along=_POINT)
+
+    @property
+    def peak(self) -> Floats:
+        """(np,) largest absolute value."""
+        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
 @declared
@@ -155,6 +174,7 @@ class BranchResult:
     peak_bending_stress: Floats | None = dataset(
         "Pa", "largest bending stress along the beam in a period", along=_POINT, default=None
     )
+    outputs: dict[str, OutputExtremes] = named("outputs", having="maximum", default_factory=dict)
     neglected_harmonics: Floats | None = dataset(
         "1", "size of the neglected harmonics relative to the motion", along=_POINT, default=None
     )
@@ -198,6 +218,11 @@ class BranchResult:
         if not self.harmonics:
             return None
         return np.arange(next(iter(self.harmonics.values())).shape[1]) / (self.period_multiple or 1)
+
+    @property
+    def peak_output(self) -> dict[str, Floats]:
+        """(np,) largest absolute value of each output."""
+        return {name: output.peak for name, output in self.outputs.items()}
 
     @property
     def limited(self) -> dict[str, Floats]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,8 +91,19 @@ def _solver(result: FrequencyResponse, time: float) -> str:
     return f"{result.method.replace('_', ' ')}, processor time {si(time, 's')}"
 
 
+def _outputs(result: FrequencyResponse, peaks: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """By output its largest magnitude in the stable motions, where, and what it is."""
+    texts = {}
+    for name, peak in peaks.items():
+        output = result.branches[0].outputs[name]
+        what = f"{output.quantity.replace('_', ' ')}, {output.at}"
+        texts[name] = f"{si(peak['value'], output.unit)} at {peak['parameter']:.6g} {result.unit} (stable), {what}"
+    return texts
+
+
 TEXTS: Texts = {
     **SHARED,
+    "peak_output": _outputs,
     "branches": _branches,
     "special_points": _special_points,
     "peaks": _peaks,

@@ -52,7 +52,18 @@ def _impacts(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, floa
     }
 
 
+def _outputs(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """By curve and output its peak, what it is and where."""
+    return {
+        f"{curve} {name}": f"{si(peak, output.unit)}, {output.quantity.replace('_', ' ')}, {output.at}"
+        for curve, peaks in curves.items()
+        for name, peak in peaks.items()
+        for output in [result.curves[curve].outputs[name]]
+    }
+
+
 TEXTS: Texts = {
+    "peak_output": _outputs,
     "impacts": _impacts,
     **SHARED,
     "base_correction_share": base_correction,

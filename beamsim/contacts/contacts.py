@@ -136,6 +136,18 @@ class Contacts:
         return Contacts(self.shape[owner], d * self.sign[owner], np.array(gap), self.on_ground[owner], tuple(laws))
 
     @property
+    def owners_of_parts(self) -> tuple[Ints, Floats]:
+        """Of each contact of `split` which one it is a part of, and the direction of its force in that one's."""
+        if all(law.family is not None for law in self.laws):
+            return np.arange(self.count), np.ones(self.count)
+        parts = [
+            (j, part.direction if part is not None else 1.0)
+            for j, law in enumerate(self.laws)
+            for part in ((None,) if law.family is not None or law.parts is None else law.parts)
+        ]
+        return np.array([j for j, _ in parts], dtype=np.int64), np.array([sign for _, sign in parts])
+
+    @property
     def clearances(self) -> Floats:
         """Gaps of all one-sided springs, m: one per breakpoint of a piecewise-linear law."""
         return self.split().gap

@@ -67,12 +67,16 @@ class _Checked(ScenarioParts, Protocol):
     def friction(self) -> tuple[Any, ...]: ...
     @property
     def probes(self) -> tuple[Probe, ...]: ...
+    @property
+    def outputs(self) -> tuple[Any, ...]: ...
+    @property
+    def requested_outputs(self) -> tuple[tuple[Path, Any], ...]: ...
 
 
 def problems(scenario: _Checked) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
     checks = (
-        _structure, _directions, _places, _joints, _names, _run, _start, _sweep, _identification, _modes,
+        _structure, _directions, _places, _joints, _names, _outputs, _run, _start, _sweep, _identification, _modes,
         _phase_resonance, _designs, _limits,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
@@ -179,7 +183,7 @@ def place_problems(scenario: _Checked, path: Path, part: Schema) -> Problems:
     elif place.position is not None:
         if path[0] == "snubbers" and where == ("chain",):  # see `_structure`
             return
-        sited = "" if path[:2] == ("run", "outputs") else _SITED.get(str(path[0]), "a force")
+        sited = "" if "outputs" in path[:2] else _SITED.get(str(path[0]), "a force")
         yield from body.position_problems(where, (*path, "position"), place.position, sited)
 
 
@@ -226,8 +230,9 @@ def _names(scenario: _Checked) -> Problems:
     for name, body in scenario.all_bodies.items():
         shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]
     yield from _guarded(_unique(shared))
-    outputs = () if scenario.run is None else scenario.run.outputs
-    yield from _guarded(_unique([(("probes",), scenario.probes), (("run", "outputs"), outputs)]))
+    of_run = () if scenario.run is None else scenario.run.outputs
+    named = [(("probes",), scenario.probes), (("outputs",), scenario.outputs), (("run", "outputs"), of_run)]
+    yield from _guarded(_unique(named))
     yield from _guarded(_unique([(("joints",), scenario.joints)]))
 
 
@@ -244,6 +249,12 @@ def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
             first.setdefault(item.name, (*path, index))
 
 
+def _outputs(scenario: _Checked) -> Problems:
+    joined = (*scenario.joints, *scenario.springs_between, *scenario.springs_to_ground)
+    for path, output in scenario.requested_outputs:
+        yield from _guarded(output.problems(path, scenario.all_bodies, scenario.default_body, joined))
+
+
 def _run(scenario: _Checked) -> Problems:
     run = scenario.run
     if run is None:
@@ -251,10 +262,6 @@ def _run(scenario: _Checked) -> Problems:
     yield from _guarded(_sampling(scenario, run))
     yield from _guarded(_spectrum(scenario, run))
     yield from impact_problems(scenario, run.impacts, run.fatigue, stepped=run.method == "reference")
-    joined = (*scenario.joints, *scenario.springs_between, *scenario.springs_to_ground)
-    for index, output in enumerate(run.outputs):
-        at = ("run", "outputs", index)
-        yield from _guarded(output.problems(at, scenario.all_bodies, scenario.default_body, joined))
 
 
 def _sampling(scenario: _Checked, run: Run) -> Problems:

@@ -1,4 +1,4 @@
-"""Quantities of a structure that a run reports beside the motion of its probes."""
+"""Quantities of a structure that are reported beside the motion of its probes."""
 
 from __future__ import annotations
 

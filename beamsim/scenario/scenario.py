@@ -24,6 +24,7 @@ from beamsim.scenario.joint import AnyJoint
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import DEFAULT_NAMES, named
 from beamsim.scenario.nnm import NonlinearMode
+from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import AtPlace, Probe
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.run import Reduction, Run
@@ -65,6 +66,9 @@ class Scenario(Schema):
     """Excitation of the structure; none by default."""
     probes: tuple[Probe, ...] = ()
     """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
+    outputs: tuple[AnyOutput, ...] = ()
+    """What runs, sweeps and continuations report beside the probes: reactions, joint forces, moments, strains,
+    stresses, energies."""
     run: Run | None = None
     """A run in time (`beamsim run`)."""
     reduction: Reduction | None = None
@@ -222,6 +226,15 @@ class Scenario(Schema):
     def all_snubbers(self) -> tuple[Any, ...]:
         """The snubbers of the scenario and those listed in the bodies."""
         return tuple(located.item for located in self.located_snubbers)
+
+    @property
+    def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
+        """The outputs with their paths: those of the scenario, then those of the run alone."""
+        of_run = () if self.run is None else self.run.outputs
+        return (
+            *((("outputs", k), output) for k, output in enumerate(self.outputs)),
+            *((("run", "outputs", k), output) for k, output in enumerate(of_run)),
+        )
 
     @property
     def level_unit(self) -> str:

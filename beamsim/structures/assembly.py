@@ -90,7 +90,7 @@ def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
         site = load_site_of(item, scenario.default_body) if in_structure else None
         if not isinstance(site, Place | Distributed) or site.body not in known:
             continue
-        acts = path[0] != "probes" and path[:2] != ("run", "outputs")
+        acts = path[0] != "probes" and "outputs" not in path[:2]
         problem = known[site.body].place_problem(site, acts)
         if problem is not None:
             problems.append(Problem(path_text((*path, problem[0])), *problem[1:]))

@@ -1,4 +1,4 @@
-"""Quantities that a run reports, as linear functions of the motion and of what acts on the structure."""
+"""Quantities that a scenario asks for, as linear functions of the motion and of what acts on the structure."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
+    from beamsim.scenario import Scenario
     from beamsim.scenario.base import Path
     from beamsim.structures.stations import Recovery
     from beamsim.system.equations import Forcing
@@ -68,7 +69,7 @@ def output_rows(
     contacts: Contacts,
     forcing: Forcing,
 ) -> tuple[OutputRows, ...]:
-    """The outputs that a run asks for.
+    """The outputs that a scenario asks for.
 
     Parameters
     ----------
@@ -76,17 +77,26 @@ def output_rows(
     contact_sites : (m,) where the contacts act.
     contacts, forcing : of the system.
     """
-    run = parts.scenario.run
-    if run is None or not run.outputs:
-        return ()
     asked = _Asked(parts, recoveries, contact_sites, contacts, forcing)
-    return tuple(asked.rows(("run", "outputs", k), output) for k, output in enumerate(run.outputs))
+    return tuple(asked.rows(path, output) for path, output in parts.scenario.requested_outputs)
+
+
+def output_units(scenario: Scenario) -> dict[str, str]:
+    """Unit of each output by its name."""
+    return {output.name: _unit(scenario, output) for _, output in scenario.requested_outputs}
+
+
+def _unit(scenario: Scenario, output: Any) -> str:
+    if output.kind == "recovered":
+        return str(output.unit)
+    if output.kind == "bending_moment":
+        return UNITS[output.kind] if site_in(scenario, output).across is None else "N m/m"  # per width of a plate
+    return UNITS[output.kind]
 
 
 def output_sites(parts: Parts) -> list[Site]:
     """Places at which moments are asked for."""
-    run = parts.scenario.run
-    return [site_in(parts.scenario, each) for each in (() if run is None else run.outputs) if each.kind in _BENDING]
+    return [site_in(parts.scenario, each) for _, each in parts.scenario.requested_outputs if each.kind in _BENDING]
 
 
 _BENDING = ("bending_moment", "stress", "strain")
@@ -164,9 +174,8 @@ class _Asked:
             "load": (count, len(self.forcing.signal)), "constant": (count,), "cubic": (count, len(self.cubic_sites)),
         }  # fmt: skip
         rows = {name: given.pop(name, np.zeros(size)) for name, size in sizes.items()}
-        return OutputRows(
-            **{"name": output.name, "kind": output.kind, "unit": UNITS.get(output.kind, ""), "at": at, **rows, **given}
-        )
+        unit = _unit(self.parts.scenario, output)
+        return OutputRows(**{"name": output.name, "kind": output.kind, "unit": unit, "at": at, **rows, **given})
 
     def _recovered(self, output: Any) -> OutputRows:
         name = output.body or self.parts.scenario.default_body
@@ -175,14 +184,12 @@ class _Asked:
         row, of_base = member.body.recovered(names.index(output.row), base_direction(self.parts.scenario) or UPWARDS)
         shape = member.on_whole(row) @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
-        return self._zero(output, name, unit=output.unit, base_acceleration=base, **{output.motion: shape[None]})
+        return self._zero(output, name, base_acceleration=base, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> OutputRows:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
         at = place.coordinate, place.across, output.component or "x"
         weights = recovery.strain_weights(*at) if output.kind == "strain" else recovery.moment_weights(*at)
-        plate = place.across is not None
-        unit = "N m/m" if plate and output.kind == "bending_moment" else UNITS[output.kind]
         if output.kind == "stress":
             assert recovery.stress_per_moment is not None  # the scenario has seen to it
             weights = weights * recovery.stress_per_moment
@@ -191,7 +198,7 @@ class _Asked:
         assert recovery.bending_moment is not None
         assert recovery.base_moment is not None
         return self._zero(
-            output, place.label, unit=unit, displacement=(weights @ recovery.bending_moment)[None],
+            output, place.label, displacement=(weights @ recovery.bending_moment)[None],
             base_acceleration=np.array([weights @ recovery.base_moment]),
         )  # fmt: skip
 

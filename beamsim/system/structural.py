@@ -116,7 +116,7 @@ class StructuralSystem:
     excitation_frequency_hz: float  # nan where there is none, or several
     cubic: CubicSprings
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
-    outputs: tuple[OutputRows, ...] = ()  # that the run asks for
+    outputs: tuple[OutputRows, ...] = ()  # that the scenario asks for
     warnings: tuple[str, ...] = ()
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none

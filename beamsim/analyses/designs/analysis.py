@@ -26,6 +26,7 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.designs import LatinHypercube, VariedParameter, drawn_parameters, varied_parameters
 from beamsim.scenario.draws import Draws
+from beamsim.system.outputs import output_units
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -259,8 +260,9 @@ def design_study(
 
 def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> DesignsResult:
     """The result of the cases in a table, which may be some of them only."""
+    units = output_units(plan.scenario)
     responses = {
-        name: Response(name, column.reshape(plan.shape + column.shape[1:]).copy(), *describe(name))
+        name: Response(name, column.reshape(plan.shape + column.shape[1:]).copy(), *describe(name, units))
         for name, column in table.columns.items()
     }
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given

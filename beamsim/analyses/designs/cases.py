@@ -139,14 +139,14 @@ def warm_up(task: CaseTask | None) -> None:
 
 def _solve_run(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
     from beamsim.analyses.run.analysis import run
-    from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_stress
+    from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
     from beamsim.system.build import build_system
 
     settings = scenario.run
     assert settings is not None
     if gives_figures(scenario):
         asked = entries_of(solver.study.asked, scenario.excitation.kind)
-        system = build_system(scenario, solver.shared, assessed=False, recovered=needs_stress(asked))
+        system = build_system(scenario, solver.shared, assessed=False, recovered=needs_recovery(asked))
         figures, outcome = asked_figures(system, settings, asked, solver.shared, solver.stop)
         return run_responses(figures), outcome
     result = run(scenario, stop=solver.stop)

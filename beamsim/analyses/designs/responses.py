@@ -30,6 +30,9 @@ QUANTITIES: dict[str, tuple[str, str]] = {
     "contact_share": ("1", "share of the time in contact"),
     "contacts": ("1", "number of closings"),
     "largest_gap": ("m", "largest opening between structure and snubber"),
+    "peak_output": ("", "largest magnitude of the output"),
+    "min_output": ("", "smallest value of the output"),
+    "max_output": ("", "largest value of the output"),
     "static_force": ("N", "contact force at static equilibrium"),
     "bending_stress": ("Pa", "largest bending stress"),
     "bending_stress_position": ("m", "where the bending stress is largest"),
@@ -42,9 +45,11 @@ QUANTITIES: dict[str, tuple[str, str]] = {
 """Unit and long name of a response, by the last part of its name."""
 
 
-def describe(name: str) -> tuple[str, str]:
-    """Unit and long name of a response."""
-    quantity = name.rpartition("/")[2]
+def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
+    """Unit and long name of a response; ``output_units`` by name of the scenario's outputs."""
+    place, _, quantity = name.rpartition("/")
+    if quantity.endswith("_output"):
+        return output_units.get(place.rpartition("/")[2], "1"), QUANTITIES[quantity][1]
     return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
 
 
@@ -57,6 +62,9 @@ RUN_ENTRIES: dict[str, tuple[str, str]] = {
     "contact_share": ("snubbers", "contact_share"),
     "contacts": ("snubbers", "contacts"),
     "largest_gap": ("snubbers", "largest_gap_m"),
+    "peak_output": ("outputs", "peak_output"),
+    "min_output": ("outputs", "min_output"),
+    "max_output": ("outputs", "max_output"),
     "static_force": ("snubbers", "static_force_n"),
     "rms_absolute_acceleration": ("probes", "rms_absolute_acceleration"),
     "rms_displacement": ("probes", "rms_displacement"),
@@ -79,7 +87,7 @@ def run_responses(figures: Mapping[str, Any], asked: Collection[str] = ()) -> Re
     ``asked`` are quantities or whole names of responses; all of them where it is empty.
     """
     values: Responses = {}
-    for owner in ("probes", "snubbers"):
+    for owner in ("probes", "snubbers", "outputs"):
         entries = {quantity: entry for quantity, (of, entry) in RUN_ENTRIES.items() if of == owner}
         names = dict.fromkeys(name for entry in entries.values() for name in figures.get(entry, ()))
         for name in names:
@@ -131,6 +139,8 @@ def sweep_responses(result: SweepResult) -> Responses:
             values[f"{curve.name}/probes/{name}/peak_acceleration"] = float(envelope.peak.max())
         for name, envelope in curve.force.items():
             values[f"{curve.name}/snubbers/{name}/peak_force"] = float(envelope.peak.max())
+        for name, output in curve.outputs.items():
+            values[f"{curve.name}/outputs/{name}/peak_output"] = float(output.peak.max())
         for name, share in curve.contact_share.items():
             values[f"{curve.name}/snubbers/{name}/contact_share"] = float(curve.weights @ share)
         for name, reached in curve.limited.items():
@@ -158,6 +168,9 @@ def response_responses(result: FrequencyResponse) -> Responses:
             (f"probes/{name}/{quantity}", {"of": quantity, "name": name})
             for quantity in ("peak_displacement", "peak_acceleration")
             for name in branches[0].peak_displacement
+        ]
+        sources += [
+            (f"outputs/{name}/peak_output", {"of": "peak_output", "name": name}) for name in branches[0].outputs
         ]
         sources += [
             (f"snubbers/{name}/peak_force", {"of": "peak_force", "name": name}) for name in branches[0].peak_force

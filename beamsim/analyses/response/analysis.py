@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult, SpecialPointResult
+from beamsim.analyses.branch import BranchResult, OutputExtremes, SpecialPointResult
 from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
@@ -301,7 +301,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
             motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, driven)
         else:
             motion = sampled_orbit(problem, point)
-        return measure(system, model.loads, model.base, motion, limited, settings.stored_harmonics)
+        return measure(system, model.loads, model.base, model.signals, motion, limited, settings.stored_harmonics)
 
     traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model), stop)
     spectra = [problem.multipliers(point) for point in traced.points]
@@ -351,6 +351,17 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         contact_share=by_name([m.contact_share for m in measured], names),
         peak_gap={name: np.array([m.gap[name] for m in measured]) for name in measured[0].gap},
         peak_bending_stress=None if measured[0].stress is None else np.array([m.stress for m in measured]),
+        outputs={
+            rows.name: OutputExtremes(
+                rows.name,
+                rows.kind,
+                rows.unit,
+                rows.at,
+                np.array([m.highest_output[k] for m in measured]),
+                np.array([m.lowest_output[k] for m in measured]),
+            )
+            for k, rows in enumerate(system.outputs)
+        },
         neglected_harmonics=from_balance,
     )
 
@@ -423,6 +434,7 @@ def _summary(
             if part.code is OutcomeCode.NO_STABLE_MOTION
             for band in np.array(part.numbers["ranges"]).tolist()
         ],
+        **_outputs(model, branches),
         "margins": _margins(model, branches),
         "processor_time_s": processor_time_s,
     }  # fmt: skip
@@ -445,6 +457,19 @@ def _summary(
     if worth:
         summary["neglected_harmonics"] = max(worth)
     return summary
+
+
+def _outputs(model: ResponseModel, branches: list[BranchResult]) -> dict[str, Any]:
+    """By output the largest magnitude of all stable motions (NaN where none is), and where; for the summary."""
+    if not model.system.outputs:
+        return {}
+    highest: dict[str, dict[str, float]] = {}
+    for name in (rows.name for rows in model.system.outputs):
+        peaks = [(float(value), float(at)) for b in branches
+                 for value, at in zip(b.outputs[name].peak[b.stable], b.parameter[b.stable], strict=True)]  # fmt: skip
+        value, at = max(peaks, default=(float("nan"), float("nan")))
+        highest[name] = {"value": value, "parameter": at}
+    return {"peak_output": highest, "output_unit": {rows.name: rows.unit for rows in model.system.outputs}}
 
 
 def _highest(model: ResponseModel, branches: list[BranchResult]) -> list[tuple[BranchResult, str, Floats, int]]:

@@ -123,7 +123,7 @@ def _curve(
         local = _at(model, orbits, path, point, level)
         motion = sampled_orbit(local, BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual,
                                                   point.orientation, point.iterations, point.data))  # fmt: skip
-        cycles = measure(model.system, model.loads, model.base, motion)
+        cycles = measure(model.system, model.loads, model.base, model.signals, motion)
         peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
     orbits.flow.set(level=level)
     n = model.system.dynamics.size

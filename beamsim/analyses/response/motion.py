@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
@@ -29,17 +29,17 @@ SAMPLES = 2048  # of a period: enough for the accelerations of the highest modes
 
 
 @dataclass(frozen=True)
-class BaseAcceleration:
-    """``level * Re(phasor (omega/reference)^power e^{i omega t})``, m/s^2; nothing under a point force."""
+class DrivenSignals:
+    """k signals ``level * Re(phasor (omega/reference)^power e^{i omega t})``."""
 
-    phasor: complex
-    power: float
+    phasor: Complexes  # (k,)
+    power: Floats  # (k,)
     reference: float  # rad/s
 
     def at(self, motion: SampledMotion) -> Floats:
-        """(nt,) m/s^2 at the times of a motion."""
+        """(nt, k) at the times of a motion."""
         amplitude = motion.level * self.phasor * (motion.omega / self.reference) ** self.power
-        return np.asarray((amplitude * motion.turning(1)).real)
+        return np.asarray(np.multiply.outer(motion.turning(1), amplitude).real)
 
 
 @lru_cache(maxsize=64)
@@ -62,6 +62,15 @@ class SampledMotion:
     force: Floats  # (S + E, m) N
     contact_share: Floats  # (m,)
     contacts: Contacts
+    owner: Ints  # (m,) contact of the system that each of these is, or is a part of
+    direction: Floats  # (m,) of a part's force in that of its contact
+
+    @property
+    def by_contact(self) -> Floats:
+        """(S + E, contacts of the system) N, of all parts together."""
+        force = np.zeros((self.times.size, int(self.owner.max(initial=-1)) + 1))
+        np.add.at(force.T, self.owner, (self.force * self.direction).T)
+        return force
 
     def turning(self, multiple: int) -> Complexes:
         """(S + E,) ``e^{i multiple omega t}``."""
@@ -81,6 +90,8 @@ class MeasuredMotion:
     contact_share: Floats  # (m,)
     gap: dict[str, float]  # m, largest opening of each snubber, where limits ask for it
     stress: float | None  # Pa, largest bending stress, likewise
+    highest_output: Floats  # (k,) of the outputs of the system
+    lowest_output: Floats  # (k,)
 
 
 def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
@@ -102,6 +113,7 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     return SampledMotion(
         flow.omega, problem.multiple, flow.level, times, lambda rows: y[:, :n] @ rows.T,
         lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,
+        np.arange(contacts.count), np.ones(contacts.count),
     )  # fmt: skip
 
 
@@ -109,6 +121,7 @@ def sampled_motion(
     motion: HarmonicMotion, contacts: Contacts, loads: PeriodicForcing, omega: float, level: float
 ) -> SampledMotion:
     """A motion found by harmonic balance."""
+    owner, direction = contacts.owners_of_parts
     contacts = contacts.one_sided_parts()
     m, w = contacts.count, motion.fundamental
     even = np.arange(SAMPLES) * (motion.period / SAMPLES)
@@ -149,21 +162,25 @@ def sampled_motion(
     both[edge.size :] = True  # the force just inside; just outside it is zero
     both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)
     force = contacts.forces(np.vstack([closed, both]).astype(np.int64), delta, rate, np.zeros((times.size, 0)))
-    return SampledMotion(omega, round(omega / w), level, times, q, v, delta, force, share, contacts)
+    return SampledMotion(omega, round(omega / w), level, times, q, v, delta, force, share, contacts, owner, direction)
 
 
 def measure(
     system: StructuralSystem,
     loads: PeriodicForcing,
-    base: BaseAcceleration | None,
+    base: DrivenSignals | None,
+    signals: DrivenSignals,
     motion: SampledMotion,
     limited: Collection[str] = (),
     harmonics: int = 5,
 ) -> MeasuredMotion:
-    """Extremes, harmonics (the mean and as many as asked for) and forces of a motion."""
+    """Extremes, harmonics (the mean and as many as asked for), forces and outputs of a motion.
+
+    ``base`` is its acceleration, m/s^2, None where it is at rest; ``signals`` are those of the loads.
+    """
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
     x = motion.q(shapes)
-    carried = np.zeros(motion.times.size) if base is None else base.at(motion)
+    carried = np.zeros(motion.times.size) if base is None else base.at(motion)[:, 0]
     acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
     columns = [x, -x, acceleration, -acceleration, motion.force]
     if "gap" in limited:
@@ -171,15 +188,45 @@ def measure(
     if "bending_stress" in limited and system.stress is not None:
         bending = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
         columns += [bending, -bending]
+    outputs = _outputs(system, loads, motion, carried, signals.at(motion))
+    columns += [outputs, -outputs]
     tops = np.split(_top(np.hstack(columns)), np.cumsum([c.shape[1] for c in columns])[:-1])
     high, below, up, down, force = tops[:5]
     gap = {snubber.name: float(tops[5][j]) for j, snubber in enumerate(system.snubbers)} if "gap" in limited else {}
-    stress = float(max(tops[-2].max(), tops[-1].max())) if "bending_stress" in limited and system.stress else None
+    stress = float(max(tops[-4].max(), tops[-3].max())) if "bending_stress" in limited and system.stress else None
     spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[: harmonics + 1] / SAMPLES
     spectrum[0] *= 0.5
     return MeasuredMotion(
-        high, -below, spectrum.T, np.maximum(up, down), np.maximum(force, 0.0), motion.contact_share, gap, stress
-    )
+        high, -below, spectrum.T, np.maximum(up, down), np.maximum(force, 0.0), motion.contact_share, gap, stress,
+        tops[-2], -tops[-1],
+    )  # fmt: skip
+
+
+def _outputs(
+    system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, carried: Floats, signals: Floats
+) -> Floats:
+    """(S + E, k) what the scenario asks for; energies are half the sums of the squares of their rows."""
+    columns = [np.zeros((motion.times.size, 0))]
+    for rows in system.outputs:
+        values = (
+            motion.q(rows.displacement) + motion.v(rows.velocity) + rows.constant
+            + np.multiply.outer(carried, rows.base_acceleration) + signals @ rows.load.T
+            + motion.by_contact @ rows.contact.T
+        )  # fmt: skip
+        if rows.acceleration.any():
+            values = values + _accelerations(system, loads, motion, rows.acceleration)
+        if rows.cubic.any():
+            values = values + _pulls(system, loads, motion) @ rows.cubic.T
+        columns.append(0.5 * np.sum(values**2, axis=1, keepdims=True) if rows.squared else values)
+    return np.hstack(columns)
+
+
+def _pulls(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion) -> Floats:
+    """(S + E, c) of the cubic springs."""
+    cubic = system.cubic
+    base, _ = loads.base_motion(motion.omega, motion.level, motion.times)
+    stretch = motion.q(cubic.shape) + np.multiply.outer(base, cubic.felt)
+    return np.asarray(cubic.stiffness * stretch**3)
 
 
 def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, shapes: Floats) -> Floats:
@@ -191,9 +238,7 @@ def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: Sam
         load += np.multiply.outer(motion.turning(multiple), phasor).real
     elastic = motion.q(shapes * dynamics.stiffness) + motion.v(shapes @ dynamics.damping)
     if cubic.count:
-        base, _ = loads.base_motion(motion.omega, motion.level, motion.times)
-        stretch = motion.q(cubic.shape) + np.multiply.outer(base, cubic.felt)
-        elastic = elastic + (cubic.stiffness * stretch**3) @ (cubic.shape @ shapes.T)
+        elastic = elastic + _pulls(system, loads, motion) @ (cubic.shape @ shapes.T)
     return np.asarray(load - elastic + (motion.force * c.sign) @ (c.shape @ shapes.T))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.response.motion import BaseAcceleration
+from beamsim.analyses.response.motion import DrivenSignals
 from beamsim.contacts.contact_rates import MovedContact
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing
@@ -26,6 +26,7 @@ from beamsim.scenario.quantities import level_unit as unit_of
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
+from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
@@ -92,7 +93,8 @@ class ResponseModel:
     scenario: Scenario
     system: StructuralSystem
     loads: PeriodicForcing
-    base: BaseAcceleration | None
+    base: DrivenSignals | None  # its acceleration, m/s^2
+    signals: DrivenSignals  # of the loads
     followed: FollowedParameter
     second: FollowedParameter | None  # what folds are followed in
     frequency_hz: float  # of the excitation, where it is held
@@ -188,6 +190,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
         system,
         loads,
         base_acceleration(forced, system),
+        DrivenSignals(*load_signals(forced, system), 2 * np.pi * highest),
         _followed(scenario, system, "sweep.continue_in", parameter, shape_at),
         None if second is None else _followed(scenario, system, "sweep.follow_folds_in", second, shape_at),
         excitation.frequency,
@@ -257,16 +260,13 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     """
     excitation = scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
-    assert system.sine is not None
     omega, level = 2 * np.pi * excitation.frequency, excitation.level
     n = system.dynamics.size
     held = power_of(str(excitation.quantity))
-    force, power, base, base_power = [], [], [], []
-    for load, signal, of_sine in zip(system.forcing.load, system.forcing.signal, system.sine.power, strict=True):
-        force.append(load.astype(complex) * _phasor(signal) / level)
-        power.append(held + float(of_sine))
-        base.append(0j)
-        base_power.append(0.0)
+    phasor, powers = load_signals(scenario, system)
+    force = [load.astype(complex) * of for load, of in zip(system.forcing.load, phasor, strict=True)]
+    power = powers.tolist()
+    base, base_power = [0j] * len(force), [0.0] * len(force)
     if system.forcing.base_displacement is not None:
         force.append(np.zeros(n, dtype=complex))
         power.append(0.0)
@@ -278,13 +278,21 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     )  # fmt: skip
 
 
-def base_acceleration(scenario: Scenario, system: StructuralSystem) -> BaseAcceleration | None:
+def load_signals(scenario: Scenario, system: StructuralSystem) -> tuple[Complexes, Floats]:
+    """(L,) phasors of the loads' signals for a level of one, and the powers of the frequency that they grow with."""
+    excitation = scenario.excitation
+    assert isinstance(excitation, Harmonic | Forces)
+    assert system.sine is not None
+    phasor = np.array([_phasor(signal) / excitation.level for signal in system.forcing.signal], dtype=complex)
+    return phasor, power_of(str(excitation.quantity)) + system.sine.power.astype(float)
+
+
+def base_acceleration(scenario: Scenario, system: StructuralSystem) -> DrivenSignals | None:
     """The base's own acceleration as a function of frequency, for a level of one; None where it is at rest."""
     excitation = scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
     if system.base_acceleration is None:
         return None
     held = power_of(str(excitation.quantity))
-    return BaseAcceleration(
-        _phasor(system.base_acceleration) / excitation.level, held, 2 * np.pi * excitation.frequency
-    )
+    phasor = np.array([_phasor(system.base_acceleration) / excitation.level])
+    return DrivenSignals(phasor, np.array([held]), 2 * np.pi * excitation.frequency)

@@ -42,6 +42,9 @@ _SEARCHED = {
     "peak_acceleration_g": ("acceleration", "largest"),
     "peak_force_n": ("force", "highest"),
     "largest_gap_m": ("penetration", "lowest"),
+    "peak_output": ("output", "largest"),
+    "min_output": ("output", "lowest"),
+    "max_output": ("output", "highest"),
     "largest_bending_stress_pa": ("stress", "largest"),
     "largest_bending_stress_position_m": ("stress", "largest"),
 }
@@ -63,12 +66,13 @@ def gives_figures(scenario: Scenario) -> bool:
     assert settings is not None
     in_closed_form = settings.method != "reference" and all(s.item.kind != "cubic" for s in scenario.nonlinear_springs)
     plain = settings.low_pass is None and settings.convergence != "on"
+    plain = plain and not any(output.kind.endswith("energy") for _, output in scenario.requested_outputs)
     return in_closed_form and plain and not isinstance(settings.start, OrbitStart)
 
 
-def needs_stress(asked: Collection[str]) -> bool:
-    """Whether one of the entries needs the stress along the bodies."""
-    return any(_SEARCHED[entry][0] == "stress" for entry in asked if entry in _SEARCHED)
+def needs_recovery(asked: Collection[str]) -> bool:
+    """Whether one of the entries needs the stress along the bodies, or the outputs of the scenario."""
+    return any(_SEARCHED[entry][0] in ("stress", "output") for entry in asked if entry in _SEARCHED)
 
 
 def asked_figures(
@@ -198,6 +202,10 @@ def _searches(system: StructuralSystem, trajectory: Trajectory, asked: Collectio
                 continue
             output_of = in_every_state(bending_stress(flow, system.stress))
             group = np.zeros(system.stress.row.shape[0], dtype=np.int64)
+        elif name == "output":
+            if not system.linear_outputs:
+                continue
+            output_of, group = groups[name], np.arange(len(system.linear_outputs))
         elif name in ("force", "penetration"):
             output_of, group = _first(groups[name], snubbers), np.arange(snubbers)
         else:
@@ -246,6 +254,13 @@ def _named(system: StructuralSystem, asked: Collection[str], extremes: Mapping[s
         figures["peak_force_n"] = by_name(snubbers, extremes["highest force"])
     if "lowest penetration" in extremes:
         figures["largest_gap_m"] = by_name(snubbers, np.maximum(extremes["lowest penetration"], 0.0))
+    outputs = [output.name for output in system.linear_outputs]
+    if "largest output" in signed:
+        figures["peak_output"] = by_name(outputs, signed["largest output"])
+    if "lowest output" in extremes:
+        figures["min_output"] = by_name(outputs, -extremes["lowest output"])
+    if "highest output" in extremes:
+        figures["max_output"] = by_name(outputs, extremes["highest output"])
     if "largest stress" in signed and system.stress is not None:
         where = int(signed["largest stress"].argmax())
         figures["largest_bending_stress_pa"] = float(signed["largest stress"][where])

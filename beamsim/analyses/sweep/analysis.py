@@ -125,7 +125,7 @@ def sweep(
             levels=dict(computed),
             histories=dict(histories),
             truncation=truncation,
-            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario), *corrected),
+            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario, system), *corrected),
             wall_time_s=clock.perf_counter() - begin,
         ).with_summary(
             **_summary(scenario, curves),
@@ -209,6 +209,7 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         "peak_displacement_m": largest("displacement"),
         "peak_acceleration_m_s2": largest("acceleration"),
         "peak_force_n": largest("force"),
+        **_outputs(curves),
         "contact_share": {
             curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
             for curve in curves.values()
@@ -223,6 +224,18 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
                             default=None),
         "margins": _margins(scenario, curves),
     }  # fmt: skip
+
+
+def _outputs(curves: dict[str, SweepCurve]) -> dict[str, Any]:
+    """The largest magnitude of each output by curve, and their units, for the summary."""
+    units = {name: output.unit for curve in curves.values() for name, output in curve.outputs.items()}
+    if not units:
+        return {}
+    peaks = {
+        curve.name: {name: float(np.max(output.peak, initial=0.0)) for name, output in curve.outputs.items()}
+        for curve in curves.values()
+    }
+    return {"peak_output": peaks, "output_unit": units}
 
 
 def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, Any]:
@@ -247,7 +260,16 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
     return {"gapping": summary}
 
 
-def _uncompared(scenario: Scenario) -> list[str]:
+def _uncompared(scenario: Scenario, system: StructuralSystem) -> list[str]:
+    """What is asked for and not given."""
+    energies = [
+        f"outputs: {output.name} is an energy, which sweeps do not follow; use `beamsim run` or kind: continuation"
+        for output in system.energy_outputs
+    ]
+    return energies + _without_accelerations(scenario)
+
+
+def _without_accelerations(scenario: Scenario) -> list[str]:
     given = () if scenario.limits is None else scenario.limits.given
     if (
         "peak_acceleration" in given

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.outputs import accelerations, bending_stress, displacements, stack
+from beamsim.analyses.run.outputs import accelerations, asked_for, bending_stress, displacements, stack
 from beamsim.analyses.sweep.peaks import bent
-from beamsim.analyses.sweep.result import CycleImpacts, Envelope, LevelWork, SweepCurve, SweepHistory
+from beamsim.analyses.sweep.result import CycleImpacts, Envelope, LevelWork, OutputEnvelope, SweepCurve, SweepHistory
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
@@ -41,15 +41,23 @@ class CycleValues:
     period: Floats  # (C,) s, of a cycle
     cycles: Ints | int = 1  # (C,) over which the values are taken at each frequency
 
+    def columns(self, which: slice) -> CycleValues:
+        """The values of a selection of the outputs."""
+        return replace(
+            self, high=self.high[:, which], low=self.low[:, which], mean_square=self.mean_square[:, which],
+            mean=self.mean[:, which], harmonics=self.harmonics[:, :, which],
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class SweepOutputs:
-    """Displacements of the probes, forces of the snubbers, absolute accelerations of the probes, quantities of limits.
+    """Displacements of the probes, forces of the snubbers, absolute accelerations of the probes, quantities of limits,
+    and the outputs that the scenario asks for, which come last.
 
     Parameters
     ----------
     with_accelerations : whether the accelerations are among them.
-    limited : names of the limits. The penetrations of the snubbers come last where it holds "gap", and then the stress
+    limited : names of the limits. The penetrations of the snubbers follow where it holds "gap", and then the stress
         along the beam where it holds "bending_stress".
     with_impacts : whether the rates and losses of the impacts are among them, before what limits ask for.
     """
@@ -65,7 +73,7 @@ class SweepOutputs:
         shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
         count = len(system.snubbers)
         displacement = displacements(template, shapes)
-        of_limits = []
+        of_limits: list[LinearOutput] = []
         if "gap" in self.limited:
             of_limits.append(template.penetrations[0].some(slice(count)))
         if "bending_stress" in self.limited and system.stress is not None:
@@ -77,7 +85,8 @@ class SweepOutputs:
                 parts.append(accelerations(template, shapes, phases, system.carried))
             if self.with_impacts:
                 parts.append(_impact_rows(template, phases, count))
-            return stack(*parts, *of_limits)
+            of_outputs = [asked_for(template, system.linear_outputs, phases)] if system.linear_outputs else []
+            return stack(*parts, *of_limits, *of_outputs)
 
         return output_of
 
@@ -95,6 +104,9 @@ class SweepOutputs:
     def curve(self, values: CycleValues, **fields: Any) -> SweepCurve:
         """The curve of these values; ``fields`` are the other fields of `SweepCurve`."""
         displacement, acceleration, force = self._columns()
+        outputs = self.system.linear_outputs
+        before = values.high.shape[1] - len(outputs)
+        values, of_outputs = values.columns(slice(before)), values.columns(slice(before, None))
 
         def envelopes(columns: dict[str, int], quantity: str, unit: str) -> dict[str, Envelope]:
             return {
@@ -113,6 +125,20 @@ class SweepOutputs:
             contacts={name: values.closings[:, k] for k, name in enumerate(force)},
             bent=bent(values.contact_share[:, len(force) :]),
             impacts=self._impacts(values),
+            outputs={
+                output.name: OutputEnvelope(
+                    output.name,
+                    output.kind,
+                    output.unit,
+                    output.at,
+                    of_outputs.high[:, k],
+                    of_outputs.low[:, k],
+                    np.sqrt(np.maximum(of_outputs.mean_square[:, k], 0.0)),
+                    of_outputs.mean[:, k],
+                    of_outputs.harmonics[:, :, k],
+                )
+                for k, output in enumerate(outputs)
+            },
             **self._of_limits(values),
             **fields,
         )

@@ -73,6 +73,29 @@ class Envelope:
 
 
 @declared
+class OutputEnvelope:
+    """One of the `outputs`, cycle by cycle (or frequency by frequency)."""
+
+    name: str = key("name of the output")
+    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
+    unit: str = attribute("", "unit of the quantity")
+    at: str = attribute("", "where it is: a place, a support, a joint or a body")
+    maximum: Floats = dataset("{unit}", "largest value of a cycle", along=_FREQUENCY)
+    minimum: Floats = dataset("{unit}", "smallest value of a cycle", along=_FREQUENCY)
+    rms: Floats = dataset("{unit}", "root mean square over the time of a cycle, mean included", along=_FREQUENCY)
+    mean: Floats = dataset("{unit}", "mean over the time of a cycle", along=_FREQUENCY)
+    harmonics: Complexes = dataset(
+        "{unit}", "amplitude of cos(order x phase)", along=("order", *_FREQUENCY),
+        imaginary="minus the amplitude of sin(order x phase)",
+    )  # fmt: skip
+
+    @property
+    def peak(self) -> Floats:
+        """(C,) largest absolute value."""
+        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+
+
+@declared
 class CycleImpacts:
     """Impacts at one snubber, cycle by cycle; at each frequency of a stepped sweep means over the cycles measured."""
 
@@ -158,6 +181,7 @@ class SweepCurve:
     impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
         "snubbers", having="impacts_per_cycle", default_factory=dict
     )
+    outputs: dict[str, OutputEnvelope] = named("outputs", having="maximum", default_factory=dict)
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
     @property
@@ -262,6 +286,8 @@ _SUMMARY = (
     Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
              "the frequencies", "time in contact"),
+    Entry("peak_output", "", "by curve, largest magnitude of an output, in its output_unit", "outputs"),
+    Entry("output_unit", "", "units of the outputs"),
     Entry("impacts", "", "by curve and snubber the largest values per cycle, if sweep.impacts asks for them",
              "impacts per cycle"),
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),

@@ -1,0 +1,126 @@
+"""Outputs of sweeps, continuations and studies against those of the settled run."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
+
+BEAM = {"kind": "beam", "length": 0.5, "width": 0.04, "thickness": 0.006, "youngs_modulus": 70e9, "density": 2700.0,
+        "elements": 5, "damping": {"kind": "viscous", "coefficient": 20.0}}  # fmt: skip
+OUTPUTS = [
+    {"name": "clamp", "kind": "reaction_force", "body": "inner", "support": "left"},
+    {"name": "clamp_moment", "kind": "reaction_moment", "body": "inner", "support": "left"},
+    {"name": "base", "kind": "reaction_force", "support": "base"},
+    {"name": "hinge", "kind": "joint_force", "joint": "hinge"},
+    {"name": "gauge", "kind": "strain", "at": {"body": "inner", "position": 0.1}},
+    {"name": "tip", "kind": "acceleration", "at": {"body": "outer", "position": 0.5}},
+]
+ENERGIES = [{"name": "strain_energy", "kind": "strain_energy", "body": "inner"},
+            {"name": "kinetic_energy", "kind": "kinetic_energy", "body": "outer"}]  # fmt: skip
+FORCES = [
+    {
+        "kind": "harmonic",
+        "applied_to": {"body": "inner", "position": 0.3},
+        "level": 4.0,
+        "frequency": 25.0,
+        "phase": 0.5,
+    },
+    {
+        "kind": "harmonic",
+        "applied_to": {"body": "outer", "line": "whole"},
+        "level": 6.0,
+        "frequency": 25.0,
+        "phase": 2.0,
+    },
+]
+BASE = {"kind": "harmonic", "applied_to": "base", "level": 15.0, "frequency": 25.0}
+STEPPED = {"kind": "stepped", "from": 24.0, "to": 25.0, "points": 2, "steady_to": 1e-10}
+CONTINUED = {"kind": "continuation", "from": 24.0, "to": 25.0, "points_at": [25.0], "side_branches": "none"}
+
+
+def case(excitation, **more):
+    return load_scenario(
+        {
+            "bodies": {"inner": {**BEAM, "supports": {"left": "clamped"}},
+                       "outer": {**BEAM, "supports": {"left": "free", "right": "pinned"}}},
+            "joints": [{"name": "hinge", "kind": "hinge",
+                        "between": [{"body": "inner", "position": 0.5}, {"body": "outer", "position": 0.0}],
+                        "rotational_stiffness": 20.0}],
+            "snubbers": [{"name": "s", "at": {"body": "outer", "position": 0.2}, "side": "both", "gap": 1e-4,
+                          "stiffness": 2e3}],
+            "gravity": 9.81,
+            "reduction": {"modes": 8},
+            "excitation": excitation,
+            "outputs": OUTPUTS,
+            **more,
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("excitation", [BASE, {"kind": "forces", "forces": FORCES}], ids=["base", "forces"])
+def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
+    outputs = [*OUTPUTS, *ENERGIES]
+    settled = beamsim.run(
+        case(excitation, outputs=outputs, run={"duration": 3.0, "sample_rate": 25.0 * 2000, "convergence": "off"})
+    )
+    expected = {name: output.value[-4001:] for name, output in settled.outputs.items()}
+    stepped = beamsim.sweep(case(excitation, outputs=outputs, sweep=STEPPED))
+    assert any("strain_energy is an energy" in warning for warning in stepped.warnings)
+    curve = stepped.curves["up_0"]
+    assert list(curve.outputs) == [output["name"] for output in OUTPUTS]
+    for name, output in curve.outputs.items():
+        x, size = expected[name], np.abs(expected[name]).max()
+        assert output.maximum[-1] == pytest.approx(x.max(), abs=2e-4 * size)
+        assert output.minimum[-1] == pytest.approx(x.min(), abs=2e-4 * size)
+        assert output.mean[-1] == pytest.approx(x[:-1].mean(), abs=1e-4 * size)
+        assert output.rms[-1] == pytest.approx(np.sqrt(np.mean(x[:-1] ** 2)), rel=1e-4)
+    for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 41}):
+        followed = beamsim.frequency_response(case(excitation, outputs=outputs, sweep={**CONTINUED, "method": method}))
+        branch = followed.branches[0]
+        k = int(np.argmin(np.abs(branch.frequency_hz - 25.0)))
+        tolerance = 3e-3 if method["kind"] == "shooting" else 2e-2  # accelerations of 41 harmonics
+        for name, output in branch.outputs.items():
+            x, size = expected[name], np.abs(expected[name]).max()
+            assert output.maximum[k] == pytest.approx(x.max(), abs=tolerance * size), (name, method)
+            assert output.minimum[k] == pytest.approx(x.min(), abs=tolerance * size), (name, method)
+        assert set(branch.outputs) == set(expected)
+        stable = branch.stable
+        assert followed.summary["peak_output"]["hinge"]["value"] == branch.outputs["hinge"].peak[stable].max()
+    for number, result in enumerate((stepped, followed)):
+        write_result(result, tmp_path / f"{number}.h5")
+        again = open_result(tmp_path / f"{number}.h5")
+        one, other = (
+            (r.curves["up_0"] if hasattr(r, "curves") else r.branches[0]).outputs["hinge"] for r in (result, again)
+        )
+        np.testing.assert_array_equal(one.maximum, other.maximum)
+        assert (other.unit, other.quantity, other.at) == ("N", "joint_force", "hinge")
+
+
+def test_a_swept_sine_gives_outputs_that_balance_the_loads():
+    """The base carries what supports, snubber and gravity ask for in every cycle: against the two supports."""
+    sweep = {"kind": "swept_sine", "from": 20.0, "to": 30.0, "rate": "5 Hz/s"}
+    right = {"name": "right", "kind": "reaction_force", "body": "outer", "support": "right"}
+    curve = beamsim.sweep(case(BASE, outputs=[*OUTPUTS, right], sweep=sweep)).curves["up_0"]
+    sides = sum(envelope.mean * (1 if "below" in name else -1) for name, envelope in curve.force.items())
+    total = curve.outputs["clamp"].mean + curve.outputs["right"].mean + sides
+    np.testing.assert_allclose(curve.outputs["base"].mean, total, rtol=0, atol=1e-9 * curve.outputs["base"].peak.max())
+    assert curve.outputs["base"].peak.shape == curve.frequency_hz.shape
+
+
+def test_a_study_gives_extremes_of_outputs():
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": [5.0, 15.0]}],
+            "responses": ["outputs/hinge/peak_output"]}  # fmt: skip
+    run = {"duration": 0.2, "convergence": "off"}
+    found = beamsim.design_study(case(BASE, vary=vary, run=run)).responses
+    assert list(found) == ["outputs/hinge/peak_output"]
+    response = found["outputs/hinge/peak_output"]
+    assert response.unit == "N"
+    alone = beamsim.run(case(BASE, run=run))
+    assert response.values[1] == pytest.approx(alone.summary["peak_output"]["hinge"], rel=1e-9)
+    with_all = beamsim.design_study(case(BASE, vary={**vary, "responses": []}, run=run)).responses
+    for key, entry in (("max_output", "max_output"), ("min_output", "min_output"), ("peak_output", "peak_output")):
+        assert with_all[f"outputs/clamp/{key}"].values[1] == pytest.approx(alone.summary[entry]["clamp"], rel=1e-9)
+    swept = beamsim.design_study(case(BASE, vary={**vary, "responses": []}, sweep=STEPPED))
+    assert swept.responses["up_0/outputs/gauge/peak_output"].unit == "1"
