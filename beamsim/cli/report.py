@@ -165,7 +165,10 @@ def margins(_: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, s
     for name, item in compared.items():
         unit = LIMITED[name][1]
         margin = item["margin"]
-        share = "unknown" if margin is None or math.isnan(margin) else f"{100 * margin:+.3g} %"
+        if margin is None or math.isnan(margin):
+            share = "unknown"
+        else:
+            share = "without bound" if math.isinf(margin) else f"{100 * margin:+.3g} %"
         verdict = "EXCEEDED, " if item["exceeded"] else ""
         at = f" at {item['at']}" if item["at"] else ""
         texts[name.replace("_", " ")] = (
