@@ -78,10 +78,11 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     """Levels at which contact is made or lost, from the linear motion about static equilibrium.
 
     There are none of a snubber whose law is more than a stiffness and a dashpot: a table changes its stiffness while it
-    is pressed, and the forces of Maxwell branches depend on the frequency.
+    is pressed, and the forces of Maxwell branches depend on the frequency. Nor are there any beside friction that holds
+    without a spring.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
-    if system.static_equilibrium is None or count == 0:
+    if system.static_equilibrium is None or count == 0 or contacts.ever_hold:
         return {}
     penetration = static_penetration(system)
     closed = penetration > 0

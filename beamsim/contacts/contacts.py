@@ -49,6 +49,7 @@ class Watched:
     internal: Floats  # (w, r) factors of all internal states
     guards: int  # g
     following: Ints  # (g,) phase of the guard's contact after its event
+    reaction: Floats  # (w,) factor of the contact's force, where it holds
     reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
 
 
@@ -98,7 +99,8 @@ class Contacts:
     @cached_property
     def damped(self) -> bool:
         """Whether any phase dissipates."""
-        return any(p.dashpot != 0.0 for law in self.laws for p in law.phases) or self.internal_states > 0
+        resisted = any(p.dashpot != 0.0 for law in self.laws for p in law.phases)
+        return resisted or self.internal_states > 0 or any(law.rubs for law in self.laws)
 
     @property
     def one_sided(self) -> bool:
@@ -270,6 +272,23 @@ class Contacts:
         """(..., m) constant part of each force whose work is lost, N, in phases (..., m)."""
         return np.asarray(self._friction[np.arange(self.count), phases])
 
+    def holds(self, phases: Ints) -> Bools:
+        """(m,) whether the force of each contact is what keeps its penetration."""
+        return np.asarray(self._holding[np.arange(self.count), phases])
+
+    @cached_property
+    def ever_hold(self) -> bool:
+        """Whether any phase of any contact holds."""
+        return bool(self._holding.any())
+
+    def starting_at(self, rate: Floats, least: Floats) -> Ints:
+        """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none."""
+        phases = self.start
+        for j, law in enumerate(self.laws):
+            if law.sliding is not None and abs(rate[j]) > least[j]:
+                phases[j] = law.sliding[0 if rate[j] > 0.0 else 1]
+        return phases
+
     def event_losses(self, before: Ints, after: Ints) -> Floats:
         """(n, m) energy lost, J, where the phases change from ``before`` to ``after``, (n, m) each."""
         return np.asarray(self._losing_events[np.arange(self.count), before, after])
@@ -341,6 +360,20 @@ class Contacts:
         return self._of_phases(lambda phase: phase.coupled) > 0.0
 
     @cached_property
+    def _holding(self) -> Bools:
+        """(m, P) `holds` of each phase."""
+        return self._of_phases(lambda phase: phase.holds) > 0.0
+
+    @cached_property
+    def _reactions(self) -> Floats:
+        """(m, P, G) `reaction` of each guard."""
+        out = np.zeros(self.arrays.next.shape)
+        for j, law in enumerate(self.laws):
+            for k, phase in enumerate(law.phases):
+                out[j, k, : len(phase.guards)] = [guard.reaction for guard in phase.guards]
+        return out
+
+    @cached_property
     def _friction(self) -> Floats:
         """(m, P) `friction` of each phase."""
         return self._of_phases(lambda phase: phase.friction)
@@ -368,7 +401,9 @@ class Contacts:
         for g in np.flatnonzero(a.states[contact]):
             j = contact[g]
             internal[g, a.first[j] : a.first[j] + a.states[j]] = table[g, 3 : 3 + a.states[j]]
-        return Watched(contact, table[:, :3], internal, place[2].size, a.next[place], first)
+        reaction = np.zeros(contact.size)
+        reaction[: first.size] = self._reactions[place]
+        return Watched(contact, table[:, :3], internal, place[2].size, a.next[place], reaction, first)
 
     @cached_property
     def arrays(self) -> PhaseArrays:

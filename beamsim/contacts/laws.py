@@ -18,6 +18,8 @@ function of the same quantities. A law of another kind is another list of phases
 * *friction* with a tangential spring (:mod:`beamsim.contacts.friction`): delta is the tangential motion; sticking is a
   phase with a stiffness (the slider is an internal state that rests), sliding in either direction one with a constant
   force, whose work is lost;
+* *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
+  force;
 * *hysteresis* between straight lines: phases whose offsets are internal states that rest, set by the guards' resets.
 """
 
@@ -41,7 +43,8 @@ class Guard:
 
     It is ``penetration * delta + rate * delta' + internal @ p + constant``. ``reset`` gives the internal states with
     which the next phase starts: one row (penetration, rate, 1, then one factor for each internal state) for each of
-    them; None where they go on as they are. ``loss`` is the energy that is lost at the event, J.
+    them; None where they go on as they are. ``loss`` is the energy that is lost at the event, J, and ``reaction`` the
+    factor of the force in a phase that holds.
     """
 
     next: int
@@ -51,6 +54,7 @@ class Guard:
     internal: tuple[float, ...] = ()
     reset: tuple[tuple[float, ...], ...] | None = None
     loss: float = 0.0
+    reaction: float = 0.0
 
     def row(self, internal_states: int) -> Floats:
         """(3 + r,) factors of the penetration, its rate, 1, and the internal states."""
@@ -75,6 +79,7 @@ class Phase:
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
     energy: float = 0.0  # J, E_0
     friction: float = 0.0  # N, R
+    holds: bool = False  # the force is what keeps the penetration at its value, and the numbers above are zero
 
     def row(self, internal_states: int) -> Floats:
         """(3 + r,) factors of the force, as those of a guard."""
@@ -105,6 +110,7 @@ class ContactLaw:
     phases : all of them; guards name them by their place here.
     internal_states : r, the same in every phase.
     start : phase from which the one that belongs to a given motion is looked for.
+    sliding : where `start` holds, the phases in which motions begin whose penetration rises, and falls.
     parts : one-sided springs whose forces add up to the law's; None where there are none (internal states, phases that
         end by the force).
     stiffness, dashpot : those of slow motions in contact, from which natural frequencies follow.
@@ -121,6 +127,7 @@ class ContactLaw:
     phases: tuple[Phase, ...]
     internal_states: int = 0
     start: int = 0
+    sliding: tuple[int, int] | None = None
     parts: tuple[OneSidedSpring, ...] | None = None
     stiffness: float = np.nan
     dashpot: float = np.nan
@@ -170,8 +177,14 @@ class ContactLaw:
 
     @property
     def has_undamped_form(self) -> bool:
-        """Whether it keeps no internal state without its dashpots."""
-        return self.family is not None or self.undamped_law is not None or not self.internal_states
+        """Whether it keeps no internal state and loses nothing without its dashpots."""
+        memory = self.internal_states > 0 or self.rubs
+        return self.family is not None or self.undamped_law is not None or not memory
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it loses work in a phase of its own, as dry friction does."""
+        return any(phase.friction != 0.0 or phase.holds for phase in self.phases)
 
     def resting_phase(self, penetration: float) -> int:
         """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
@@ -261,7 +274,7 @@ class ContactLaw:
             return self.family(self.stiffness, 0.0)
         if self.undamped_law is not None:
             return self.undamped_law
-        if self.internal_states:
+        if not self.has_undamped_form:
             raise ValueError("this contact law has no undamped form")
         parts = None if self.parts is None else tuple(replace(s, dashpot=0.0) for s in self.parts)
         return replace(self, phases=tuple(replace(p, dashpot=0.0) for p in self.phases), parts=parts, dashpot=0.0)

@@ -22,7 +22,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.contacts.friction import friction_law
+from beamsim.contacts.friction import friction_law, rigid_friction_law
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.errors import Problem, ScenarioError
@@ -54,7 +54,7 @@ class SpringInfo:
     @property
     def relaxes(self) -> bool:
         """Whether the force depends on more than the stretch."""
-        return self.law is not None and self.law.internal_states > 0
+        return self.law is not None and (self.law.internal_states > 0 or self.law.rubs)
 
     def force(self, stretch: Floats) -> Floats:
         """N, positive where it pulls back a positive stretch (any shape); of one that relaxes after a long rest."""
@@ -82,8 +82,9 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
         elif spring.kind in ("linear", JOINT):
             numbers = (0.0, float(spring.stiffness), relaxing_law(None, branches))
         elif spring.kind == FRICTION:
-            law = friction_law(spring.stiffness, spring.static_force, spring.sliding_force, spring.start_force)
-            numbers = (0.0, 0.0, law)
+            forces = spring.static_force, spring.sliding_force, spring.start_force
+            rigid = spring.stiffness is None
+            numbers = (0.0, 0.0, rigid_friction_law(*forces) if rigid else friction_law(spring.stiffness, *forces))
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):
                 raise ScenarioError(

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from beamsim.flow.basis import basis_derivatives
+from beamsim.flow.held import held_contacts
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
 from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
@@ -276,13 +277,13 @@ def build_state(
 
 
 def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
-    """Stiffness and damping (n, n) with the contacts in given phases; internal states apart."""
+    """Stiffness and damping (n, n) with the contacts in given phases; internal states and reactions apart."""
     phi, k, c = _acting(system, phases)
     return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
 
 
 def first_order_matrix(system: PiecewiseLinearSystem, phases: Ints) -> Floats:
-    """A (N, N) of ``y' = A y + b`` with the contacts in given phases."""
+    """A (N, N) of ``y' = A y + b`` with the contacts in given phases, for motions along which those that hold rest."""
     contacts, n = system.contacts, system.size
     N = 2 * n + contacts.internal_states
     A = np.zeros((N, N))
@@ -294,6 +295,9 @@ def first_order_matrix(system: PiecewiseLinearSystem, phases: Ints) -> Floats:
         A[n : 2 * n, 2 * n :] = -penetration.T @ contacts.force_rows(phases)[1]
         A[2 * n :, :n], A[2 * n :, n : 2 * n] = drive[:, :, 0] @ penetration, drive[:, :, 1] @ penetration
         A[2 * n :, 2 * n :] = internal
+    held = held_contacts(system, phases)
+    if held is not None:
+        A[n : 2 * n] = held.free(A[n : 2 * n].T).T
     return A
 
 
@@ -348,7 +352,9 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
     shape, spring, dashpot = _acting(system, phases)
-    omega2, psi, felt = _undamped_modes(system, shape, spring)
+    held = held_contacts(system, phases)
+    across = None if held is None else held.across
+    omega2, psi, felt = _undamped_modes(system, shape, spring, across)
     d = psi.T @ system.damping @ psi + (felt.T * dashpot) @ felt
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
@@ -394,7 +400,33 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
 
         known = inverse if not together and omega2[g].min() > 0.0 else None
         modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window, known), out, back)
+    if across is not None:
+        pushed = system.stiffness[:, None] * across + (shape.T * spring) @ (shape @ across)
+        compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
+        modes, blocks = _with_held(modes, blocks, across, (psi * compliance) @ (psi.T @ pushed))
     return modes, blocks
+
+
+def _with_held(
+    modes: SimpleModes, blocks: list[Block], across: Floats, pushed: Floats
+) -> tuple[SimpleModes, list[Block]]:
+    """Modes and blocks with the coordinates that are held where they are.
+
+    They rest, whatever their values. A unit of them leaves the others in equilibrium at ``-pushed`` (n, r).
+    """
+    n, r = across.shape
+    size = modes.right.shape[0]
+
+    def about(left: Complexes) -> Complexes:
+        moved = left.copy()
+        moved[:, :n] += (left[:, :n] @ pushed) @ across.T
+        return moved
+
+    right, left = np.zeros((size, r)), np.zeros((r, size))
+    right[:n], left[:, :n] = across - pushed, across.T
+    return SimpleModes(
+        np.hstack([modes.right, right]), np.vstack([about(modes.left), left]), np.append(modes.eigenvalue, np.zeros(r))
+    ), [Block(b.right, about(b.left), b.matrix, b.centre, b.weight) for b in blocks]  # fmt: skip
 
 
 def _embedded(block: Block, size: int) -> Block:
@@ -405,25 +437,30 @@ def _embedded(block: Block, size: int) -> Block:
     return Block(right, left, block.matrix, block.centre, block.weight)
 
 
-def _undamped_modes(system: PiecewiseLinearSystem, phi: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
-    """Squared frequencies (n,), orthonormal modes (n, n), and their deflection at each acting contact (a, n).
+def _undamped_modes(
+    system: PiecewiseLinearSystem, phi: Floats, k: Floats, across: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Squared frequencies (e,), orthonormal modes (n, e), and their deflection at each acting contact (a, e).
 
-    ``phi`` (a, n) are the shapes of the acting contacts and ``k`` (a,) their stiffnesses. Rigid-body motions that no
-    contact feels stay exact.
+    ``phi`` (a, n) are the shapes of the acting contacts and ``k`` (a,) their stiffnesses, ``across`` (n, n - e) the
+    motions that are held. Rigid-body motions that no contact feels stay exact.
     """
     n = system.size
-    if not k.size:
+    if not k.size and across is None:
         return system.stiffness, np.eye(n), phi
+    feeling = phi if across is None else np.vstack([phi, across.T])
     rigid = np.flatnonzero(system.stiffness == 0.0)
     basis = np.eye(n)
     free = 0
     if rigid.size:
-        _, singular, turned = np.linalg.svd(phi[:, rigid])
+        _, singular, turned = np.linalg.svd(feeling[:, rigid])
         rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
         free = rigid.size - rank
         basis[np.ix_(rigid, rigid)] = turned.T
         basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
     held = basis[:, free:]
+    if across is not None:
+        held = held @ np.linalg.svd(across.T @ held)[2][across.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
         omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
         felt = phi @ held @ psi
@@ -450,7 +487,25 @@ def state_loads(
     base_channel: int,
     phases: Ints,
 ) -> tuple[Floats, Floats]:
-    """(F, n + r) generalised force, and rate of the internal states, per unit of each source and of its derivative."""
+    """(F, n + r) generalised force, and rate of the internal states, per unit of each source and of its derivative.
+
+    Without what the reactions of contacts that hold balance.
+    """
+    n, held = system.size, held_contacts(system, phases)
+    load, slope = acting_loads(system, forcing, sources, base_channel, phases)
+    if held is not None:
+        load[:, :n], slope[:, :n] = held.free(load[:, :n]), held.free(slope[:, :n])
+    return load, slope
+
+
+def acting_loads(
+    system: PiecewiseLinearSystem,
+    forcing: Forcing,
+    sources: Sources,
+    base_channel: int,
+    phases: Ints,
+) -> tuple[Floats, Floats]:
+    """As `state_loads`, with what reactions balance."""
     contacts, n = system.contacts, system.size
     load = np.zeros((sources.count, n + contacts.internal_states))
     slope = np.zeros_like(load)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.contacts.contacts import Watched
-from beamsim.flow.contact_state import ContactState, LinearOutput, build_state, state_loads, state_matrices
+from beamsim.flow.contact_state import ContactState, LinearOutput, acting_loads, build_state, state_matrices
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
+from beamsim.flow.held import held_contacts
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
+FIRST = 1e6  # factor of functions that are looked at before others
+AT_REST = 1e-12  # of the parts of a penetration rate: a smaller one is none
 FEWEST_STATES = 8  # that are kept in any case
 
 
@@ -153,7 +156,7 @@ class ExactFlow:
             return known
         state = self._built(phases)
         watched = self.system.contacts.watched(phases)
-        output = self.watched(watched)
+        output = self.watched(watched, phases)
         watch = state.coefficients(output, self.sources)
         roughness = state.roughness(output, watch)[:, : watched.guards]
         index = self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
@@ -182,7 +185,8 @@ class ExactFlow:
             )  # fmt: skip
 
         contacts = self.system.contacts
-        if self.shared is None or contacts.internal_states or contacts.force_rows(phases)[0].any():
+        acting = contacts.force_rows(phases)[0].any() or contacts.holds(phases).any()
+        if self.shared is None or contacts.internal_states or acting:
             nearest = self._tables.nearest(phases)
             return build(None if nearest is None else self.states[nearest])
         parts = (
@@ -261,11 +265,29 @@ class ExactFlow:
 
     def equation_of_motion(self, phases: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """K (n, n), C (n, n), (n, r) loads of the internal states, and (F, n) loads per unit of each source and of its
-        time derivative."""
+        time derivative; all without what the reactions of contacts that hold balance."""
+        held, forces = held_contacts(self.system, phases), self._acting_forces(phases)
+        if held is None:
+            return forces
+        K, C, internal, load, slope = forces
+        return held.free(K.T).T, held.free(C.T).T, held.free(internal.T).T, held.free(load), held.free(slope)
+
+    def _acting_forces(self, phases: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """As `equation_of_motion`, with what reactions balance."""
         n, contacts = self.system.size, self.system.contacts
-        load, slope = state_loads(self.system, self.forcing, self.sources, self.base_channel, phases)
+        load, slope = acting_loads(self.system, self.forcing, self.sources, self.base_channel, phases)
         internal = (contacts.sign[:, None] * contacts.shape).T @ contacts.force_rows(phases)[1]
         return *state_matrices(self.system, phases), internal, load[:, :n], slope[:, :n]
+
+    def reactions(self, phases: Ints) -> LinearOutput:
+        """(m,) forces of the contacts that hold in given phases, 0 of the others."""
+        output, held = self.empty_output(self.system.contacts.count), held_contacts(self.system, phases)
+        if held is not None:
+            K, C, internal, load, slope = self._acting_forces(phases)
+            output.row[held.contact] = held.share @ np.hstack([-K, -C, internal])
+            output.direct[held.contact] = held.share @ load.T
+            output.direct_slope[held.contact] = held.share @ slope.T
+        return output
 
     @cached_property
     def penetrations(self) -> tuple[LinearOutput, LinearOutput]:
@@ -284,7 +306,9 @@ class ExactFlow:
 
     def contact_forces(self, phases: Ints) -> LinearOutput:
         """Force of every contact in given phases."""
-        return self._combined(np.arange(self.system.contacts.count), *self.system.contacts.force_rows(phases))
+        contacts = self.system.contacts
+        forces = self._combined(np.arange(contacts.count), *contacts.force_rows(phases))
+        return forces + self.reactions(phases) if contacts.ever_hold else forces
 
     def internal_rates(self, phases: Ints) -> LinearOutput:
         """(r,) time derivatives of the contacts' internal states in given phases."""
@@ -296,9 +320,30 @@ class ExactFlow:
         output.direct[:, 0] += drive[:, :, 2].sum(axis=1)
         return output
 
-    def watched(self, watched: Watched) -> LinearOutput:
+    def watched(self, watched: Watched, phases: Ints) -> LinearOutput:
         """The functions watched in a contact state (see `beamsim.contacts.contacts.Watched`)."""
-        return self._combined(watched.contact, watched.row, watched.internal)
+        functions = self._combined(watched.contact, watched.row, watched.internal)
+        held = held_contacts(self.system, phases)
+        if held is None:
+            return functions
+        functions += self.reactions(phases).some(watched.contact).scaled(watched.reaction[:, None])
+        resting = held.resting(self.penetrations[1].row[:, self.system.size : 2 * self.system.size])
+        for g in np.flatnonzero(resting[watched.contact[: watched.guards]]).tolist():
+            if watched.row[g, 1] != 0.0:
+                self._join(functions, g, phases, int(watched.contact[g]), int(watched.following[g]))
+        return functions
+
+    def _join(self, functions: LinearOutput, g: int, phases: Ints, contact: int, following: int) -> None:
+        """Replace the rate of a contact whose motion others hold, zero: it sticks where that takes less than its limit.
+
+        Until then it gives what it can, and this comes before any of the others gives way.
+        """
+        contacts = self.system.contacts
+        limit = next(x for x in contacts.laws[contact].phases[following].guards if x.next == phases[contact])
+        joined = self.reactions(contacts.after(phases, contact, following)).scaled(-FIRST * limit.reaction)
+        functions.row[g], functions.direct[g] = joined.row[contact], joined.direct[contact]
+        functions.direct_slope[g] = joined.direct_slope[contact]
+        functions.direct[g, 0] -= FIRST * limit.constant
 
     def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
         """Combinations of penetrations, their rates, 1 (k, 3) and internal states (k, r), for each of ``contact``."""
@@ -320,15 +365,17 @@ class ExactFlow:
         that make it up; the phase that it hands over to is entered here. The lowest derivative is the first to act,
         and a contact that would leave again at once is not entered: its derivative was round-off.
         """
-        contacts = self.system.contacts
-        phases, entered = contacts.start, np.zeros(contacts.count, dtype=bool)
+        contacts, n = self.system.contacts, self.system.size
+        rate = self.penetrations[1].row[:, n : 2 * n]
+        start = contacts.starting_at(rate @ state[n : 2 * n], AT_REST * np.abs(rate) @ np.abs(state[n : 2 * n]))
+        phases, entered = start, np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)
-        unvisited = [set(range(len(law.phases))) - {law.start} for law in contacts.laws]
+        unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
 
         def hands_over(watched: Watched, g: int) -> bool:
             j, following = int(watched.contact[g]), int(watched.following[g])
-            return following in unvisited[j] or bool(entered[j] and following == contacts.start[j])
+            return following in unvisited[j] or bool(entered[j] and following == start[j])
 
         while True:
             index = self.state_index(phases)
@@ -340,11 +387,11 @@ class ExactFlow:
             signs, orders = _first_signs(gamma, s.derivatives_at_start)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g)]
             if not acting:
-                return phases, entered & (phases != contacts.start)
+                return phases, entered & (phases != start)
             g = min(acting, key=lambda g: orders[g])
             j, following = int(watched.contact[g]), int(watched.following[g])
             unvisited[j].discard(following)
-            if following == contacts.start[j]:
+            if following == start[j]:
                 unvisited[j].clear()
             phases = contacts.after(phases, j, following)
             entered[j] |= orders[g] > 0

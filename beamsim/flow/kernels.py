@@ -18,6 +18,7 @@ from beamsim.flow.compiled import inner, kernel, summing
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # larger outputs are left out of the search for extremes
+BELOW = 10.0  # tolerances, that a function lies below zero by more than round-off
 TAYLOR = 8  # order of the derivative that is bounded where bounds on the curvature allow short steps only
 CLOSE, PATIENCE = 1e6, 8  # a function within so many round-offs is close to zero; steps there before TAYLOR
 LIKE_NOISE = 1e3  # a value within so many tolerances of an extreme is close to it
@@ -329,18 +330,21 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     """(step, hit): a step over which no watched function can reach zero; the function at zero already (-1: none).
 
     ``out`` is that of `_evaluate`. A function is lifted by twice its round-off: a contact that stays at zero
-    to round-off is ignored, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero.
+    to round-off is ignored, and every step has a smallest length. ``floors`` are those of `_fill_floors`, or zero. Of
+    functions that an event has put below zero the lowest comes first.
     """
-    step = longest
+    step, hit = longest, -1
     for j in range(least.size):
         tolerance = max(out[3, j], least[j], floors[j])
         lifted = out[0, j] + 2.0 * tolerance
         if lifted < tolerance:
-            return step, j
-        h = _safe_step(lifted, out[1, j], out[2, j])
-        if h < step:
-            step = h
-    return step, -1
+            if hit < 0 or (lifted < -BELOW * tolerance and out[0, j] < out[0, hit]):
+                hit = j
+        elif hit < 0:
+            h = _safe_step(lifted, out[1, j], out[2, j])
+            if h < step:
+                step = h
+    return step, hit
 
 
 @inner

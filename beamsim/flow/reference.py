@@ -17,6 +17,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import Guard
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.held import held_contacts
 from beamsim.flow.stopping import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
@@ -205,6 +206,7 @@ class _RightHandSide:
         self.base = (sources.channel == flow.base_channel) & (flow.base_channel >= 0)
         self.piece = 0
         self.guards: list[tuple[int, Guard]] = []
+        self.reactions = np.zeros(system.contacts.count)  # of those that hold, at the last evaluation
 
     def begin(self, t: float, phases: Ints) -> None:
         """Change the time from which sources count, and the contacts' phases."""
@@ -218,6 +220,7 @@ class _RightHandSide:
         self.own_rates, self.driven_rates = c.internal_rates(phases)
         self.loss, self.internal_loss = c.losses(phases)
         self.friction = c.friction(phases)
+        self.held = held_contacts(self.flow.system, phases)
 
     def _sources(self, t: float) -> tuple[Floats, Floats]:
         s = self.flow.sources
@@ -253,6 +256,9 @@ class _RightHandSide:
                 through = float(pull @ self.cubic.felt) * float(self.base_velocity(t))
         resisted = system.damping @ v
         acceleration = inside + outside - resisted + (force * c.sign) @ c.shape
+        if self.held is not None:
+            self.reactions[self.held.contact] = self.held.share @ acceleration
+            acceleration = self.held.free(acceleration)
         drive = self.driven_rates
         p_rate = self.own_rates @ p + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
         moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
@@ -297,6 +303,9 @@ class _RightHandSide:
         row = guard.row(self.flow.system.contacts.laws[contact].internal_states)
 
         def value(t: float, y: Floats) -> float:
+            if guard.reaction:
+                self(t, y)
+                return self._value(contact, row, t, y) + guard.reaction * float(self.reactions[contact])
             return self._value(contact, row, t, y)
 
         value.terminal = True  # type: ignore[attr-defined]

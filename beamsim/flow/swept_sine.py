@@ -132,7 +132,7 @@ class SweptFlow:
 
         states = self.bare.states
         contacts = self.system.contacts
-        watched = [_parts(self.template.watched(contacts.watched(s.phases))) for s in states]
+        watched = [_parts(self.template.watched(contacts.watched(s.phases), s.phases)) for s in states]
         outputs_of = [output_of(s.phases) for s in states]
         output_parts = [_parts(output) for output in outputs_of]
         bare = [

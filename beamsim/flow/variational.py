@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts, Watched
+from beamsim.errors import MethodError
 from beamsim.flow.contact_state import ContactState, build_state, state_matrices
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (
@@ -89,6 +90,8 @@ class VariationalFlow(SeriesFlow):
 
     def __post_init__(self) -> None:
         n = self.system.size
+        if self.system.contacts.ever_hold:
+            raise MethodError("friction", "without a tangential stiffness is beyond shooting", "give it a stiffness")
         self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
         H = self.loads.count
         self.size = 2 * n + self.system.contacts.internal_states

@@ -77,7 +77,7 @@ def problems(scenario: _Checked) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
     checks = (
         _structure, _directions, _places, _joints, _names, _outputs, _run, _start, _sweep, _identification, _modes,
-        _phase_resonance, _designs, _limits,
+        _phase_resonance, _designs, _limits, _rigid_friction,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
@@ -456,6 +456,21 @@ def _phase_resonance(scenario: _Checked) -> Problems:
 def _designs(scenario: _Checked) -> Problems:
     if scenario.vary is not None:
         yield from design_problems(scenario.whole, scenario.vary)
+
+
+def _rigid_friction(scenario: _Checked) -> Problems:
+    """Friction without a tangential spring needs the motion in time."""
+    needing = []
+    if isinstance(scenario.sweep, Continuation):
+        needing.append("sweep.kind: continuation")
+    if scenario.identify_stiffness is not None and scenario.identify_stiffness.nonlinear is not None:
+        needing.append("identify_stiffness.nonlinear")
+    for index, contact in enumerate(scenario.friction):
+        if contact.stiffness is None and needing:
+            yield _problem(
+                ("friction", index, "stiffness"), f"is missing, and {needing[0]} needs it",
+                "give the contact a tangential stiffness, or use a stepped or swept sine",
+            )  # fmt: skip
 
 
 def _limits(scenario: _Checked) -> Problems:

@@ -53,8 +53,8 @@ class FrictionBase(Named):
         Variants(_coefficient_form),
     ]
     """Friction force over normal force: one number, or {static: 0.3, sliding: 0.2}."""
-    stiffness: Stiffness
-    """Tangential stiffness of the contact while it sticks."""
+    stiffness: Stiffness | None = None
+    """Tangential stiffness of the contact while it sticks; by default it does not move at all."""
     start: Annotated[
         Annotated[Literal["unstressed"], Tag("<text>")] | Annotated[Force, Tag("<number>")], Variants(_start_form)
     ] = "unstressed"

@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
-from beamsim.contacts.springs import FRICTION, cubic_springs, describe_springs, spring_contacts
+from beamsim.contacts.springs import FRICTION, SpringInfo, cubic_springs, describe_springs, spring_contacts
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
@@ -148,6 +148,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         raise ScenarioError(problems)
     free = check_mechanisms(parts, np.vstack([stops.shape, *(spring.shape for spring in springs)]))
     _check_base_directions(parts)
+    _check_rigid_friction(parts, springs, stops)
     if parts.moved:
         check_places(parts.moved, _sensed_places(parts))
     loads = constant_loads(parts)
@@ -259,6 +260,26 @@ def _check_base_directions(parts: Parts) -> None:
     ]
     if across:
         raise ScenarioError(across)
+
+
+def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Contacts) -> None:
+    """Refuse friction without a tangential spring beside what relaxes or sticks with one, and under a moving base."""
+    laws = [(spring.name, spring.law) for spring in springs if spring.law is not None]
+    laws += zip((stop.name for stop in parts.scenario.all_snubbers), stops.laws, strict=True)
+    coupled = [name for name, law in laws if any(phase.coupled for phase in law.phases)]
+    problems = []
+    for path, _, contact in parts.scenario.nonlinear_springs:
+        if contact.kind != FRICTION or contact.stiffness is not None:
+            continue
+        if coupled:
+            why = f"is missing, and {', '.join(coupled)} relaxes or sticks with a spring of its own"
+            problems.append(Problem(f"{path_text(path)}.stiffness", why, "give the contact a tangential stiffness"))
+        if getattr(contact, "mounted_on", "base") == "ground" and base_direction(parts.scenario) is not None:
+            why = "is missing, and the base moves while the contact sticks to the ground"
+            remedy = "give the contact a tangential stiffness, or mount it on the base"
+            problems.append(Problem(f"{path_text(path)}.stiffness", why, remedy))
+    if problems:
+        raise ScenarioError(problems)
 
 
 def _mode_table(

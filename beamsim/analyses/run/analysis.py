@@ -800,7 +800,7 @@ def _friction(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) 
             normal_force=c.normal_force,
             static_force=c.static_force,
             sliding_force=c.sliding_force,
-            stiffness=c.stiffness,
+            stiffness=c.stiffness or np.inf,
             start_force=c.start_force,
             displacement=motion.column("stretch", i),
             force=motion.column("spring_force", i),

@@ -37,7 +37,7 @@ def sliding_figures(
     slides = ~of_flow.touching(phases)[:, which]
     lost = (of_flow.friction(phases)[:, which] * moved).sum(axis=0) + trajectory.event_losses()[:, which].sum(axis=0)
     begun = np.sum(slides[1:] & ~slides[:-1], axis=0)
-    snaps: Floats = np.array([(c.static_force - c.sliding_force) / c.stiffness for c in contacts])
+    snaps: Floats = np.array([(c.static_force - c.sliding_force) / (c.stiffness or np.inf) for c in contacts])
     distance = np.where(slides, np.abs(moved), 0.0).sum(axis=0) + begun * snaps
     duration = trajectory.end if trajectory.end > 0.0 else np.inf
     return [

@@ -117,7 +117,7 @@ class FrictionHistory:
     normal_force: float = attribute("N", "force that presses the faces together")
     static_force: float = attribute("N", "friction force up to which it sticks")
     sliding_force: float = attribute("N", "friction force while it slides")
-    stiffness: float = attribute("N/m", "tangential stiffness while it sticks")
+    stiffness: float = attribute("N/m", "tangential stiffness while it sticks; infinite where it does not move")
     start_force: float = attribute(
         "N", "friction force at the start, positive where it resists a positive displacement"
     )

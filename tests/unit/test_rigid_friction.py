@@ -1,0 +1,286 @@
+"""Dry friction that does not move while it sticks: closed forms, integration by hand, limits and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import beamsim
+from beamsim.analyses.run.energy import energy_history, energy_of_segments
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.friction import rigid_friction_law
+from beamsim.errors import ScenarioError
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.scenario import load_scenario
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def system_of(limits, shape, stiffness, damping):
+    count, n = len(limits), len(stiffness)
+    laws = tuple(rigid_friction_law(*numbers) for numbers in limits)
+    contacts = Contacts(
+        np.array(shape, dtype=float), -np.ones(count), np.zeros(count), np.zeros(count, dtype=bool), laws
+    )  # fmt: skip
+    return PiecewiseLinearSystem(np.array(stiffness), np.diag(damping).astype(float), contacts, np.zeros(n))
+
+
+# -- closed forms ----------------------------------------------------------------------------------------------------
+
+
+def test_decay_of_one_mass():
+    """The amplitude falls by 4 F / k a cycle, until the spring cannot overcome the friction any more."""
+    system = system_of([(0.06, 0.06)], [[1.0]], [1.0], [0.0])
+    trajectory = simulate(ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 40.0), np.array([1.0, 0.0]))
+    stops = trajectory.event_time[trajectory.event_phase == 0]
+    np.testing.assert_allclose(stops, np.pi * np.arange(1, stops.size + 1), atol=1e-12)
+    turns = 1.0 - 0.12 * np.arange(1, stops.size + 1)
+    np.testing.assert_allclose(np.abs(trajectory.states_at(stops)[:, 0]), turns, atol=1e-13)
+    assert abs(turns[-1]) <= 0.06 < abs(turns[-2])
+    assert trajectory.final_y[1] == 0.0
+
+
+def test_stick_and_slip_on_a_belt():
+    """A belt of speed v drags a mass on a spring, seen from the belt: the spring's end moves away.
+
+    It sticks for 2 (Fs - Fd) / (k v) and slides for (2 / w) (pi - arctan((Fs - Fd) w / (k v))).
+    """
+    speed, static, sliding = 0.2, 1.0, 0.7
+    system = system_of([(static, sliding)], [[1.0]], [1.0], [0.0])
+    ramp = Signal.polynomial_pieces([0.0], [[0.0, -speed]])
+    trajectory = simulate(ExactFlow(system, Forcing(np.ones((1, 1)), (ramp,)), 60.0), np.zeros(2))
+    begins, ends = trajectory.event_time[::2], trajectory.event_time[1::2]
+    count = min(begins.size, ends.size)
+    assert count >= 6
+    assert begins[0] == pytest.approx(static / speed, rel=1e-13)
+    np.testing.assert_allclose((ends[:count] - begins[:count]), 2 * (np.pi - np.arctan(0.3 / speed)), rtol=1e-11)
+    np.testing.assert_allclose(begins[1:] - ends[: begins.size - 1], 2 * 0.3 / speed, rtol=1e-11)
+
+
+def test_the_shipped_case_begins_as_by_hand():
+    """The second mass swings on the spring until the first breaks loose: 150 N (1 - cos w t) = 90 N."""
+    result = beamsim.run(load_scenario(CONFIGS / "dry_friction.yaml"))
+    pad, time = result.friction["pad"], result.time[:]
+    breaks = np.arccos(1.0 - 90.0 / 150.0) / 50.0
+    stuck = time < breaks
+    np.testing.assert_allclose(pad.force[stuck], 150.0 * (1.0 - np.cos(50.0 * time[stuck])), atol=1e-10)
+    np.testing.assert_allclose(pad.displacement[stuck], 0.0, atol=1e-15)
+    assert not pad.stuck[np.flatnonzero(~stuck)[0]]
+    assert result.summary["energy_error"] < 1e-13
+    assert pad.dissipated_energy == pytest.approx(60.0 * pad.sliding_distance, rel=1e-12)
+    assert result.summary["peak_friction_force_n"]["pad"] == pytest.approx(90.0, rel=1e-12)
+
+
+# -- integration by hand ---------------------------------------------------------------------------------------------
+
+
+def by_hand(stiffness, damping, shape, limits, load, omega, duration, start):
+    """Final (q, q'), times of events and work lost, in plain formulas."""
+    n, (static, sliding) = len(stiffness), np.array(limits).T
+    rates = shape @ start[n:]
+    mode = np.where(np.abs(rates) > 1e-12, np.sign(rates), 0.0)  # 0 sticks, else the direction of sliding
+
+    def pushed(t, y, mode):
+        a = load * np.sin(omega * t) - stiffness * y[:n] - damping * y[n : 2 * n] - (mode * sliding) @ shape
+        W = shape[mode == 0]
+        reaction = np.zeros(mode.size)
+        if W.size:
+            reaction[mode == 0] = np.linalg.solve(W @ W.T, W @ a)
+            a = a - reaction @ shape
+        return a, reaction
+
+    def rhs(t, y):
+        a, _ = pushed(t, y, mode)
+        lost = damping @ y[n : 2 * n] ** 2 + (mode * sliding) @ (shape @ y[n : 2 * n])
+        return np.concatenate([y[n : 2 * n], a, [lost]])
+
+    def settle(t, y):
+        while True:
+            over = np.abs(pushed(t, y, mode)[1]) / static
+            worst = int(np.argmax(over))
+            if over[worst] < 1 + 1e-9:
+                return
+            mode[worst] = np.sign(pushed(t, y, mode)[1][worst])
+            events.append(t)
+
+    t, y, events = 0.0, np.append(start, 0.0), []
+    settle(t, y)
+    events.clear()
+    while t < duration:
+        watched = [
+            (lambda t, y, j=j: static[j] - abs(pushed(t, y, mode)[1][j])) if mode[j] == 0
+            else (lambda t, y, j=j: mode[j] * (shape[j] @ y[n : 2 * n]))
+            for j in range(mode.size)
+        ]  # fmt: skip
+        for function in watched:
+            function.terminal, function.direction = True, -1.0
+        run = solve_ivp(rhs, (t, duration), y, "DOP853", events=watched, rtol=1e-11, atol=1e-13, max_step=0.01)
+        t, y = run.t[-1], run.y[:, -1]
+        if run.status != 1:
+            break
+        j = next(i for i, e in enumerate(run.t_events) if e.size)
+        events.append(t)
+        mode[j] = np.sign(pushed(t, y, mode)[1][j]) if mode[j] == 0 else 0.0
+        settle(t, y)
+    return y[: 2 * n], np.array(events), y[-1]
+
+
+def random_case(rng):
+    n = int(rng.integers(2, 5))
+    count = int(rng.integers(1, n))
+    static = rng.uniform(0.1, 0.6, count)
+    return {
+        "stiffness": np.sort(rng.uniform(0.5, 20.0, n)), "damping": rng.uniform(0.0, 0.2, n),
+        "shape": rng.normal(size=(count, n)),
+        "limits": [(s, s * rng.choice([1.0, rng.uniform(0.4, 1.0)])) for s in static],
+        "load": rng.normal(size=n), "omega": rng.uniform(0.5, 3.0), "duration": 12.0,
+        "start": rng.normal(size=2 * n) * 0.3 * np.repeat([1.0, rng.integers(0, 2)], n),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_contacts_against_integration_by_hand(seed):
+    case = random_case(np.random.default_rng(seed))
+    system = system_of(case["limits"], case["shape"], case["stiffness"], case["damping"])
+    flow = ExactFlow(system, Forcing(case["load"][None], (Signal.harmonic(1.0, case["omega"]),)), case["duration"])
+    trajectory = simulate(flow, case["start"])
+    expected, events, lost = by_hand(**case)
+    later = trajectory.event_time[trajectory.event_time > 0.0]
+    assert later.size == events.size >= 3
+    np.testing.assert_allclose(later, events, atol=1e-6)
+    np.testing.assert_allclose(trajectory.final_y, expected, atol=1e-7)
+    balance = energy_history(trajectory, np.linspace(0.0, case["duration"], 301))
+    assert balance.error < 1e-10
+    assert energy_of_segments(trajectory).error < 1e-10
+    assert balance.history.dissipated[-1] == pytest.approx(lost, abs=1e-6)
+
+
+def test_two_contacts_at_one_place_share_the_force():
+    """Reactions are not unique; those of the least sum of squares are equal, and the motion is that of one contact."""
+    case = random_case(np.random.default_rng(7))
+    n = len(case["stiffness"])
+    row = np.arange(1.0, n + 1.0)
+    forcing = Forcing(case["load"][None], (Signal.harmonic(1.0, case["omega"]),))
+    one, two = (
+        simulate(
+            ExactFlow(
+                system_of([(0.6 / k, 0.4 / k)] * k, [row] * k, case["stiffness"], case["damping"]), forcing, 12.0
+            ),
+            case["start"],
+        )
+        for k in (1, 2)
+    )
+    assert one.event_time.size >= 3
+    np.testing.assert_allclose(two.final_y, one.final_y, atol=1e-9)
+    forces = two.sample(np.linspace(0.0, 12.0, 50), two.flow.contact_forces)
+    np.testing.assert_allclose(forces[:, 0], forces[:, 1], atol=1e-9)
+
+
+# -- scenarios -------------------------------------------------------------------------------------------------------
+
+
+def scenario(**others):
+    return load_scenario(
+        {
+            "chain": {"masses": [2, 2], "springs": [1000, 5000]},
+            "friction": [{"name": "pad", "at": {"mass": 1}, "normal_force": 300.0, "coefficient": 0.2}],
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 20.0, "frequency": 4.0},
+            "run": {"duration": 1.0, "sample_rate": 500.0, "start": "rest"},
+            **others,
+        }
+    )
+
+
+def test_against_time_stepping_on_a_shaken_base():
+    case = scenario(run={"duration": 0.4, "sample_rate": 500.0, "start": "rest", "convergence": "off"})
+    result = beamsim.run(case)
+    assert result.friction["pad"].slides >= 2
+    assert result.summary["energy_error"] < 1e-12
+    stepped = case.run.model_copy(update={"method": "reference", "integrator": "DOP853", "rtol": 1e-11})
+    other = beamsim.run(case.model_copy(update={"run": stepped}))
+    for name in result.probes:
+        for quantity in ("displacement", "absolute_acceleration"):
+            a, b = (getattr(run.probes[name], quantity)[:] for run in (result, other))
+            np.testing.assert_allclose(a, b, atol=1e-6 * np.abs(a).max())
+    a, b = result.friction["pad"].force[:], other.friction["pad"].force[:]
+    np.testing.assert_allclose(a, b, atol=1e-6 * 60.0)
+
+
+def test_what_never_slides_is_a_support():
+    """The tip of a beam on a face of unlimited friction moves as if it were pinned; a face without, as if free."""
+    beam = {"length": 0.3, "width": 0.02, "thickness": 0.005, "youngs_modulus": 7e10, "density": 2700.0,
+            "elements": 8, "supports": {"left": "clamped", "right": "free"},
+            "damping": {"kind": "rayleigh", "mass": 0.0, "stiffness": 1e-6}}  # fmt: skip
+    others = {
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 20.0, "frequency": 90.0},
+        "probes": [{"name": "middle", "position": 0.15}], "reduction": {"modes": "all"},
+        "run": {"duration": 0.1, "sample_rate": 5000.0, "start": "rest", "convergence": "off"},
+    }  # fmt: skip
+    pad = {"at": {"position": 0.3}, "normal_force": 1.0}
+    held = beamsim.run(load_scenario({"beam": beam, "friction": [{**pad, "coefficient": 1e6}], **others}))
+    supports = {"left": "clamped", "right": "pinned"}
+    pinned = beamsim.run(load_scenario({"beam": {**beam, "supports": supports}, **others}))
+    loose = beamsim.run(load_scenario({"beam": beam, **others}))
+    almost = beamsim.run(load_scenario({"beam": beam, "friction": [{**pad, "coefficient": 1e-9}], **others}))
+    assert held.friction["friction_1"].slides == 0
+    for one, other, allowed in ((held, pinned, 1e-9), (almost, loose, 1e-5)):
+        a, b = one.probes["middle"].displacement[:], other.probes["middle"].displacement[:]
+        np.testing.assert_allclose(a, b, atol=allowed * np.abs(b).max())
+
+
+@pytest.mark.parametrize(("start", "force"), [("unstressed", 0.0), (25.0, 25.0)])
+def test_the_start_says_which_equilibrium(start, force):
+    pad = {"name": "pad", "at": {"mass": 1}, "normal_force": 300.0, "coefficient": 0.2, "start": start}
+    others = {
+        "constant_forces": [{"mass": 2, "force": 20.0}], "excitation": {"kind": "none"},
+        "run": {"duration": 0.2, "sample_rate": 500.0, "start": "static_equilibrium"},
+    }  # fmt: skip
+    contact = beamsim.run(scenario(friction=[pad], **others)).friction["pad"]
+    np.testing.assert_allclose(contact.displacement[:], (20.0 - force) / 1000.0, rtol=1e-9)
+    np.testing.assert_allclose(contact.force[:], force, atol=1e-9)
+
+
+def test_a_motion_begins_sliding():
+    """Where the contact moves at the start, it slides from there on."""
+    start = {"displacement": [0.0, 0.0], "velocity": [-0.5, 0.0]}
+    run = {"duration": 0.2, "sample_rate": 500.0, "start": start}
+    result = beamsim.run(scenario(excitation={"kind": "none"}, run=run))
+    pad = result.friction["pad"]
+    assert not pad.stuck[0]
+    assert pad.force[0] == pytest.approx(-60.0)
+    assert pad.slides >= 1
+
+
+RUBBER = [{"stiffness": 100.0, "relaxation_time": 0.1}]
+
+
+@pytest.mark.parametrize(
+    ("others", "says"),
+    [
+        (
+            {"springs_to_ground": [{"kind": "linear", "at": {"mass": 2}, "stiffness": 10.0, "maxwell": RUBBER}]},
+            "ground_spring_1 relaxes",
+        ),
+        (
+            {"friction": [{"at": {"mass": 1}, "mounted_on": "ground", "normal_force": 1.0, "coefficient": 0.2}]},
+            "the base moves while the contact sticks to the ground",
+        ),
+        ({"sweep": {"kind": "continuation", "from": 2.0, "to": 6.0}}, "sweep.kind: continuation needs it"),
+    ],
+)
+def test_what_is_refused(others, says):
+    with pytest.raises(ScenarioError) as refused:
+        beamsim.run(scenario(**others))
+    assert "friction[0].stiffness is missing" in str(refused.value)
+    assert says in str(refused.value)
+    assert "give the contact a tangential stiffness" in str(refused.value)
+
+
+def test_modes_without_losses_refuse_it():
+    case = scenario(nnm={"mode": 1}, run=None, excitation={"kind": "none"})
+    with pytest.raises(ScenarioError, match="nnm needs contacts without losses"):
+        beamsim.nnm(case)
