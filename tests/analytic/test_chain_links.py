@@ -290,7 +290,7 @@ def independent(times, cubic=0.0, cable=1.0):
     return found.y[:3].T
 
 
-@pytest.mark.parametrize("cubic", [0.0, 0.8])
+@pytest.mark.parametrize("cubic", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
 def test_a_chain_with_everything_against_an_independent_integration(cubic):
     smooth = [{"masses": [2, 3], "kind": "cubic", "stiffness": cubic}, {"mass": 2, "kind": "cubic", "stiffness": cubic}]
     more = dict(ALL)

@@ -31,6 +31,8 @@ SWEEPS = {
     }.items()
 } | {"2 oct/min, both": [Leg(5, 100, np.log(2) / 30, True), Leg(100, 5, np.log(2) / 30, True)]}
 
+SLOWER = ("5 Hz/s", "2 oct/min")
+
 
 def sine(legs, profile, phase, t):
     """The acceleration without corrections, from the law of the sweep."""
@@ -52,7 +54,7 @@ def values(windows, coefficient, sigma):
     return (polynomial * np.exp(1j * windows.omega[:, None] * sigma)).real
 
 
-@pytest.mark.parametrize("sweep", SWEEPS)
+@pytest.mark.parametrize("sweep", [pytest.param(s, marks=[pytest.mark.slow] * s.startswith(SLOWER)) for s in SWEEPS])
 @pytest.mark.parametrize("kind", PROFILES)
 def test_displacement_velocity_and_acceleration_belong_together(kind, sweep):
     legs, profile = SWEEPS[sweep], PROFILES[kind]

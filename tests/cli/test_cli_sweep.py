@@ -64,7 +64,7 @@ def same(a, b):
                     assert value == two[group].attrs[key], key
 
 
-@pytest.mark.parametrize("kind", ["swept_sine", "stepped"])
+@pytest.mark.parametrize("kind", ["swept_sine", pytest.param("stepped", marks=pytest.mark.slow)])
 def test_sweep_writes_prints_and_draws(here, kind):
     options = [] if kind == "swept_sine" else ["--set", STEPPED]
     done = call("case.yaml", *options)

@@ -19,10 +19,13 @@ def test_config_loads(path):
 
 
 SHORTER = {"random_vibration": {"run.duration": 0.5, "run.spectrum.last": 0.3}}
+SLOW = ("plate_panel",)
 RUN = [path for path in PATHS if not path.stem.startswith(ALREADY_RUN) and shipped(path).run]
 
 
-@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in SLOW)) for path in RUN]
+)
 def test_config_runs(path):
     result = beamsim.run(beamsim.load_scenario(path, SHORTER.get(path.stem, {})))
     assert result.complete

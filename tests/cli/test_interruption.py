@@ -285,7 +285,7 @@ LONG = {
     [
         ("run", signal.SIGINT, 130),
         pytest.param("run", signal.SIGTERM, 143, marks=pytest.mark.slow),
-        ("sweep", signal.SIGTERM, 143),
+        pytest.param("sweep", signal.SIGTERM, 143, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_during_a_long_motion_keeps_what_was_computed(command, number, code, under_way, tmp_path):

@@ -34,7 +34,7 @@ def followed(name):
     return nnm(load_scenario(CONFIGS / f"{name}.yaml"))
 
 
-LONG = ("nnm_thesis_mode_1",)
+LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")
 
 
 @pytest.mark.parametrize("path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in NNM])

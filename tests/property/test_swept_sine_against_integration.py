@@ -112,7 +112,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("rigid", [0, 1])
+@pytest.mark.parametrize("rigid", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", CASES)
 def test_random_structure(make_system, case, rigid):
     rng = np.random.default_rng(len(case) + rigid)
@@ -203,7 +203,13 @@ def test_base_motion_with_corners_and_notches(make_system, legs):
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("kind", ["undamped", "hardly damped", "near-critical", "coupled damping", "coincident"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "undamped", "coupled damping",
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("hardly damped", "near-critical", "coincident")),
+    ],
+)  # fmt: skip
 def test_awkward_damping(make_system, kind):
     """Through the resonance of undamped modes, clusters of eigenvalues, couplings."""
     omega = np.array([1.0, 2.2, 5.0])

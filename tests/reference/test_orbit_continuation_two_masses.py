@@ -206,7 +206,7 @@ def test_grazing_followed_in_the_level(curve):
 
 
 @pytest.mark.parametrize("what", ["level", "gap", "shape", "stiffness"])
-@pytest.mark.parametrize("on_ground", [False, True])
+@pytest.mark.parametrize("on_ground", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
     """Against central differences, at a motion that has contacts besides; base-mounted, or feeling a moving base."""
     system = make_system(

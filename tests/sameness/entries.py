@@ -129,7 +129,10 @@ SLOW = (
     *("identify_nonlinear *", "nnm_forced_* nnm", "nnm_thesis_mode_* nnm", "nnm_first nnm*"),
     *("prestressed_160hz_5g run", "prestressed_220hz_8g run", "prestressed_90hz_3g run", "prestressed_465hz_15g run"),
     *("point_force_* run", "plate_panel run", "vibeams run", "vibeams sweep", "vibeams_backbone nnm"),
-    *("two_panels_opening sweep", "one_sided_65hz run swept_sine"),
+    *("two_panels_opening sweep", "one_sided_65hz run swept_sine", "shock_panel run", "pressure_on_plate run"),
+    *("chain_two_dof sweep", "continuation_harmonic_balance sweep", "yoke_reactions run", "hinged_yoke run"),
+    *("ms_forced_oscillator sweep compare", "continuation_gap sweep", "nnm_chain_thesis_method nnm"),
+    *("nnm_never_at_rest nnm", "nnm_chain_mass_5 nnm full_period", "one_sided_78hz compare"),
 )
 """Patterns of entries that take about a second or more, or repeat a config that other fast tests run."""
 

@@ -102,7 +102,7 @@ def test_maxima(motion, one_by_one):
     assert evaluations < all_evaluations / 10
 
 
-@pytest.mark.parametrize("rate", [20e3, 60e3])
+@pytest.mark.parametrize("rate", [20e3, pytest.param(60e3, marks=pytest.mark.slow)])
 def test_bound_on_what_samples_fold(motion, rate):
     """Fourier sums of samples differ from integrals by less than the bound, which is of that order."""
     trajectory, groups = motion

@@ -12,7 +12,7 @@ from beamsim.flow import fourier
 from beamsim.flow.fourier import MotionPart
 from tests.unit.test_equal_pieces import DURATION, motion  # noqa: F401
 
-SHORT = ["run.duration=0.1 s", "run.spectrum.last=0.05 s", "reduction.modes=3", "run.convergence=off"]
+SHORT = ["run.duration=0.05 s", "run.spectrum.last=0.03 s", "reduction.modes=3", "run.convergence=off"]
 STEPPED = [*SHORT, "run.method=reference", "run.integrator=DOP853"]
 
 

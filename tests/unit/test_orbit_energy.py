@@ -37,7 +37,7 @@ def forced(kind, **more):
         ("linear", {}),
         ("linear", {"mounted_on": "ground"}),
         ("linear", {"law": "no_tension"}),
-        ("cubic", {}),
+        pytest.param("cubic", {}, marks=pytest.mark.slow),
         ("cubic", {"mounted_on": "ground"}),
     ],
 )
