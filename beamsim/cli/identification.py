@@ -49,8 +49,10 @@ def compare(
     probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
     quantity: Annotated[str | None, typer.Option("--quantity", help="E.g. absolute_acceleration, force.")] = None,
     unit: Annotated[str | None, typer.Option("--unit", help="Unit of the measurement, e.g. g.")] = None,
-    harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Harmonics in the table.")] = 10,
-    last: Annotated[float | None, typer.Option("--last", min=0.0, help="Use the last seconds measured.")] = None,
+    harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Number of harmonics in the table.")] = 10,
+    last: Annotated[
+        float | None, typer.Option("--last", min=0.0, help="Use only the last part of the measurement, s.")
+    ] = None,
     output: Output = None,
     json: Json = False,
     no_plots: NoPlots = False,

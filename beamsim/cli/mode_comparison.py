@@ -25,12 +25,14 @@ def compare_modes(
     case: Case,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
     set_: Overrides = None,
-    closed: Annotated[bool, typer.Option("--closed", help="Modes with every snubber closed, not open.")] = False,
+    closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
     least_mac: Annotated[
-        float | None, typer.Option("--least-mac", min=0.0, max=1.0, help="Exit with code 4 below this MAC.")
+        float | None,
+        typer.Option("--least-mac", min=0.0, max=1.0, help="Exit with code 4 if the MAC of a pair is lower."),
     ] = None,
     most_difference: Annotated[
-        float | None, typer.Option("--most-difference", min=0.0, help="Exit with code 4 above these % of frequency.")
+        float | None,
+        typer.Option("--most-difference", min=0.0, help="Exit with code 4 if frequencies differ by more, %."),
     ] = None,
     output: Output = None,
     json: Json = False,

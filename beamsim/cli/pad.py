@@ -33,21 +33,29 @@ def pad(
     area: Annotated[str | None, _quantity("--area", "Loaded area, e.g. '4 cm^2'.")] = None,
     height: Annotated[str | None, _quantity("--height", "Height, e.g. '6 mm'.")] = None,
     factor: Annotated[str, _quantity("--kappa", "Factor of the shape factor: 1 soft rubber, 0.5 hard.")] = "1",
-    bulk_modulus: Annotated[str | None, _quantity("--bulk-modulus", "Of thin pads, e.g. '1.1 GPa'.")] = None,
+    bulk_modulus: Annotated[
+        str | None, _quantity("--bulk-modulus", "Bulk modulus, for thin pads, e.g. '1.1 GPa'.")
+    ] = None,
     curve: Annotated[Path | None, typer.Option("--curve", help="CSV file of force over deflection.")] = None,
-    segments: Annotated[int, typer.Option("--segments", min=1, max=50, help="Straight lines of the curve.")] = 5,
+    segments: Annotated[
+        int, typer.Option("--segments", min=1, max=50, help="Number of straight lines fitted to the curve.")
+    ] = 5,
     stiffness: Annotated[str | None, _quantity("--stiffness", "Stiffness, e.g. '150 kN/m'.")] = None,
-    contact_time: Annotated[str | None, _quantity("--contact-time", "Time that the mass is in contact.")] = None,
+    contact_time: Annotated[str | None, _quantity("--contact-time", "Duration of the contact, e.g. '3 ms'.")] = None,
     restitution: Annotated[str | None, _quantity("--restitution", "Coefficient of restitution of the mass.")] = None,
     dashpot: Annotated[str | None, _quantity("--dashpot", "Dashpot, e.g. '12 N s/m'.")] = None,
     loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
-    frequency: Annotated[str | None, _quantity("--frequency", "Of the loss factor.")] = None,
+    frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the loss factor, e.g. '120 Hz'.")] = None,
     mass: Annotated[str | None, _quantity("--mass", "Mass that the pad stops, e.g. '50 g'.")] = None,
     speed: Annotated[str | None, _quantity("--speed", "Speed of the mass, e.g. '0.3 m/s'.")] = None,
-    no_tension: Annotated[bool, typer.Option("--no-tension", help="Law of a pad that never pulls.")] = False,
+    no_tension: Annotated[
+        bool, typer.Option("--no-tension", help="Write law: no_tension, of a pad that never pulls.")
+    ] = False,
     name: Annotated[str, typer.Option("--name", help="Name of the snubber.")] = "pad",
     position: Annotated[str, _quantity("--position", "Where the snubber is on the beam.")] = "100 %",
-    on_mass: Annotated[int | None, typer.Option("--on-mass", help="Number of the chain's mass instead.")] = None,
+    on_mass: Annotated[
+        int | None, typer.Option("--on-mass", help="Number of the mass of a chain, instead of --position.")
+    ] = None,
     json: Json = False,
     debug: Debug = False,
 ) -> None:

@@ -52,12 +52,16 @@ def export_structure(
     case: Case,
     set_: Overrides = None,
     output: Output = None,
-    body: Annotated[str | None, typer.Option("--body", help="One body by itself, without its joints.")] = None,
+    body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
     modes: Annotated[
         int | None,
-        typer.Option("--modes", min=1, help="Craig-Bampton model with so many modes; boundary: where something acts."),
+        typer.Option(
+            "--modes",
+            min=1,
+            help="Write a Craig-Bampton model with this many modes; its boundary is where something acts.",
+        ),
     ] = None,
-    binary: Annotated[bool, typer.Option("--binary", help="Binary instead of ASCII, for OP4.")] = False,
+    binary: Annotated[bool, typer.Option("--binary", help="Write OP4 in binary instead of ASCII.")] = False,
     json: Json = False,
     debug: Debug = False,
 ) -> None:
