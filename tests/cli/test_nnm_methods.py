@@ -279,7 +279,7 @@ def test_nonsense_in_the_section_is_refused(case, changes, text):
     [
         ([CONFIGS / "one_sided_65hz.yaml"], "one_sided_65hz.yaml: nnm is missing; add for example"),
         ([FIRST, "--set", "nnm.mode=40"], "choose a lower mode, or raise reduction.modes"),
-        ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:16: nnm.continue_in.kind = energy, but "
+        ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:17: nnm.continue_in.kind = energy, but "
          "relaxed_minimisation goes in"),
         ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "relaxed_minimisation"], "use method: shooting"),
         ([ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"], "choose one between 52.39"),
