@@ -22,6 +22,14 @@ About = Annotated[
     Annotated[Coordinate, Tag("<number>")] | Annotated[tuple[Coordinate, ...], Tag("<list>")], Variants(number_or_list)
 ]
 
+
+def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, float]:
+    """x, y and z, m, of a point of which fewer may be given."""
+    given = () if about is None else about if isinstance(about, tuple) else (about,)
+    x, y, z = (*given, 0.0, 0.0, 0.0)[:3]
+    return x, y, z
+
+
 _Load = (
     Annotated[LineLoad, Tag("<line>")] | Annotated[AreaLoad, Tag("<area>")] | Annotated[MovedSupport, Tag("<support>")]
 )
@@ -161,9 +169,7 @@ class Driven(Schema):
     @property
     def axis_point(self) -> tuple[float, float, float]:
         """A point on the axis of a rotation, m."""
-        given = () if self.about is None else self.about if isinstance(self.about, tuple) else (self.about,)
-        x, y, z = (*given, 0.0, 0.0, 0.0)[:3]
-        return x, y, z
+        return point_of(self.about)
 
     @property
     def on_base(self) -> bool:

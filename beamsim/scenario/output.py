@@ -10,6 +10,8 @@ from pydantic import Tag
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, Variants, fail, kind_of, path_text, suggestion
 from beamsim.scenario.body import Body
+from beamsim.scenario.driven import About, point_of
+from beamsim.scenario.joint import Joint, body_origins
 from beamsim.scenario.place import Sited
 from beamsim.scenario.quantities import Name, Text
 
@@ -102,19 +104,49 @@ class ReactionOutput(Output):
     body: Name | None = None
     """The body that the support holds; may be left out where there is only one."""
     direction: Literal["x", "y", "z", "rx", "ry", "rz"] | None = None
-    """At a node of imported matrices; z of a force and ry of a moment by default."""
+    """At a node of imported matrices, or of the base; z of a force and ry of a moment by default."""
+    about: About | None = None
+    """Of the moment of the base, a point on its axis, m: a position along a beam, [x, y] of a plate, [x, y, z] of
+    imported matrices; their origin by default."""
+
+    @property
+    def axis_point(self) -> tuple[float, float, float]:
+        """The point, m."""
+        return point_of(self.about)
 
     def problems(
         self, at: Path, bodies: Mapping[str, Body], default: str, joints: tuple[Any, ...]
     ) -> Iterator[Problem]:
         """The body must be there; whether it has such a support is known to its model."""
+        if self.about is not None and (self.support != "base" or self.kind != "reaction_moment"):
+            yield _problem((*at, "about"), "belongs to the moment of the base", "leave it out")
         if self.support != "base":
             yield from _body_problems(at, self.body, bodies, default)
         elif self.body is not None:
             yield _problem((*at, "body"), "belongs to a support; the base holds all bodies", "leave it out")
+        elif self.kind == "reaction_moment" or self.direction is not None:
+            yield from self._base_problems(at, bodies, default, joints)
         if self.direction is not None and (len(self.direction) == 2) != (self.kind == "reaction_moment"):
             yield _problem((*at, "direction"), f"= {self.direction} is none of a {self.kind.replace('_', ' ')}",
                            "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
+
+    def _base_problems(
+        self, at: Path, bodies: Mapping[str, Body], default: str, joints: tuple[Any, ...]
+    ) -> Iterator[Problem]:
+        """The base must be able to move so, and where the bodies lie be known for a moment."""
+        direction = self.direction or ("ry" if self.kind == "reaction_moment" else "z")
+        for name, body in bodies.items():
+            if direction not in body.base_directions:
+                yield _problem(
+                    (*at, "direction"), f"= {direction} moves no point of {name}, a {body.body_kind}",
+                    f"use {' or '.join(filter(None, body.base_directions))}",
+                )  # fmt: skip
+        placed = body_origins([joint for joint in joints if isinstance(joint, Joint)], default)
+        if direction.startswith("r") and len(bodies) > 1 and set(bodies) - set(placed):
+            yield _problem(
+                (*at, "support"), f"= base: joints do not say how {', '.join(bodies)} lie to one another",
+                "join them by points of beams, or ask for the moment of a support",
+            )  # fmt: skip
 
 
 class JointOutput(Output):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,8 +97,11 @@ class BeamStructure(BeamModel):
         """Force and moment of each end that is held, or on springs."""
         mass, factor, damping = self.unsupported
         size, scales = mass.shape[0], (self.mass_scale, self.stiffness_scale)
-        translation = rigid_motions(self.mesh)[:, 0]
-        matrices = HeldMatrices(mass, factor, damping, scales, self.free, translation, self.unsupported_row)
+        motions = rigid_motions(self.mesh)
+        matrices = HeldMatrices(
+            mass, factor, damping, scales, self.free, lambda base: motions @ self.base_coefficients(base),
+            self.unsupported_row,
+        )  # fmt: skip
         springs = _EndSprings.of(self.beam, self.mesh.nodes.size)
         number = {int(dof): i for i, dof in enumerate(self.free)}
         supports = []
@@ -114,6 +117,14 @@ class BeamStructure(BeamModel):
                     unit_motion = motion[self.free]
                     supports.append(spring_support(name, direction, unit_motion, force, rate, self.name))
         return tuple(supports)
+
+    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
+        """Each end as far as it moves with the base."""
+        ends = {"left": 0.0, "right": self.beam.length}
+        return tuple(
+            replace(each, base_motion=self.base_motion_of(Place(self.name, ends[each.name], each.direction), motion))
+            for each in self.supports
+        )
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), also between the nodes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -176,9 +176,14 @@ class MatricesStructure(BodyStructure):
             Support(
                 f"node {given.table.dofs[row][0]}", given.table.dofs[row][1], stiffness, mass, damping,
                 inertia=float(inertia[k]), base_motion=float(motion[row]), body=self.name,
+                under=partial(self._force_on_row, row),
             )
             for k, (row, stiffness, mass, damping) in enumerate(zip(held, *rows, strict=True))
         )  # fmt: skip
+
+    def _force_on_row(self, row: int, base: BaseDirection) -> tuple[float, float]:
+        """Force on a row of the files for a unit acceleration of the base, kg, and none for its displacement."""
+        return float((self.given.mass[[row]] @ self._whole_influence(base))[0]), 0.0
 
     def recovered(self, number: int, motion: BaseDirection) -> tuple[Floats, float]:
         """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion."""
@@ -221,11 +226,24 @@ class MatricesStructure(BodyStructure):
         if self._is_default(motion):
             return self.inertia, self.ground
         held, free = self._rows
+        inertia, ground = _base_forces(self.given, held, free, self._whole_influence(motion))
+        return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
+
+    def _whole_influence(self, motion: BaseDirection) -> Floats:
+        """(rows of the files,) displacement for a unit motion of the base that is not the default."""
+        held, free = self._rows
         influence = np.zeros(len(self.given.table.dofs))
         influence[free] = self._influence(motion)
         influence[held] = rigid_rows(self.given.table, motion, held)[held]
-        inertia, ground = _base_forces(self.given, held, free, influence)
-        return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
+        return influence
+
+    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
+        """Every direction of every node that the base holds, as far as it moves with it."""
+        if self._is_default(motion):
+            return self.supports
+        held, _ = self._rows
+        moved = rigid_rows(self.given.table, motion, held)[held]
+        return tuple(replace(each, base_motion=float(w)) for each, w in zip(self.supports, moved, strict=True))
 
     def _is_default(self, motion: BaseDirection) -> bool:
         return not motion.direction or (not motion.rotates and motion.direction == self.given.direction)

@@ -66,9 +66,8 @@ class PlateStructure(PlateModel):
 
         A corner between two held edges belongs to the first of left, right, bottom and top.
         """
-        plate, motions = self.plate, _rigid_motions(self.mesh)
-        scales, translation = (self.mass_scale, self.stiffness_scale), motions[:, 0]
-        matrices = HeldMatrices(*self.unsupported, None, scales, self.free, translation, self.unsupported_row)
+        plate, motions, matrices = self.plate, _rigid_motions(self.mesh), self._held_matrices
+        translation = motions[:, 0]
         about = {
             "left": motions[:, 1] * plate.length,
             "right": (motions[:, 1] - translation) * plate.length,
@@ -84,6 +83,21 @@ class PlateStructure(PlateModel):
                     supports.append(matrices.support(name, direction, moved, self.name))
             taken |= held
         return tuple(supports)
+
+    @property
+    def _held_matrices(self) -> HeldMatrices:
+        motions, scales = _rigid_motions(self.mesh), (self.mass_scale, self.stiffness_scale)
+        return HeldMatrices(
+            *self.unsupported, None, scales, self.free, lambda base: motions @ self.base_coefficients(base),
+            self.unsupported_row,
+        )  # fmt: skip
+
+    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
+        """All that is held, as one support that moves as the base: a rotation moves the points of an edge apart."""
+        matrices = self._held_matrices
+        moved = matrices.rigid(motion)
+        moved[self.free] = 0.0
+        return (matrices.support("base", DEFLECTION, moved, self.name),) if moved.any() else ()
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """None: the scenario refuses it."""

@@ -309,6 +309,10 @@ class BodyStructure(Structure, ABC):
         """What holds the body, direction by direction; none where it is free."""
         return ()
 
+    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
+        """Supports whose `base_motion` is that of another motion of the base; here it moves upwards alone."""
+        return self.supports
+
     def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""
         if isinstance(place, Distributed) and place.mode is not None and place.mode > self.size:

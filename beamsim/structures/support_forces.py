@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place
 from beamsim.structures.reduction import static_deflections
@@ -56,15 +57,14 @@ class SupportForce:
         damping = self.whole.damping
         return self.support.damping if damping is None else np.asarray(self.support.damping + damping @ self.shape)
 
-    @property
-    def base_acceleration(self) -> float:
-        """Force per acceleration of the base, kg."""
-        return self.support.inertia + self.whole.mass_scale * float(self.whole.inertia @ self.shape)
-
-    @property
-    def base_displacement(self) -> float:
-        """Force per displacement of the base, N/m: of springs to the ground."""
-        return self.support.base_displacement - float(self.whole.ground @ self.shape)
+    def base_forces(self, motion: BaseDirection) -> tuple[float, float]:
+        """Force per acceleration of the base, kg, and per displacement, N/m: that of springs to the ground."""
+        inertia, ground = self.whole.base_load(motion)
+        own_inertia, own_ground = self.support.base_forces(motion)
+        return (
+            own_inertia + self.whole.mass_scale * float(inertia @ self.shape),
+            own_ground - float(ground @ self.shape),
+        )
 
     def share(self, site: LoadSite) -> float:
         """Share of a unit load that the support carries; its force is minus that."""
@@ -73,21 +73,36 @@ class SupportForce:
         return self.support.direct(site) + float(self.whole.row(site) @ self.shape)
 
 
-def supports_of(structure: Structure) -> tuple[Support, ...]:
-    """All supports of the bodies, then joints and springs, direction by direction."""
+def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Support, ...]:
+    """All supports of the bodies, then joints and springs, direction by direction.
+
+    ``base`` is the motion of the base that `Support.base_motion` belongs to.
+    """
     if structure.parts:
         supports: list[Support] = []
         for part in structure.parts:
             supports += [
-                each.mapped(partial(_widened, part.dofs, structure.size)) for each in supports_of(part.structure)
+                each.mapped(partial(_widened, part.dofs, structure.size)) for each in supports_of(part.structure, base)
             ]
         return tuple(supports)
     held = [
-        replace(support.mapped(member.on_whole), direct=partial(_on_body, support.direct, member.body.name))
+        replace(
+            support.mapped(member.on_whole),
+            direct=partial(_on_body, support.direct, member.body.name),
+            under=partial(_seen, support, structure, member.body.name),
+        )
         for member in structure.members
-        for support in member.body.supports
+        for support in (
+            member.body.supports
+            if base == UPWARDS
+            else member.body.base_supports(structure.seen_from(member.body.name, base))
+        )
     ]
-    return (*held, *_coupling_supports(structure))
+    return (*held, *_coupling_supports(structure, base))
+
+
+def _seen(support: Support, structure: Structure, body: str, base: BaseDirection) -> tuple[float, float]:
+    return support.base_forces(structure.seen_from(body, base))
 
 
 def _widened(dofs: slice, size: int, row: Floats) -> Floats:
@@ -100,20 +115,22 @@ def _on_body(direct: Share, body: str, place: Place | Distributed) -> float:
     return direct(place) if place.body == body else 0.0
 
 
-def _coupling_supports(structure: Structure) -> list[Support]:
+def _coupling_supports(structure: Structure, base: BaseDirection) -> list[Support]:
     """Springs pull along their row; of constraints each is moved by one unit while the others hold."""
     held = [coupling for coupling in structure.couplings if coupling.stiffness is None]
     motions = iter(_unit_motions(structure, held))
     supports = []
     for coupling in structure.couplings:
         if coupling.stiffness is None:
-            supports.append(_constraint(structure, coupling, *next(motions)))
+            supports.append(_constraint(structure, coupling, base, *next(motions)))
             continue
         spring = spring_support(
             coupling.name, _direction(coupling), structure.row(coupling.site), coupling.stiffness, coupling.dashpot, "",
             to_ground=coupling.to_ground,
         )  # fmt: skip
-        supports.append(replace(spring, at=coupling.site, base_motion=_base_motion(coupling)))
+        pulled = partial(_ground_pull, structure, coupling) if coupling.to_ground else None
+        moved = _base_motion(structure, coupling, base)
+        supports.append(replace(spring, at=coupling.site, base_motion=moved, under=pulled))
     return supports
 
 
@@ -121,8 +138,14 @@ def _direction(coupling: Coupling) -> str:
     return SLOPE if coupling.ends[0].direction == SLOPE else DEFLECTION
 
 
-def _base_motion(coupling: Coupling) -> float:
-    return 0.0 if len(coupling.ends) == 2 or coupling.to_ground or _direction(coupling) == SLOPE else 1.0
+def _base_motion(structure: Structure, coupling: Coupling, base: BaseDirection) -> float:
+    if len(coupling.ends) == 2 or coupling.to_ground:
+        return 0.0
+    return structure.base_motion_at(coupling.ends[0], base)
+
+
+def _ground_pull(structure: Structure, spring: Coupling, base: BaseDirection) -> tuple[float, float]:
+    return 0.0, -(spring.stiffness or 0.0) * structure.base_motion_at(spring.ends[0], base)
 
 
 def _unit_motions(structure: Structure, held: Sequence[Coupling]) -> list[tuple[list[Floats], bool]]:
@@ -149,19 +172,19 @@ def _apart(member: MemberBody, coupling: Coupling) -> Floats:
     return row
 
 
-def _constraint(structure: Structure, coupling: Coupling, motion: Sequence[Floats], determined: bool) -> Support:
+def _constraint(
+    structure: Structure, coupling: Coupling, base: BaseDirection, motion: Sequence[Floats], determined: bool
+) -> Support:
     moved = list(zip(structure.members, motion, strict=True))
     by_name = {member.body.name: u for member, u in moved}
     stiffness, mass, damping = (np.zeros(structure.size) for _ in range(3))
-    inertia = ground = 0.0
     for member, u in moved:
         body = member.body
         stiffness += member.on_whole(body.factor.T @ (body.factor @ u)) * body.stiffness_scale
         mass += member.on_whole(body.mass @ u) * body.mass_scale
         if body.damping is not None:
             damping += member.on_whole(body.damping @ u)
-        inertia += float(body.inertia @ u) * body.mass_scale
-        ground -= float(body.ground @ u)
+    grounded: list[tuple[Coupling, float]] = []
     for other in structure.couplings:
         if other.stiffness is None:
             continue
@@ -169,7 +192,17 @@ def _constraint(structure: Structure, coupling: Coupling, motion: Sequence[Float
         row = structure.row(other.site)
         stiffness += other.stiffness * stretch * row
         damping += other.dashpot * stretch * row
-        ground += other.stiffness * stretch if other.to_ground else 0.0
+        if other.to_ground:
+            grounded.append((other, other.stiffness * stretch))
+
+    def under(motion: BaseDirection) -> tuple[float, float]:
+        loads = [member.body.base_load(structure.seen_from(member.body.name, motion)) for member in structure.members]
+        inertia = sum(float(load[0] @ u) * m.body.mass_scale for load, (m, u) in zip(loads, moved, strict=True))
+        ground = -sum(float(load[1] @ u) for load, (_, u) in zip(loads, moved, strict=True))
+        pulled = sum(force * structure.base_motion_at(other.ends[0], motion) for other, force in grounded)
+        return inertia, ground + pulled
+
+    inertia, ground = under(UPWARDS)
 
     def direct(place: Place | Distributed) -> float:
         body = structure.member(place.body).body
@@ -177,6 +210,6 @@ def _constraint(structure: Structure, coupling: Coupling, motion: Sequence[Float
 
     return Support(
         coupling.name, _direction(coupling), stiffness, mass, damping, inertia=inertia, direct=direct,
-        base_motion=_base_motion(coupling), at=coupling.site, base_displacement=ground, determined=determined,
-        motions=by_name,
+        base_motion=_base_motion(structure, coupling, base), at=coupling.site, base_displacement=ground,
+        determined=determined, motions=by_name, under=under,
     )  # fmt: skip

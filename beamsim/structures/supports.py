@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import DEFLECTION, Link, Place, Site
 from beamsim.typing import Floats, Ints
@@ -41,6 +42,14 @@ class Support:
     base_displacement: float = 0.0  # N/m, force on the support itself for a unit displacement of the base
     # by body the motion itself: (A,) of all dofs before supports hold some, or (N,) of those that they leave
     motions: Mapping[str, Floats] = field(default_factory=dict)
+    # kg and N/m, `inertia` and `base_displacement` for another motion of the base; None where both are zero
+    under: Callable[[BaseDirection], tuple[float, float]] | None = None
+
+    def base_forces(self, motion: BaseDirection) -> tuple[float, float]:
+        """Forces on the support itself for a unit acceleration, kg, and a unit displacement of the base, N/m."""
+        if motion == UPWARDS:
+            return self.inertia, self.base_displacement
+        return (0.0, 0.0) if self.under is None else self.under(motion)
 
     @property
     def on_base(self) -> bool:
@@ -66,7 +75,7 @@ class HeldMatrices:
     damping: Any  # (A, A) sparse, N s/m; None without
     scales: tuple[float, float]  # kg, N/m
     free: Ints  # (N,) which of the A are left
-    translation: Floats  # (A,) motion of the base
+    rigid: Callable[[BaseDirection], Floats]  # (A,) displacement for a unit motion of the base
     row: Callable[[Place | Distributed], Floats]  # (A,) deflection at a place, or load vector
 
     def support(self, name: str, direction: str, motion: Floats, body: str) -> Support:
@@ -80,8 +89,9 @@ class HeldMatrices:
 
         return Support(
             name, direction, force[self.free], moved[self.free], damping[self.free],
-            inertia=float(moved @ self.translation), direct=direct,
+            inertia=float(moved @ self.rigid(UPWARDS)), direct=direct,
             base_motion=1.0 if direction == DEFLECTION else 0.0, body=body, motions={body: motion},
+            under=lambda base: (float(moved @ self.rigid(base)), 0.0),
         )  # fmt: skip
 
 

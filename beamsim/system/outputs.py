@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,11 +12,11 @@ import numpy as np
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, suggestion
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.base_motion import UPWARDS
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
 from beamsim.structures.support_forces import SupportForce, supports_of
 from beamsim.structures.supports import Support
-from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads
+from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads, output_direction
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class _Asked:
         """Those of one output."""
         kind = output.kind
         if kind.startswith(("reaction", "joint")):
-            self._check_directions(path, kind)
+            self._check_supports(path, kind)
         if kind.startswith("reaction"):
             return self._reaction(path, output)
         if kind.startswith("joint"):
@@ -152,19 +152,11 @@ class _Asked:
         quantity = "displacement" if kind == "rotation" else kind
         return self._zero(output, place.label, base_acceleration=np.array([moved]), **{quantity: shape})
 
-    def _check_directions(self, path: Path, kind: str) -> None:
-        """Forces of supports are known under a base and a gravity that act upwards alone."""
-        moving = base_direction(self.parts.scenario)
-        directions = [direction for direction, _ in gravity_loads(self.parts.scenario)]
+    def _check_supports(self, path: Path, kind: str) -> None:
+        """Forces of supports are known where none moves by itself."""
         if self.parts.moved:
             where = path_text((*self.parts.moved[0].path, "applied_to"))
             raise _refused((*path, "kind"), f"= {kind} is not known where a support moves ({where})", "leave it out")
-        other = [each.direction for each in [moving, *directions] if each not in (None, UPWARDS)]
-        if other:
-            raise _refused(
-                (*path, "kind"), f"= {kind} is not known where the base or gravity acts along {other[0]}",
-                "leave it out, or leave excitation.direction and gravity in the direction of the deflections",
-            )  # fmt: skip
 
     def _zero(self, output: Any, at: str, count: int = 1, **given: Any) -> OutputRows:
         n = self.parts.basis.size
@@ -205,10 +197,6 @@ class _Asked:
     def _reaction(self, path: Path, output: Any) -> OutputRows:
         moment = output.kind == "reaction_moment"
         if output.support == "base":
-            if moment:
-                raise _refused(
-                    (*path, "support"), "= base has no moment: bodies have no common point", "name a support"
-                )
             return self._of_base(output)
         body = output.body or self.parts.scenario.default_body
         held = [each for each in self.supports if each.body == body]
@@ -238,14 +226,18 @@ class _Asked:
         return self._summed(output, output.joint, [(1.0, fits[0])])
 
     def _of_base(self, output: Any) -> OutputRows:
-        """All supports and joints that move with the base, and the contacts on it."""
-        holding = [(each.base_motion, each) for each in self.supports if each.on_base and each.base_motion]
-        rows = self._summed(output, "base", holding)
-        pushing = [
-            not ground and isinstance(site, Place)
+        """All supports and joints that move with the base, and the contacts on it, by their work along its motion."""
+        structure = self.parts.structure
+        base = output_direction(self.parts.scenario, output)
+        supports = self.supports if base == UPWARDS else supports_of(structure, base)
+        holding = [(each.base_motion, each) for each in supports if each.on_base and each.base_motion]
+        about = f"base about {output.axis_point[:2]} m" if base.rotates else "base"
+        rows = self._summed(output, about, holding)
+        levers = [
+            0.0 if ground or not isinstance(site, Place) else structure.base_motion_at(site, base)
             for site, ground in zip(self.contact_sites, self.contacts.on_ground, strict=True)
         ]
-        return replace(rows, contact=rows.contact + np.where(pushing, self.contacts.sign, 0.0))
+        return replace(rows, contact=rows.contact + np.array(levers) * self.contacts.sign)
 
     def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> OutputRows:
         """The sum of the forces of supports, each with a factor."""
@@ -264,12 +256,17 @@ class _Asked:
 
         if not forces:
             return self._zero(output, at)
-        base = total(lambda force: force.base_acceleration)
+        moving = base_direction(scenario) or UPWARDS
+        base, displaced = total(partial(_base_forces, moving))
+        weight = 0.0
+        for direction, gravity in gravity_loads(scenario):
+            inertia, _ = total(partial(_base_forces, direction))
+            weight -= inertia * gravity
         load = np.zeros(len(self.forcing.signal))
         if self.force_sites:
             load = -shares(self.force_sites)
         elif load.size > 1:  # beside the base's acceleration its displacement, which springs to the ground feel
-            load[1] = total(lambda force: force.base_displacement)
+            load[1] = displaced
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._zero(
             output, at,
@@ -278,7 +275,7 @@ class _Asked:
             base_acceleration=np.array([base], dtype=float),
             contact=-(shares(self.contact_sites) * self.contacts.sign)[None],
             load=load[None],
-            constant=np.array([-base * sum(acceleration for _, acceleration in gravity_loads(scenario)) - dead]),
+            constant=np.array([weight - dead]),
             cubic=shares(self.cubic_sites)[None],
         )  # fmt: skip
 
@@ -296,6 +293,10 @@ class _Asked:
         rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
         quantity = "velocity" if output.kind == "kinetic_energy" else "displacement"
         return self._zero(output, body.name, rows.shape[0], squared=True, **{quantity: rows})
+
+
+def _base_forces(motion: BaseDirection, force: SupportForce) -> Floats:
+    return np.array(force.base_forces(motion))
 
 
 def _refused(path: Path, message: str, remedy: str) -> ScenarioError:

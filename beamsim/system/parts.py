@@ -161,9 +161,15 @@ def base_direction(scenario: Scenario) -> BaseDirection | None:
     return _named(scenario, direction, excitation.axis_point)  # type: ignore[union-attr]
 
 
+def output_direction(scenario: Scenario, output: Any) -> BaseDirection:
+    """The motion of the base that the force or moment of the whole base, an output, works along."""
+    rotates = output.kind == "reaction_moment"
+    return _named(scenario, output.direction or ("ry" if rotates else ""), output.axis_point)
+
+
 def _named(scenario: Scenario, direction: str, about: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> BaseDirection:
     """A direction; without a name where it is that of every body anyhow."""
-    default = all(body.base_directions[0] == direction for body in scenario.all_bodies.values())
+    default = not direction or all(body.base_directions[0] == direction for body in scenario.all_bodies.values())
     return UPWARDS if default else BaseDirection(direction, about)
 
 

@@ -194,6 +194,29 @@ def test_imported_matrices_turn_as_the_beam_that_they_came_from(tmp_path):
         )
 
 
+def test_reactions_of_imported_matrices_are_those_of_the_beam(tmp_path):
+    """Force and moment of the clamped node, and the base's about another point, while the base turns."""
+    model = free_beam()
+    clamp_of = [{"name": "base", "kind": "reaction_force", "support": "base"},
+                {"name": "base_moment", "kind": "reaction_moment", "support": "base"}]  # fmt: skip
+    imported = [{"name": "clamp", "kind": "reaction_force", "support": "node 1"},
+                {"name": "moment", "kind": "reaction_moment", "support": "node 1"},
+                {**clamp_of[0]}, {**clamp_of[1], "about": [0.3, 0, 0]}]  # fmt: skip
+    built = [{"name": "clamp", "kind": "reaction_force", "support": "left"},
+             {"name": "moment", "kind": "reaction_moment", "support": "left"},
+             {**clamp_of[0]}, {**clamp_of[1], "about": 0.3}]  # fmt: skip
+    settings = {"reduction": {"modes": 5}, "gravity": 9.81}
+    one = written(tmp_path, model.mass, model.stiffness, model.table, {**TURN, "about": [0.25, 0, 0]},
+                  outputs=imported, **settings)  # fmt: skip
+    other = case({**TURN, "about": 0.25}, outputs=built, **settings)
+    a, b = (beamsim.run(scenario).outputs for scenario in (one, other))
+    for name in ("clamp", "base", "base_moment"):
+        expected = b[name].value[:]
+        np.testing.assert_allclose(a[name].value[:], expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+    turned = a["moment"].value[:]  # right-handed about y there, as the slope here
+    np.testing.assert_allclose(np.abs(turned), np.abs(b["moment"].value[:]), rtol=0, atol=1e-7 * np.abs(turned).max())
+
+
 def spatial():
     """Two nodes that springs in x and in z join to a base node, which has all three translations."""
     dofs = tuple((node, d) for node in (1, 2, 3) for d in ("x", "z"))

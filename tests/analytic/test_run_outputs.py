@@ -409,7 +409,7 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
         ({"kind": "reaction_force", "body": "inner", "support": "lft"}, "support", "not a support", "left"),
         ({"kind": "reaction_force", "body": "inner", "support": "right"}, "support", "not a support", "left"),
         ({"kind": "reaction_force", "support": "left"}, "", "names no body", "inner"),
-        ({"kind": "reaction_moment", "support": "base"}, "support", "no moment", "support"),
+        ({"kind": "reaction_moment", "support": "base", "direction": "rx"}, "direction", "moves no point", "ry"),
         ({"kind": "joint_force", "joint": "hing"}, "joint", "unknown joint", "hinge"),
         ({"kind": "joint_moment", "joint": "soft"}, "joint", "no moment", "joint_force"),
         ({"kind": "strain_energy", "body": "x"}, "body", "unknown body", "bodies are"),
