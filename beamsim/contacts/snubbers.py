@@ -124,8 +124,8 @@ def _balancing(normal: Floats, force: Floats, push: Floats) -> str:
     scale = np.where(scale > 0, scale, 1.0)
     away = normal / scale
     nearest = force - np.linalg.lstsq(away.T, away.T @ force + push / scale, rcond=1e-10)[0]
-    left = np.abs(away.T @ nearest + push / scale).max(initial=0.0)
-    if left > 1e-9 * np.abs(nearest).max(initial=0.0) or np.any(nearest <= 0):
+    imbalance = np.abs(away.T @ nearest + push / scale).max(initial=0.0)
+    if imbalance > 1e-9 * np.abs(nearest).max(initial=0.0) or np.any(nearest <= 0):
         return "add a snubber against which the loads push: no preloads of these snubbers balance them"
     return "balance the loads: the nearest preloads that do are " + ", ".join(f"{x:.6g} N" for x in nearest)
 

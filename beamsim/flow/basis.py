@@ -19,9 +19,9 @@ def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int)
     out = np.zeros((orders, exponent.size), dtype=complex)
     for order in range(orders):
         for i in range(order + 1):  # the i-th derivative of the power
-            left = np.flatnonzero(power >= i)
-            factor = comb(order, i) * np.array([perm(int(p), i) for p in power[left]], dtype=float)
-            out[order, left] += factor * tau ** (power[left] - i) * exponent[left] ** (order - i)
+            acting = np.flatnonzero(power >= i)
+            factor = comb(order, i) * np.array([perm(int(p), i) for p in power[acting]], dtype=float)
+            out[order, acting] += factor * tau ** (power[acting] - i) * exponent[acting] ** (order - i)
     return np.asarray(out * np.exp(exponent * tau))
 
 

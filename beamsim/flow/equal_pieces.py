@@ -77,7 +77,7 @@ def whole_pieces(motion: Segments, segments: Ints | slice = slice(None)) -> Bool
 
 
 def alike(motion: Segments, segment: Ints, tau: Floats) -> tuple[list[Alike], Ints]:
-    """Entries (segment, time tau after its start) in groups, and the entries that are left.
+    """Entries (segment, time tau after its start) in groups, and the entries outside of groups.
 
     Times are equal if they differ by no more than the round-off of the time at the end of the motion.
     """
@@ -92,10 +92,10 @@ def alike(motion: Segments, segment: Ints, tau: Floats) -> tuple[list[Alike], In
     for first, count in zip(begin[size >= FEWEST], size[size >= FEWEST], strict=True):
         part = order[first : first + count]
         groups.append(Alike(int(state[part[0]]), float(np.mean(tau[whole][part])), np.sort(whole[part])))
-    left = np.ones(segment.size, dtype=bool)
+    single = np.ones(segment.size, dtype=bool)
     for group in groups:
-        left[group.entries] = False
-    return groups, np.flatnonzero(left)
+        single[group.entries] = False
+    return groups, np.flatnonzero(single)
 
 
 def blocks(group: Alike) -> Iterator[Ints]:
@@ -131,12 +131,12 @@ def _basis(motion: Segments, state: int, tau: float) -> Complexes:
 def sample_alike(motion: Segments, times: Floats, table: Complexes, out: Floats) -> Ints:
     """Outputs at increasing times of which many are alike, into ``out`` (nt, k); returns the numbers of the others."""
     segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
-    groups, left = alike(motion, segment, times - motion.time[segment])
+    groups, single = alike(motion, segment, times - motion.time[segment])
     for group in groups:
         outputs = output_map(motion, group.state, _basis(motion, group.state, group.tau), table[group.state])
         for part in blocks(group):
             out[part] = as_real(amplitudes(motion, group.state, segment[part])) @ outputs
-    return left
+    return single
 
 
 def product_forms(motion: Segments, group: Alike, table: Complexes, weight: Floats) -> Floats:
@@ -160,15 +160,15 @@ def product_forms(motion: Segments, group: Alike, table: Complexes, weight: Floa
 def integrals_alike(
     motion: Segments, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats
 ) -> Ints:
-    """Integrals from the starts of segments over times tau into ``out`` (n, Q); returns the entries that are left."""
-    groups, left = alike(motion, segment, tau)
+    """Integrals over the first tau of segments into ``out`` (n, Q); returns the entries outside of groups."""
+    groups, single = alike(motion, segment, tau)
     for group in groups:
         forms = product_forms(motion, group, table, weight)
         for part in blocks(group):
             x = as_real(amplitudes(motion, group.state, segment[part]))
             for q, form in enumerate(forms):
                 out[part, q] = np.einsum("ni,ni->n", x @ form, x)
-    return left
+    return single
 
 
 def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: Floats) -> Ints:
@@ -177,8 +177,8 @@ def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: F
     Between two points a function exceeds the straight line by no more than an eighth of the largest curvature times the
     square of their distance. ``when`` (k,) s follows.
     """
-    groups, left = alike(motion, np.arange(motion.time.size), motion.length)
-    possible, bounds = [left], [np.full((left.size, highest.size), np.inf)]
+    groups, single = alike(motion, np.arange(motion.time.size), motion.length)
+    possible, bounds = [single], [np.full((single.size, highest.size), np.inf)]
     for group in groups:
         tables, of_state = motion.flow.states[group.state], table[group.state]
         first, last = (

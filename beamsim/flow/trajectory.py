@@ -102,10 +102,10 @@ class Trajectory:
         if times.size < FEWEST or not many_pieces(self):
             self._sample(times, table, out)
             return out
-        left = sample_alike(self, times, table, out)
-        others = np.empty((left.size, table.shape[2]))
-        self._sample(times[left], table, others)
-        out[left] = others
+        single = sample_alike(self, times, table, out)
+        others = np.empty((single.size, table.shape[2]))
+        self._sample(times[single], table, others)
+        out[single] = others
         return out
 
     def _sample(self, times: Floats, table: Complexes, out: Floats) -> None:
@@ -260,15 +260,15 @@ class Trajectory:
                 evaluations += part._search(part.flow.tables(), part.state, table, highest.ravel(), at.ravel())
                 continue
             for of_state in candidates(part, output_of, highest, at):
-                left = of_state.above(highest.ravel())
-                if not left.segment.size:
+                above = of_state.above(highest.ravel())
+                if not above.segment.size:
                     continue
-                segments, outputs = np.unique(left.segment), np.unique(left.output)
+                segments, outputs = np.unique(above.segment), np.unique(above.output)
                 known, times = highest.ravel()[outputs], at.ravel()[outputs]
                 reached = known - BELOW_SAMPLED * np.abs(known)  # else the search is content with a sample near a peak
                 evaluations += part.only(segments)._search(
-                    part.flow.tables_of(left.state), np.zeros(segments.size, dtype=np.int64),
-                    left.coefficients(outputs, highest.shape[1])[None], reached, times,
+                    part.flow.tables_of(above.state), np.zeros(segments.size, dtype=np.int64),
+                    above.coefficients(outputs, highest.shape[1])[None], reached, times,
                 )  # fmt: skip
                 better = outputs[reached > known]
                 highest.ravel()[better], at.ravel()[better] = reached[reached > known], times[reached > known]
@@ -330,24 +330,24 @@ class Trajectory:
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         tau = np.minimum(times - self.time[segment], self.length[segment])
         out = np.empty((times.size, weight.shape[1]))
-        left = self._by_products(segment, tau, table, weight, out)
-        if left.size:
-            few, number = np.unique(segment[left], return_inverse=True)
+        single = self._by_products(segment, tau, table, weight, out)
+        if single.size:
+            few, number = np.unique(segment[single], return_inverse=True)
             starts = self.time[few]
-            inside = _not_beyond(times[left], starts[number], self.length[few][number])
+            inside = _not_beyond(times[single], starts[number], self.length[few][number])
             at = np.sort(np.concatenate([starts, inside]))
             values = self.only(few)._integrals(at, table, weight)
-            out[left] = values[np.searchsorted(at, inside)] - values[np.searchsorted(at, starts)][number]
+            out[single] = values[np.searchsorted(at, inside)] - values[np.searchsorted(at, starts)][number]
         return np.asarray(out + before[segment])
 
     def segment_integrals(self, table: Complexes, weight: Floats) -> Floats:
         """(S, Q) integrals over each segment of outputs in a table, see `integrals`."""
         out = np.empty((self.time.size, weight.shape[1]))
-        left = self._by_products(np.arange(self.time.size), self.length, table, weight, out)
-        if left.size:
-            few = self.only(left)
+        single = self._by_products(np.arange(self.time.size), self.length, table, weight, out)
+        if single.size:
+            few = self.only(single)
             ends = _not_beyond(few.time + few.length, few.time, few.length)
-            out[left] = np.diff(few._integrals(ends, table, weight), axis=0, prepend=0.0)
+            out[single] = np.diff(few._integrals(ends, table, weight), axis=0, prepend=0.0)
         return out
 
     @property
@@ -356,7 +356,7 @@ class Trajectory:
         return not any(np.any(state.power) for state in self.flow.states)
 
     def _by_products(self, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats) -> Ints:
-        """Integrals over times tau from the starts of segments into ``out`` (nt, Q); returns the entries left."""
+        """Integrals over the first tau of segments into ``out`` (nt, Q); returns the entries outside of groups."""
         if not self.exponentials:
             every = np.arange(tau.size)
             return integrals_alike(self, segment, tau, table, weight, out) if many_pieces(self) else every

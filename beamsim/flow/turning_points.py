@@ -97,8 +97,8 @@ def _grid(trajectory: Trajectory, table: Complexes, segments: Ints, grid: int) -
 def _turning_points(trajectory: Trajectory, table: Complexes, segments: Ints, grid: int) -> tuple[Ints, Floats, Floats]:
     owner, time, values = _grid(trajectory, table, segments, grid)
     value, rate = values.T
-    left = np.flatnonzero(owner[:-1] == owner[1:])
-    low, high, at_low, at_high = _brackets(trajectory, table, time, value, rate, left)
+    start = np.flatnonzero(owner[:-1] == owner[1:])
+    low, high, at_low, at_high = _brackets(trajectory, table, time, value, rate, start)
     roots = _roots(trajectory, table, low, high, at_low, at_high)
     inner = trajectory.sample_table(roots, table)[:, 0] if roots.size else np.zeros(0)
     changes = np.flatnonzero(np.diff(owner)) + 1
@@ -111,22 +111,22 @@ def _turning_points(trajectory: Trajectory, table: Complexes, segments: Ints, gr
 
 
 def _brackets(
-    trajectory: Trajectory, table: Complexes, time: Floats, value: Floats, rate: Floats, left: Ints
+    trajectory: Trajectory, table: Complexes, time: Floats, value: Floats, rate: Floats, start: Ints
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Ends of intervals in which the rate changes its sign, and the rates there."""
-    width, before, after = time[left + 1] - time[left], rate[left], rate[left + 1]
+    width, before, after = time[start + 1] - time[start], rate[start], rate[start + 1]
     changes = before * after < 0.0
     # the cubic with these values and rates: d/ds = rise s^2 + turn s + width before
-    rise = 3.0 * width * (before + after) - 6.0 * (value[left + 1] - value[left])
-    turn = -width * (4.0 * before + 2.0 * after) + 6.0 * (value[left + 1] - value[left])
+    rise = 3.0 * width * (before + after) - 6.0 * (value[start + 1] - value[start])
+    turn = -width * (4.0 * before + 2.0 * after) + 6.0 * (value[start + 1] - value[start])
     with np.errstate(divide="ignore", invalid="ignore"):
         place = -0.5 * turn / rise
         lowest = width * before - 0.25 * turn**2 / rise
     pair: Bools = ~changes & (before * after > 0.0) & (place > 0.0) & (place < 1.0) & (lowest * before < 0.0)
-    middle = time[left[pair]] + place[pair] * width[pair]
+    middle = time[start[pair]] + place[pair] * width[pair]
     at_middle = trajectory.sample_table(middle, table)[:, 1] if middle.size else middle
     true = at_middle * before[pair] < 0.0
-    one, two = left[changes], left[pair][true]
+    one, two = start[changes], start[pair][true]
     low = np.concatenate([time[one], time[two], middle[true]])
     high = np.concatenate([time[one + 1], middle[true], time[two + 1]])
     at_low = np.concatenate([rate[one], rate[two], at_middle[true]])

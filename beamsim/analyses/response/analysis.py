@@ -105,19 +105,19 @@ def frequency_response(
         outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
     outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), model.system.modes)
     overlay = {}
-    left = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
+    missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None and stop():
-        left.append("sweep.overlay")
+        missing.append("sweep.overlay")
     elif settings.overlay is not None:
         from beamsim.analyses.response.overlay import swept_overlay
 
         try:
             overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY), stop)
         except (Stopped, KeyboardInterrupt):
-            left.append("sweep.overlay")
-    if halted or left:
+            missing.append("sweep.overlay")
+    if halted or missing:
         parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
-        outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=left)
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=missing)
     f, second = model.followed, model.second
     found_on = "Taylor series" if settings.method.kind == "shooting" else "sums of harmonics"  # type: ignore[union-attr]
     return FrequencyResponse(

@@ -92,8 +92,8 @@ class Budget:
         """Which limits ended branches, or kept them from being followed; None where none did."""
         if not self.cut_off:
             return None
-        left = {"bifurcations": self.not_followed} if self.not_followed else {}
-        return Outcome.of(code, limits=sorted(self.cut_off), **left)
+        bifurcations = {"bifurcations": self.not_followed} if self.not_followed else {}
+        return Outcome.of(code, limits=sorted(self.cut_off), **bifurcations)
 
 
 class Tracer(Protocol):

@@ -92,9 +92,9 @@ def figures_of_stretches(
     for stretch in motion.stretches():
         try:
             with heeding(stop if parts else _never):
-                found = refine_extremes(stretch, searched, np.linspace(begin, stretch.end, SEEDS_OF_A_STRETCH))
+                of_stretch = refine_extremes(stretch, searched, np.linspace(begin, stretch.end, SEEDS_OF_A_STRETCH))
                 if energies:
-                    found["energy"] = energy_extremes(stretch, energies, groups.groups["energy"])
+                    of_stretch["energy"] = energy_extremes(stretch, energies, groups.groups["energy"])
                 upto = max(few.until(stretch.end).size, sampled)
                 at = few.rows(sampled, upto)
                 values = stretch.sample(at, groups)
@@ -103,7 +103,7 @@ def figures_of_stretches(
         except Stopped:
             motion.cut(begin)
             break
-        extremes = {name: _outer(extremes.get(name), each) for name, each in found.items()}
+        extremes = {name: _outer(extremes.get(name), each) for name, each in of_stretch.items()}
         parts.append((at, values, touching))
         begin, sampled = stretch.end, upto
     at, values, touching = (np.concatenate([part[k] for part in parts]) for k in range(3))
@@ -129,10 +129,10 @@ def _outer(before: Extreme | None, new: Extreme) -> Extreme:
 
 def station_extremes(motion: LongMotion, stress_of: OutputOf, one_figure: Collection[str] = ()) -> Extreme:
     """Extremes of the stress at every station."""
-    found: Extreme | None = None
+    highest: Extreme | None = None
     for begin in np.arange(0.0, motion.end, motion.stretch_s):
         part = motion.within(float(begin), min(float(begin) + motion.stretch_s, motion.end))
         times = np.linspace(float(part.time[0]), part.end, SEEDS_OF_A_STRETCH)
-        found = _outer(found, refine_extremes(part, {"stress": stress_of}, times, one_figure)["stress"])
-    assert found is not None
-    return found
+        highest = _outer(highest, refine_extremes(part, {"stress": stress_of}, times, one_figure)["stress"])
+    assert highest is not None
+    return highest
