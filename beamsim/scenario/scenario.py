@@ -142,6 +142,20 @@ class Scenario(Schema):
         run = None if self._text is None else self._text.plain().get("run")
         return isinstance(run, dict) and run.get("sample_rate") is None
 
+    @property
+    def frequency_of_interest_hz(self) -> float:
+        """What the model of a run resolves where there is no ``reduction``, Hz; the output has no part in it.
+
+        50 times the frequency of the excitation (10 times the highest of a random one), and with 64 times a low natural
+        frequency about ten bending modes of a beam: peak accelerations at a stop need that many.
+        """
+        harmonics = 10.0 if self.excitation.kind == "random" else 50.0
+        return max(harmonics * self.excitation.highest_frequency_hz, 64.0 * self._rough_frequency_hz)
+
+    @property
+    def _rough_frequency_hz(self) -> float:
+        return max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
+
     body_sections: ClassVar[tuple[str, ...]] = ("beam", "chain", "bodies")
     """Sections that hold bodies."""
 
@@ -304,9 +318,8 @@ class Scenario(Schema):
             return
         try:
             highest = self.excitation.highest_frequency_hz
-            rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
             random = self.excitation.kind == "random"
-            rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / run.duration)
+            rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / run.duration)
             rate = min(rate, max(MANY_SAMPLES / run.duration, (10.0 if random else 20.0) * highest))
             units = (10.0 * highest,) if random else self.excitation.frequencies_hz
             rate = _whole_multiple(rate, units[0]) if len(units) == 1 else _round_number(rate)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 # First quantities of what moves supports and the base, and is no force.
 MOTIONS = (TRANSLATION_TAKES[0], ROTATION_TAKES[0])
-# Modes that a default reduction keeps at least, whatever the sample rate.
+# Modes that a default reduction keeps at least, whatever the frequency of interest.
 _LEAST_FLEXIBLE_MODES = 6
 # Superharmonics that a default reduction provides for.
 _LEAST_HARMONICS = 10
@@ -208,8 +208,9 @@ def _patterns(
 def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]:
     """How much `reduce_model` keeps: what the scenario asks for, or the default.
 
-    By default a structure keeps the modes up to half the sample rate, at least ten times the excitation frequency and
-    six flexible modes, and none that its discretisation does not carry; one that carries all of its modes keeps them.
+    By default a structure keeps the modes up to the frequency of interest of a run, at least ten times the excitation
+    frequency and six flexible modes, and none that its discretisation does not carry; one that carries all of its modes
+    keeps them. The sample rate and the duration of the output have no part in it.
     """
     asked = scenario.reduction
     hz = 2 * np.pi / structure.frequency_scale
@@ -217,8 +218,8 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
         return {"count": None if asked.modes == "all" else asked.modes}
     if asked is not None and asked.highest_frequency is not None:
         return {"highest_frequency": asked.highest_frequency * hz}
-    half_rate = 0.0 if scenario.run is None else scenario.run.output_rate / 2
-    highest = max(half_rate, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
+    of_run = 0.0 if scenario.run is None else scenario.frequency_of_interest_hz
+    highest = max(of_run, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
     start = start_of(scenario)
     mode = start.mode if isinstance(start, ModeStart) else 0
     return {"highest_frequency": highest * hz, "default": True, "least": _LEAST_FLEXIBLE_MODES, "mode": mode}

@@ -33,7 +33,8 @@ def panel(*, ratio=0.05, **more):
     ]
     run = {"duration": "0.06 s"} | more.pop("run", {})
     pulse = {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms"}
-    return load_scenario({"beam": PANEL, "snubbers": stops, "excitation": pulse, "run": run, **more})
+    model = {"reduction": {"modes": 21}}
+    return load_scenario({"beam": PANEL, "snubbers": stops, "excitation": pulse, "run": run, **model, **more})
 
 
 def harmonic_beam(**more):
@@ -115,9 +116,7 @@ def test_an_undamped_step_force():
         "run": {"duration": 0.05},
     }
     s = beamsim.run(load_scenario(case)).summary
-    assert s["doubtful"] == [
-        "peak_acceleration_g.tip", "rms_acceleration_g.tip", "spectral_lines.tip absolute_acceleration"
-    ]  # fmt: skip
+    assert s["doubtful"] == ["peak_acceleration_g.tip", "rms_acceleration_g.tip"]  # each line by itself converges
     assert s["convergence"]["peak_acceleration_g"]["tip"] > 0.2
     assert s["convergence"]["peak_displacement_m"]["tip"] < 1e-3
     case["run"]["low_pass"] = "1 kHz"

@@ -16,34 +16,49 @@ STOP = {"position": 1.0, "side": "below", "stiffness": 2e4, "gap": 0.0}
 SHAKE = {"kind": "harmonic", "applied_to": "base", "quantity": "acceleration", "level": 10.0, "frequency": 20.0}
 
 
-def system(beam=None, rate=2e3, **more):
-    run = {"duration": 1.0, "sample_rate": rate, "start": "rest"}
+def system(beam=None, rate=2e3, duration=1.0, **more):
+    run = {"duration": duration, "sample_rate": rate, "start": "rest"}
     return build_system(Scenario.model_validate({"beam": {**BEAM, **(beam or {})}, "run": run, **more}))
 
 
-def test_default_covers_half_the_sample_rate():
-    s = system(rate=8e3, snubbers=[STOP])
+def test_default_covers_64_times_the_first_bending_frequency_about():
+    s = system(snubbers=[STOP])
     f = s.modes.open_frequencies_hz
-    assert s.modes.highest_frequency_hz == pytest.approx(4e3)
+    rough = np.pi / 2 * np.sqrt(70e9 * 0.01**2 / 12 / 2700.0)
+    assert s.modes.highest_frequency_hz == pytest.approx(64 * rough)
     kept = s.modes.kept_modes
-    assert f[kept - 1] <= 6e3
+    assert f[kept - 1] <= 96 * rough
     every = system(reduction={"modes": "all"}).modes.open_frequencies_hz
-    assert every[kept] > 6e3
+    assert every[kept] > 96 * rough
     assert s.modes.static_vectors == 1
 
 
-def test_a_low_sample_rate_still_keeps_six_flexible_modes():
-    s = system(rate=50.0, excitation={"kind": "none"})
+def test_default_covers_50_times_the_excitation():
+    s = system(excitation={**SHAKE, "frequency": 40.0})
+    assert s.modes.highest_frequency_hz == pytest.approx(2000.0)
+
+
+@pytest.mark.parametrize(("rate", "duration"), [(50.0, 1.0), (1e5, 1.0), (1e4, 0.01), (2e3, 50.0), (None, 0.01), (None, 50.0)])
+def test_the_output_has_no_part_in_the_model(rate, duration):
+    modes, expected = (s.modes for s in (system(rate=rate, duration=duration), system()))
+    assert modes.kept_modes == expected.kept_modes
+    assert modes.highest_frequency_hz == expected.highest_frequency_hz
+
+
+def test_without_a_run_the_default_keeps_six_flexible_modes():
+    def of(supports):
+        return build_system(Scenario.model_validate({"beam": {**BEAM, "supports": supports}}))
+
+    s = of({"left": "clamped"})
     assert s.modes.kept_modes == 6
     assert s.modes.highest_frequency_hz == pytest.approx(s.modes.open_frequencies_hz[5] / 1.5)
-    free = system({"supports": {"left": "free", "right": "free"}}, rate=50.0)
-    assert free.modes.kept_modes == 8
+    assert of({"left": "free", "right": "free"}).modes.kept_modes == 8
 
 
-def test_a_high_sample_rate_stops_at_what_the_mesh_carries():
-    s = system(rate=1e6)
+def test_a_high_excitation_stops_at_what_the_mesh_carries():
+    s = system(rate=1e6, excitation={**SHAKE, "frequency": 20e3})
     assert s.modes.kept_modes == 20
-    assert s.modes.highest_frequency_hz < 5e5
+    assert s.modes.highest_frequency_hz < 1e6
 
 
 def test_explicit_choices():
