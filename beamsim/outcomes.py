@@ -63,6 +63,20 @@ class OutcomeCode(Enum):
         "[{remedy}]",
     )
 
+    MOTION_SENSITIVE = (
+        OutcomeKind.COMPLETE,
+        "the motion is so sensitive that from {time:.4g} s on it is one of many: {figures} depend on what follows[; a "
+        "change of the stiffness by 1e-9 of itself gives other contacts from {small_s:.4g} s on][, round-off from "
+        "{round_off_s:.4g} s on]",
+        "take means of a longer run (rms, contact share, run.impacts), or the spread of peaks over several cases "
+        "(vary)",
+    )
+    CONTACTS_PART = (
+        OutcomeKind.COMPLETE,
+        "the finer model has other contacts from {time:.4g} s on: {figures} depend on what follows",
+        "keep more modes (reduction.modes) and elements until the contacts agree, or take means of a longer run",
+    )
+
     # a branch of periodic orbits
     NOT_BEGUN = OutcomeKind.STOPPED, "not started", ""
     STEP_TOO_SMALL = (

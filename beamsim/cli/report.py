@@ -23,6 +23,7 @@ from beamsim.scenario.quantities import amplitude_unit
 ROUND_OFF = 1e-15  # in SI units; nothing that is printed can be known so small
 VALUES_SHOWN = 6  # of a list
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
+AFTER_PARTING = "AFTER THE PARTING"  # of the sequences of contacts
 Row = tuple[str, str]
 Rows = Iterable[Row]  # the label of the first is that of the entry if it is empty
 Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
@@ -58,20 +59,35 @@ def _with_changes(
 ) -> str | Mapping[str, str] | Rows:
     """The texts of a figure with its relative change with a finer model, where that is known."""
     changes = summary.get("convergence", {}).get(figure)
+    if changes is None:  # without a finer model the motion may be one of many, too
+        after = summary.get("after_parting", ())
+        if isinstance(text, Mapping):
+            marked = {name: f"{figure}.{name}" in after for name in text}
+            return {name: f"{item}; {AFTER_PARTING}" if marked[name] else item for name, item in text.items()}
+        return f"{text}; {AFTER_PARTING}" if isinstance(text, str) and figure in after else text
     if isinstance(text, str) and isinstance(changes, float):
-        return f"{text}; {change_text(changes, figure in summary['doubtful'])}"
+        return f"{text}; {change_of(summary, figure)}"
     if isinstance(text, Mapping) and isinstance(changes, Mapping) and text.keys() == changes.keys():
-        doubtful = {name for name in text if f"{figure}.{name}" in summary["doubtful"]}
-        return {name: f"{item}; {change_text(changes[name], name in doubtful)}" for name, item in text.items()}
+        return {name: f"{item}; {change_of(summary, figure, name)}" for name, item in text.items()}
     return text
 
 
-def change_text(change: float, doubtful: bool) -> str:
+def change_of(summary: Mapping[str, Any], figure: str, name: str = "") -> str:
+    """The text of a figure's change, marked where it does not converge or depends on what follows the parting."""
+    changes = summary["convergence"][figure]
+    called = f"{figure}.{name}" if name else figure
+    marks = called in summary.get("doubtful", ()), called in summary.get("after_parting", ())
+    return change_text(changes[name] if name else changes, *marks)
+
+
+def change_text(change: float, doubtful: bool, after_parting: bool = False) -> str:
     """A relative change with a finer model, for the table."""
     size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2 if change < 0.995 else 3)}"
     if doubtful:
-        return f"NOT CONVERGED, {size}"
-    return f"{size}, within its scatter" if change > ALLOWED_CHANGE else size
+        size = f"NOT CONVERGED, {size}"
+    elif change > ALLOWED_CHANGE:
+        size = f"{size}, within its scatter"
+    return f"{AFTER_PARTING}, {size}" if after_parting else size
 
 
 def _labelled(label: str, text: str | Mapping[str, str] | Rows) -> Iterator[Row]:

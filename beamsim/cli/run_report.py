@@ -8,7 +8,19 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
-from beamsim.cli.report import SHARED, Row, Texts, base_correction, change_text, counted, gapping, percent, si
+from beamsim.cli.report import (
+    AFTER_PARTING,
+    SHARED,
+    Row,
+    Texts,
+    base_correction,
+    change_of,
+    change_text,
+    counted,
+    gapping,
+    percent,
+    si,
+)
 from beamsim.fields import rows_of
 
 LINES_SHOWN = 6
@@ -110,7 +122,7 @@ def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> di
         name = f"{first} {quantity}"
         text = ", ".join(_strongest(lines, first, quantity))
         if text and name in changes:
-            text += f"; {change_text(changes[name], f'spectral_lines.{name}' in s['doubtful'])}"
+            text += f"; {change_of(s, 'spectral_lines', name)}"
         texts[name.replace("_", " ")] = text or without
     return texts
 
@@ -154,7 +166,8 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
         marked = [f"{part} ({change_text(changes[f'{name} {key}'], True)})" if key in doubtful else part
                   for key, part in parts.items()]  # fmt: skip
         known = [changes[f"{name} {key}"] for key in parts if f"{name} {key}" in changes and key not in doubtful]
-        rest = f"; {change_text(max(known), False)}" if known else ""
+        after = f"random.{name} rms" in s.get("after_parting", ())
+        rest = f"; {change_text(max(known), False, after)}" if known else ""
         texts[name.replace("_", " ")] = f"{', '.join(marked)}{rest}"
     return texts
 
@@ -196,7 +209,7 @@ def _shock(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dic
     for name, point in signals.items():
         text = f"{si(point['maximax_g'], 'g')} at {point['frequency_hz']:.4g} Hz"
         if name in changes:
-            text += f"; {change_text(changes[name], f'srs.{name}' in s.get('doubtful', ()))}"
+            text += f"; {change_of(s, 'srs', name)}"
         texts[name.replace("_", " ")] = text
     return texts
 
@@ -206,16 +219,24 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
     model = result.summary["convergence_model"]
     if model["reason"]:
         yield "", f"unknown: {model['reason']}"
-        return
-    if not model["modes"]:
+    elif not model["modes"]:
         yield "", "all modes are kept: nothing is left out"
-        return
-    sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
-    finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
-    largest = percent(max(sizes, default=0.0), 2)
-    yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
-    if model["sequences_part_s"] is not None:
-        yield "", f"the sequences of contacts part at {si(model['sequences_part_s'], 's')}"
+    else:
+        sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
+        finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
+        largest = percent(max(sizes, default=0.0), 2)
+        yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
+        if model["sequences_part_s"] is not None:
+            yield "", f"the sequences of contacts part at {si(model['sequences_part_s'], 's')}"
+    small, round_off = (
+        ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
+        ("round_off_parts_s", "round-off"),
+    )
+    for key, of in (small, round_off):
+        if model.get(key) is not None:
+            yield "", f"they part at {si(model[key], 's')} with {of}"
+    if result.summary.get("after_parting"):
+        yield "", f"figures marked {AFTER_PARTING} are those of one of many motions"
 
 
 def _solver(result: RunResult, time: float) -> str:

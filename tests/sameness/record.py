@@ -55,6 +55,8 @@ MENDED: dict[str, str] = {
     "* *gapping*": "supports that move have an entry",
     "* *outcome_numbers/numbers/time": "when contacts are no longer determined",
     "one_sided_160hz run *segments": "the lowest derivative decides the first contact state",
+    "* *after_parting*": "new entries of runs: what depends on the motion after contacts part",
+    "* *_parts_s": "and when disturbances part them",
     "* *highest_frequency_hz": "the default model follows excitation and structure, no longer the output's sample rate",
     "* *reduction_bound": "a bound up to that frequency",
 }

@@ -38,7 +38,9 @@ def test_default_covers_50_times_the_excitation():
     assert s.modes.highest_frequency_hz == pytest.approx(2000.0)
 
 
-@pytest.mark.parametrize(("rate", "duration"), [(50.0, 1.0), (1e5, 1.0), (1e4, 0.01), (2e3, 50.0), (None, 0.01), (None, 50.0)])
+@pytest.mark.parametrize(
+    ("rate", "duration"), [(50.0, 1.0), (1e5, 1.0), (1e4, 0.01), (2e3, 50.0), (None, 0.01), (None, 50.0)]
+)
 def test_the_output_has_no_part_in_the_model(rate, duration):
     modes, expected = (s.modes for s in (system(rate=rate, duration=duration), system()))
     assert modes.kept_modes == expected.kept_modes

@@ -18,6 +18,7 @@ from beamsim.analyses.run.convergence import (
     Convergence,
     Solution,
     check_convergence,
+    march_again,
     solve_exactly,
     with_convergence,
 )
@@ -52,6 +53,7 @@ from beamsim.analyses.run.outputs import (
     output_groups,
     pieces_of,
 )
+from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import (
     MAIN_QUANTITY,
     ONLY_BEAM,
@@ -325,6 +327,7 @@ class _RunMotion:
     histories: Histories
     balance: EnergyBalance
     events: EventLog
+    contact_events: ContactEvents
     breakpoints: int  # of piecewise-linear springs that were passed, the start left out
     extremes: Extremes
     station_extremes: Callable[[], Extreme]  # of the stress at every station
@@ -358,24 +361,30 @@ def _checked(
     assert settings is not None
     if settings.convergence == "off" or not motion.outcome.complete:
         return None
-    if isinstance(settings.start, OrbitStart):
-        return Convergence({}, reason="the run starts from a state of this model, which a finer one does not share")
 
     def solve(finer: StructuralSystem) -> Solution:
         if finer.cubic.count:
             again = _reference(finer, settings, _output_times(settings), None, stop)
             check_stop()
             sampled = OutputSamples(again.histories.time, again.histories.values)
-            return Solution(finer, _figures(finer, again), float(again.histories.time[-1]), sampled=sampled)
+            return Solution(finer, settings, _figures(finer, again), again.contact_events, sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
         return solve_exactly(finer, settings, seeds, motion.work, stop)
 
     kept = {name: figures[name] for name in _figures(system, motion)}
-    end = float(motion.histories.time[-1]) if motion.trajectory is None else motion.trajectory.end
-    first = Solution(system, kept, end, motion.trajectory)
+    first = Solution(system, settings, kept, motion.contact_events, motion.trajectory)
+
+    def disturbed(share: float, end: float) -> ContactEvents:
+        dynamics = replace(system.dynamics, stiffness=(1.0 + share) * system.dynamics.stiffness)
+        again = march_again(replace(system, dynamics=dynamics), settings, end, motion.work, stop)
+        return ContactEvents.of(again, len(system.snubbers))
+
     try:
         with heeding(stop):
-            return check_convergence(scenario, first, derived, solve)
+            return check_convergence(
+                scenario, first, derived, None if isinstance(settings.start, OrbitStart) else solve,
+                None if motion.trajectory is None else disturbed,
+            )  # fmt: skip
     except Stopped:
         return Convergence({}, reason="interrupted")
 
@@ -459,6 +468,7 @@ def _exact(
         histories=histories,
         balance=balance,
         events=_events(system, trajectory),
+        contact_events=ContactEvents.of(trajectory, len(system.snubbers)),
         breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
         station_extremes=lambda: histories.station_extremes(searched["stress"]),
@@ -665,6 +675,7 @@ def _reference(
         histories=SampledHistories(at, values, flow.system.contacts.touching(trajectory.phases), energy),
         balance=balance,
         events=_events(system, trajectory),
+        contact_events=ContactEvents.of(trajectory, len(system.snubbers)),
         breakpoints=_breakpoints(system, trajectory),
         extremes=extremes,
         station_extremes=lambda: extremes["stress"],

@@ -6,6 +6,11 @@ may be so sensitive that the sequences of contacts part although both models are
 compared as they are. What comes after is compared statistically if the excitation goes on: each figure is taken in
 `WINDOWS` equal parts of the rest, and the change is that of its mean; it is doubtful if it exceeds the scatter of the
 differences too.
+
+After the sequences have parted the motion is one of many. Figures that what follows can change are marked
+(`after_parting`), even where a finer model happens to give the same number: shares and means, and extremes that are not
+above everything that follows by more than its own spread. Small disturbances of the stiffness say whether the motion is
+that sensitive or only the models differ.
 """
 
 from __future__ import annotations
@@ -30,6 +35,7 @@ from beamsim.analyses.run.figures import (
 )
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.outputs import bending_stress, energies_of_rows, exact_flow, in_every_state, output_groups
+from beamsim.analyses.run.parting import ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed
@@ -46,10 +52,11 @@ if TYPE_CHECKING:
 
 WORTHLESS = 0.5  # relative change of the displacements beyond which the default model is not to be used
 MORE_MODES = 1.5
-SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 WINDOWS = 8  # parts of the motion after the sequences have parted
 SAMPLES = 512  # in each of them
 FREQUENCIES = 6  # natural frequencies that are compared
+COUNTED = ("contact_share", "contacts")  # of the whole motion; all other figures of motions are extremes
+SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
 ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is compared with
 SEARCHED = (  # for their extremes
     "displacement", "acceleration", "force", "penetration", "stretch", "spring_force", "output",
@@ -63,10 +70,16 @@ class Solution:
     """The figures of a model, and its motion where it is known in closed form."""
 
     system: StructuralSystem
+    settings: Run
     figures: Mapping[str, Any]
-    end: float  # s, reached
+    events: ContactEvents
     trajectory: Trajectory | None = None
     sampled: OutputSamples | None = None  # from time stepping
+
+    @property
+    def end(self) -> float:
+        """Time that was reached, s."""
+        return self.events.end
 
 
 @dataclass(frozen=True)
@@ -77,6 +90,8 @@ class Convergence:
     doubtful: tuple[str, ...] = ()  # ``figure.name`` of those that change by more than `ALLOWED_CHANGE`
     modes: int = 0  # of the finer model; 0 where the first leaves out nothing
     parted_s: float = math.inf  # time at which the sequences of contacts part
+    after_parting: tuple[str, ...] = ()  # ``figure.name`` of those that depend on the motion after that
+    sensitivity: PartingTimes = field(default_factory=PartingTimes)
     processor_time_s: float = 0.0
     reason: str = field(default="")  # why there is no comparison
     lines: Mapping[SpectrumKey, tuple[float, ...]] = field(default_factory=dict)  # of each line of each spectrum
@@ -89,18 +104,26 @@ class Convergence:
 
     def summary(self) -> dict[str, Any]:
         """Entries of the summary of a run."""
+
+        def finite(time: float) -> float | None:
+            return time if math.isfinite(time) else None
+
         model = {
-            "modes": self.modes, "sequences_part_s": self.parted_s if math.isfinite(self.parted_s) else None,
+            "modes": self.modes, "sequences_part_s": finite(self.parted_s),
+            "disturbance_parts_s": finite(self.sensitivity.small_s),
+            "round_off_parts_s": finite(self.sensitivity.round_off_s),
             "processor_time_s": self.processor_time_s, "reason": self.reason,
         }  # fmt: skip
-        return {"convergence": self.changes, "doubtful": list(self.doubtful), "convergence_model": model}
+        doubtful, after = list(self.doubtful), list(self.after_parting)
+        return {"convergence": self.changes, "doubtful": doubtful, "after_parting": after, "convergence_model": model}
 
 
 def check_convergence(
     scenario: Scenario,
     first: Solution,
     derived: DerivedFigures,
-    solve: Callable[[StructuralSystem], Solution],
+    solve: Callable[[StructuralSystem], Solution] | None,
+    disturbed: Callable[[float, float], ContactEvents] | None,
 ) -> Convergence:
     """Solve the case again with a finer model and compare the figures.
 
@@ -108,28 +131,38 @@ def check_convergence(
     ----------
     first : the solution whose figures are reported.
     derived : its spectra and statistics.
-    solve : solves the finer model.
+    solve : solves the finer model; None where there can be none.
+    disturbed : see `sensitivity`; None of a motion from time stepping.
     """
+    begin = clock.process_time()
     modes = first.system.modes.kept_modes
     counts = [body.mode_count for body in scenario.all_bodies.values()]
-    if None not in counts and modes >= sum(count for count in counts if count is not None):
-        changes, lines = _with_lines(derived, _no_changes(_compared(first.figures) | derived.reported()))
-        return Convergence(changes, lines=lines)
-    begin = clock.process_time()
+    everything = None not in counts and modes >= sum(count for count in counts if count is not None)
+    if solve is None or everything:
+        checked = Convergence({}, reason="the run starts from a state of this model, which a finer one does not share")
+        if everything:
+            changes, lines = _with_lines(derived, _no_changes(_compared(first.figures) | derived.reported()))
+            checked = Convergence(changes, lines=lines)
+        return _disturbed_alone(checked, first, derived, disturbed, begin)
     finer = scenario.refined(math.ceil(MORE_MODES * modes))
     try:
         second = solve(build_system(finer))
     except ScenarioError as error:
         return Convergence({}, reason="; ".join(problem.message for problem in error.problems))
-    parted = math.inf
-    if first.trajectory is not None and second.trajectory is not None:
-        parted = parting(first.trajectory, second.trajectory, len(first.system.snubbers))
+    parted = parting(first.events, second.events)
     end = min(first.end, second.end)
     scatter: Changes = {}
-    if parted < end and scenario.excitation.kind != "none" and not scenario.excitation.shock:
-        changes, scatter = _statistical(scenario, first, second, parted, end)
-        assert first.trajectory is not None
-        assert second.trajectory is not None
+    early: Changes | None = None
+    windows: list[Changes] = []
+    after: tuple[str, ...] = ()
+    felt = PartingTimes()
+    if parted < end:
+        early, windows = _until(parted, first), list(_windows(first, parted, end))
+        after = tuple(_after_parting(first, early, windows, derived))
+        felt = PartingTimes() if disturbed is None else sensitivity(first.events, parted, disturbed)
+    lasting = scenario.excitation.kind != "none" and not scenario.excitation.shock
+    if lasting and early is not None and (later := _until(parted, second)) is not None:
+        changes, scatter = _statistical(first, early, later, windows, list(_windows(second, parted, end)))
         parts = derived.parts(WINDOWS)
         one, other = (derived.again(s.system, s.trajectory, parts) for s in (first, second) if s.trajectory)
         check_stop()
@@ -143,9 +176,74 @@ def check_convergence(
     check_stop()
     changes, lines = _with_lines(derived, changes)
     return Convergence(
-        changes, tuple(_doubtful(changes, scatter)), second.system.modes.kept_modes, parted,
+        changes, tuple(_doubtful(changes, scatter)), second.system.modes.kept_modes, parted, after, felt,
         clock.process_time() - begin, lines=lines,
     )  # fmt: skip
+
+
+def _disturbed_alone(
+    checked: Convergence,
+    first: Solution,
+    derived: DerivedFigures,
+    disturbed: Callable[[float, float], ContactEvents] | None,
+    begin: float,
+) -> Convergence:
+    """What is known without a finer model: whether a small disturbance gives other contacts."""
+    if disturbed is None or first.events.time.size == 0:
+        return checked
+    felt = sensitivity(first.events, first.end, disturbed)
+    if not felt.sensitive:
+        return replace(checked, processor_time_s=clock.process_time() - begin)
+    early, windows = _until(felt.small_s, first), list(_windows(first, felt.small_s, first.end))
+    after = tuple(_after_parting(first, early, windows, derived))
+    spent = clock.process_time() - begin
+    return replace(checked, parted_s=felt.small_s, after_parting=after, sensitivity=felt, processor_time_s=spent)
+
+
+def _until(parted: float, solution: Solution) -> Changes | None:
+    """The figures of the motion before the sequences part; None of a motion from time stepping."""
+    trajectory, settings = solution.trajectory, solution.settings
+    if trajectory is None:
+        return None
+    seeds = np.linspace(0.0, parted, SEEDS)
+    figures = _compared(solution_figures(solution.system, settings, trajectory.until(parted), seeds))
+    shares = figures["contact_share"]
+    assert isinstance(shares, dict)
+    figures["contact_share"] = {name: share * parted / solution.end for name, share in shares.items()}  # of the whole
+    return figures
+
+
+def _after_parting(
+    first: Solution, early: Changes | None, windows: Sequence[Changes], derived: DerivedFigures
+) -> Iterator[str]:
+    """``figure.name`` of what the motion after the parting can change.
+
+    Parameters
+    ----------
+    early : the figures of the motion before.
+    windows : those of equal parts of the motion after; an extreme before has to exceed them by their spread.
+    """
+    known = static_figures(first.system)
+    for name, value in _compared(first.figures).items():
+        if name in known:
+            continue
+        for place, whole in _places(value):
+            if early is not None:
+                part, *later = (dict(_places(figures[name]))[place] for figures in (early, *windows))
+                sign = -1.0 if name.startswith("min_") else 1.0
+                highest, lowest = max(sign * x for x in later), min(sign * x for x in later)
+                exceeded = name not in COUNTED and 2.0 * highest - lowest > sign * whole
+                if not exceeded and abs(whole - part) <= SAME_VALUE * max(abs(whole), abs(part)):
+                    continue
+            yield f"{name}.{place}" if place else name
+    lines: Changes = {"spectral_lines": {" ".join(key): 0.0 for key in derived.spectra}}
+    taken = {name: value for name, value in derived.reported().items() if not name.startswith("line_")}
+    for name, value in (lines | taken).items():
+        yield from (f"{name}.{place}" for place, _ in _places(value))
+
+
+def _places(value: dict[str, float] | float) -> list[tuple[str, float]]:
+    return list(value.items()) if isinstance(value, dict) else [("", value)]
 
 
 def _with_lines(derived: DerivedFigures, changes: Changes) -> tuple[Changes, dict[SpectrumKey, tuple[float, ...]]]:
@@ -172,13 +270,22 @@ def solve_exactly(
     work : of the first model, which bounds that of this one.
     stop : see `simulate`.
     """
-    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
+    trajectory = march_again(system, settings, settings.duration, work, stop)
+    events = ContactEvents.of(trajectory, len(system.snubbers))
+    return Solution(system, settings, solution_figures(system, settings, trajectory, seeds), events, trajectory)
+
+
+def march_again(
+    system: StructuralSystem, settings: Run, duration: float, work: Work, stop: Callable[[], bool]
+) -> Trajectory:
+    """The motion of a model that is nearly that of the run; parameters as of `solve_exactly`."""
+    flow = exact_flow(system, duration, settings.most_contact_states, memory=settings.memory)
     trajectory = simulate(
         flow, system.initial_state, max_events=4 * work.events + 1000, stop=stop,
         max_evaluations=10 * work.evaluations + 1_000_000,
     )  # fmt: skip
     check_stop()
-    return Solution(system, solution_figures(system, settings, trajectory, seeds), trajectory.end, trajectory)
+    return trajectory
 
 
 def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajectory, seeds: Floats) -> dict[str, Any]:
@@ -212,11 +319,18 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
             probe,
             displacement_change=change("peak_displacement_m", name),
             acceleration_change=change("peak_acceleration_g", name),
+            displacement_after_parting=f"peak_displacement_m.{name}" in checked.after_parting,
+            acceleration_after_parting=f"peak_acceleration_g.{name}" in checked.after_parting,
         )
         for name, probe in result.probes.items()
     }
     snubbers = {
-        name: changed(snubber, force_change=change("peak_force_n", name)) for name, snubber in result.snubbers.items()
+        name: changed(
+            snubber,
+            force_change=change("peak_force_n", name),
+            force_after_parting=f"peak_force_n.{name}" in checked.after_parting,
+        )
+        for name, snubber in result.snubbers.items()
     }
     spectra = {
         key: changed(
@@ -230,21 +344,38 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
         for key, s in result.spectra.items()
     }
     outputs = {
-        name: changed(output, value_change=change("peak_output", name)) for name, output in result.outputs.items()
+        name: changed(
+            output,
+            value_change=change("peak_output", name),
+            value_after_parting=f"peak_output.{name}" in checked.after_parting,
+        )
+        for name, output in result.outputs.items()
     }
     result = changed(result, probes=probes, snubbers=snubbers, spectra=spectra, outputs=outputs)
+    parted = [_parted(checked)] if checked.after_parting else []
     if not checked.doubtful:
-        return result
+        return changed(result, outcome=parted[0]) if parted else result
     sizes = {name: change(*name.partition(".")[::2]) or 0.0 for name in checked.doubtful}
     worst = sorted(sizes, key=lambda name: -sizes[name])
     automatic = result.scenario.reduction is None and checked.parted_s == math.inf
     worthless = automatic and checked.largest_displacement_change > WORTHLESS
     code = OutcomeCode.FIGURES_WORTHLESS if worthless else OutcomeCode.FIGURES_DOUBTFUL
     outcome = Outcome.of(
-        code, percent=100 * ALLOWED_CHANGE, figures=[f"{name} by {100 * sizes[name]:.2g} %" for name in worst],
+        code, *parted, percent=100 * ALLOWED_CHANGE, figures=[f"{name} by {100 * sizes[name]:.2g} %" for name in worst],
         remedy=_remedy(result, checked.doubtful),
     )  # fmt: skip
     return changed(result, outcome=outcome)
+
+
+def _parted(checked: Convergence) -> Outcome:
+    """Which figures depend on the motion after the sequences of contacts part, and why they part."""
+    felt = checked.sensitivity
+    figures = list(dict.fromkeys(name.partition(".")[0] for name in checked.after_parting))
+    if felt.sensitive:
+        times = {"small_s": felt.small_s, "round_off_s": felt.round_off_s}
+        times = {name: time for name, time in times.items() if math.isfinite(time)}
+        return Outcome.of(OutcomeCode.MOTION_SENSITIVE, time=checked.parted_s, figures=figures, **times)
+    return Outcome.of(OutcomeCode.CONTACTS_PART, time=checked.parted_s, figures=figures)
 
 
 def _remedy(result: RunResult, doubtful: Sequence[str]) -> str:
@@ -262,61 +393,29 @@ def _remedy(result: RunResult, doubtful: Sequence[str]) -> str:
     return "; ".join(remedies)
 
 
-def parting(first: Trajectory, second: Trajectory, snubbers: int) -> float:
-    """Time at which the contact sequences of two motions part, s; infinite if they do not."""
-    end = min(first.end, second.end)
-    one, other = (_events(trajectory, snubbers) for trajectory in (first, second))
-    closings = np.bincount(one[1], minlength=snubbers)
-    apart = SAME_EVENT * end / np.maximum(closings / 2, 1.0)  # by contact
-    common = min(one[0].size, other[0].size)
-    same = (one[1][:common] == other[1][:common]) & (one[2][:common] == other[2][:common])
-    same &= np.abs(one[0][:common] - other[0][:common]) <= apart[one[1][:common]]
-    if not same.all():
-        k = int(np.argmin(same))
-        return float(min(one[0][k], other[0][k]))
-    rest = one if one[0].size > common else other
-    if rest[0].size > common and rest[0][common] < end - apart[rest[1][common]]:
-        return float(rest[0][common])
-    return math.inf
-
-
-def _events(trajectory: Trajectory, snubbers: int) -> tuple[Floats, Any, Any]:
-    of_snubber = trajectory.event_contact < snubbers
-    return (
-        trajectory.event_time[of_snubber], trajectory.event_contact[of_snubber], trajectory.event_phase[of_snubber],
-    )  # fmt: skip
-
-
 def _closings(trajectory: Trajectory) -> Any:
     count = trajectory.flow.system.contacts.count
     return np.bincount(trajectory.event_contact[trajectory.event_closing], minlength=count)
 
 
-def _statistical(
-    scenario: Scenario, first: Solution, second: Solution, parted: float, end: float
-) -> tuple[Changes, Changes]:
-    """Changes before the sequences part and of means after it, the larger of the two; and the scatter of the latter."""
-    settings = scenario.run
-    assert settings is not None
-    before, after = [], []
-    for solution in (first, second):
-        assert solution.trajectory is not None
-        early = solution.trajectory.until(parted)
-        seeds = np.linspace(0.0, parted, SEEDS)
-        before.append(_compared(solution_figures(solution.system, settings, early, seeds)))
-        after.append(list(_windows(solution.system, settings, solution.trajectory, parted, end)))
-    for figures in before:  # as parts of those of the whole motion
-        shares = figures["contact_share"]
-        figures["contact_share"] = {name: share * parted / end for name, share in shares.items()}  # type: ignore[union-attr]
-    changes = _changes([before[0]], [before[1]], whole=_compared(first.figures))
+def _statistical(first: Solution, early: Changes, finer: Changes, *after: Sequence[Changes]) -> tuple[Changes, Changes]:
+    """Changes before the sequences part and of means after it, the larger of the two; and the scatter of the latter.
+
+    Parameters
+    ----------
+    early, finer : the figures of both models before the sequences part.
+    after : of both models those of equal parts of the motion that follows.
+    """
+    changes = _changes([early], [finer], whole=_compared(first.figures))
     means, scatter = _changes(*after), _changes(*after, scatter=True)
     return _larger(changes, means), scatter
 
 
-def _windows(
-    system: StructuralSystem, settings: Run, trajectory: Trajectory, begin: float, end: float
-) -> Iterator[Changes]:
-    """The figures of equal parts of a motion, from samples; contact exactly."""
+def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
+    """The figures of equal parts of a motion, from samples; contact exactly. None of a motion from time stepping."""
+    system, settings, trajectory = solution.system, solution.settings, solution.trajectory
+    if trajectory is None:
+        return
     times = np.linspace(begin, end, WINDOWS * SAMPLES + 1)[:-1]
     flow = trajectory.flow
     groups = output_groups(system, flow)

@@ -1,0 +1,94 @@
+"""Where two motions part that begin alike, and how soon a disturbance parts them.
+
+A motion that bounces may be so sensitive that any small change gives it other contacts after some time. What comes
+after that is one of many motions, and no model or precision of the computation can say which.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from beamsim.flow.reference import ReferenceTrajectory
+from beamsim.flow.trajectory import Trajectory
+from beamsim.typing import Floats, Ints
+
+SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
+SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
+SEARCHED_FOR = 8.0  # times the time at which two models part, within which disturbances are followed
+
+
+@dataclass(frozen=True)
+class ContactEvents:
+    """The events (E,) of the snubbers of a motion in order of time."""
+
+    end: float  # s, of the motion
+    time: Floats
+    contact: Ints
+    phase: Ints  # of the contact after the event
+
+    @classmethod
+    def of(cls, motion: Trajectory | ReferenceTrajectory, snubbers: int) -> Self:
+        """Those of a motion whose first ``snubbers`` contacts are snubbers."""
+        these = motion.event_contact < snubbers
+        return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])
+
+    def until(self, end: float) -> Self:
+        """Those up to a time."""
+        count = int(np.searchsorted(self.time, end, side="right"))
+        return replace(self, end=end, time=self.time[:count], contact=self.contact[:count], phase=self.phase[:count])
+
+
+def parting(first: ContactEvents, second: ContactEvents) -> float:
+    """Time at which the contact sequences of two motions part, s; infinite if they do not."""
+    end = min(first.end, second.end)
+    common = min(first.time.size, second.time.size)
+    if max(first.time.size, second.time.size) == 0:
+        return math.inf
+    highest = max(first.contact.max(initial=0), second.contact.max(initial=0))
+    closings = np.bincount(first.contact, minlength=int(highest) + 1)
+    apart = SAME_EVENT * end / np.maximum(closings / 2, 1.0)  # by contact
+    same = (first.contact[:common] == second.contact[:common]) & (first.phase[:common] == second.phase[:common])
+    same &= np.abs(first.time[:common] - second.time[:common]) <= apart[first.contact[:common]]
+    if not same.all():
+        k = int(np.argmin(same))
+        return float(min(first.time[k], second.time[k]))
+    rest = first if first.time.size > common else second
+    if rest.time.size > common and rest.time[common] < end - apart[rest.contact[common]]:
+        return float(rest.time[common])
+    return math.inf
+
+
+@dataclass(frozen=True)
+class PartingTimes:
+    """Times after which small changes of the stiffness give other contacts, s; infinite where none was seen."""
+
+    small_s: float = math.inf  # of a change by 1e-9 of itself
+    round_off_s: float = math.inf  # by 1e-15
+
+    @property
+    def sensitive(self) -> bool:
+        """Whether changes that no structure is known to give other contacts."""
+        return math.isfinite(min(self.small_s, self.round_off_s))
+
+
+def sensitivity(
+    motion: ContactEvents, parted: float, disturbed: Callable[[float, float], ContactEvents]
+) -> PartingTimes:
+    """When disturbances part from a motion.
+
+    Parameters
+    ----------
+    motion : the events of the motion.
+    parted : s, where that of a finer model parts from it. Disturbances are followed to `SEARCHED_FOR` times that.
+    disturbed : events of the motion with the stiffness changed by a share of itself, up to a time.
+    """
+    end = min(motion.end, SEARCHED_FOR * parted)
+    small = parting(motion.until(end), disturbed(SMALL, end))
+    if small == math.inf:
+        return PartingTimes()
+    return PartingTimes(small, parting(motion.until(end), disturbed(ROUND_OFF, end)))

@@ -1,0 +1,142 @@
+"""Motions so sensitive that round-off decides on their contacts say from when on, and which figures that concerns."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.run.parting import ContactEvents, PartingTimes, parting, sensitivity
+from beamsim.cli.report import AFTER_PARTING, table_rows
+from beamsim.outcomes import OutcomeCode
+from beamsim.scenario import load_scenario
+
+
+def oscillator(frequency=0.45, stiffness=1.0, **run):
+    """One mass above a stiff stop: chaotic at 0.45 Hz, periodic at 0.4 Hz. No model is finer."""
+    chain = {
+        "masses": [1.0], "springs": [stiffness, 0.0], "damping": {"kind": "modal", "ratio": 0.01},
+        "snubbers": [{"name": "stop", "mass": 1, "side": "below", "stiffness": 1000.0, "gap": 0.0}],
+    }  # fmt: skip
+    shake = {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 1.0, "frequency": frequency}
+    return load_scenario({"chain": chain, "excitation": shake, "run": {"duration": 300.0, "sample_rate": 20.0} | run})
+
+
+@pytest.fixture(scope="module")
+def chaotic():
+    return beamsim.run(oscillator())
+
+
+def closings(result):
+    return result.events.time[result.events.closing]
+
+
+def test_round_off_gives_other_contacts_from_the_time_stated_on(chaotic):
+    """A change of the level by round-off, which is another disturbance than that of the stiffness."""
+    model = chaotic.summary["convergence_model"]
+    stated = model["round_off_parts_s"]
+    assert 0.0 < model["disturbance_parts_s"] < stated < 300.0
+    moved = oscillator()
+    level = moved.excitation.model_copy(update={"level": 1.0 + 1e-15})
+    other = beamsim.run(moved.model_copy(update={"excitation": level}))
+    common = min(closings(chaotic).size, closings(other).size)
+    apart = np.abs(closings(chaotic)[:common] - closings(other)[:common])
+    first = closings(chaotic)[np.argmax(apart > 0.1)]
+    assert apart[closings(chaotic)[:common] < 0.5 * model["disturbance_parts_s"]].max() < 1e-6
+    assert 0.7 * stated < first < 1.3 * stated
+
+
+def test_what_is_marked_depends_on_what_follows(chaotic):
+    s = chaotic.summary
+    stiffer = beamsim.run(oscillator(stiffness=1.0 + 1e-9, convergence="off")).summary
+    figures = (
+        "peak_displacement_m",
+        "min_displacement_m",
+        "peak_acceleration_g",
+        "peak_force_n",
+        "contact_share",
+        "contacts",
+    )
+    after = s["after_parting"]
+    for figure in figures:
+        for name, value in s[figure].items():
+            assert abs(stiffer[figure][name] / value - 1.0) > 1e-3, figure  # although the peaks come before the parting
+            assert f"{figure}.{name}" in after
+    assert s["convergence"]["peak_force_n"]["stop"] == 0.0  # all modes are kept
+
+
+def test_a_peak_above_all_that_follows_is_not_marked():
+    """A throw from high above gives the first impact; what goes on after it is chaotic, but much smaller."""
+    thrown = oscillator(start={"displacement": [5.0]}, duration=400.0)
+    result = beamsim.run(thrown)
+    after = result.summary["after_parting"]
+    assert "contacts.stop" in after
+    assert not {"peak_displacement_m.stop", "peak_force_n.stop", "max_displacement_m.stop"} & set(after)
+    start = {"displacement": [5.0]}
+    stiffer = beamsim.run(oscillator(stiffness=1.0 + 1e-9, start=start, duration=400.0, convergence="off")).summary
+    assert stiffer["peak_force_n"]["stop"] == pytest.approx(result.summary["peak_force_n"]["stop"], rel=1e-7)
+
+
+def test_status_table_and_file_say_so(chaotic, tmp_path):
+    assert chaotic.complete
+    assert chaotic.outcome.code is OutcomeCode.MOTION_SENSITIVE
+    assert "run.impacts" in chaotic.outcome.remedy
+    rows = [text for _, text in table_rows("run", chaotic)]
+    assert any(text.startswith("stop") and text.endswith(f"{AFTER_PARTING}, no change") for text in rows)
+    assert any("with round-off" in text for text in rows)
+    stored = beamsim.open_run(beamsim.write_result(chaotic, tmp_path / "run.h5"))
+    assert stored.outcome == chaotic.outcome
+    assert stored.summary["after_parting"] == chaotic.summary["after_parting"]
+    assert stored.snubbers["stop"].force_after_parting
+    assert stored.probes["stop"].displacement_after_parting
+
+
+def test_a_periodic_motion_has_no_marks():
+    result = beamsim.run(oscillator(0.4))
+    assert result.summary["events"] > 100
+    assert result.summary["after_parting"] == []
+    assert result.summary["convergence_model"]["disturbance_parts_s"] is None
+    assert not result.outcome.message
+
+
+@pytest.mark.slow
+def test_time_stepping_against_the_finer_model_marks_every_figure_of_the_motion():
+    """Stepping errors part the sequences as a finer model does; what was attained before is not known."""
+    case = {
+        "beam": {"length": 0.27, "bending_stiffness": 35.94, "mass_per_length": 0.675,
+                 "damping": {"kind": "modal", "ratio": 0.01}},
+        "snubbers": [{"name": "tip", "position": 0.27, "side": "below", "stiffness": "151 kN/m", "gap": "-0.2 mm"}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": "8 g", "frequency": "220 Hz"},
+        "reduction": {"modes": 2},
+        "run": {"duration": "0.5 s", "method": "reference", "integrator": "DOP853", "sample_rate": "10 kHz"},
+    }  # fmt: skip
+    result = beamsim.run(load_scenario(case))
+    assert 0.0 < result.summary["convergence_model"]["sequences_part_s"] < 0.5
+    assert {"peak_force_n.tip", "peak_displacement_m.tip", "contacts.tip"} <= set(result.summary["after_parting"])
+    assert result.outcome.all_of(OutcomeCode.CONTACTS_PART)
+
+
+def events(*times, end=10.0):
+    time = np.array(times)
+    return ContactEvents(end, time, np.zeros(time.size, dtype=np.int64), np.arange(time.size) % 2)
+
+
+def test_motions_part_at_the_first_event_that_is_not_shared():
+    one = events(1.0, 1.1, 3.0, 3.1, 5.0, 5.1)
+    assert parting(one, one) == np.inf
+    assert parting(one, events(1.0, 1.1, 3.0, 3.1)) == 5.0
+    assert parting(one, events(1.0, 1.1, 4.0, 4.1, 5.0, 5.1)) == 3.0
+    assert parting(events(), events()) == np.inf
+    assert parting(events(), events(2.0, 2.1)) == 2.0
+
+
+def test_disturbances_are_followed_to_eight_times_the_parting():
+    asked = []
+
+    def disturbed(share, end):
+        asked.append((share, end))
+        return events(1.0, 1.1, 4.0 if share == 1e-9 else 5.0, end=end)
+
+    motion = events(1.0, 1.1, 3.0, 3.1, end=100.0)
+    felt = sensitivity(motion, 1.0, disturbed)
+    assert asked == [(1e-9, 8.0), (1e-15, 8.0)]
+    assert felt == PartingTimes(3.0, 3.0)
+    assert not sensitivity(motion, 0.1, disturbed).sensitive
