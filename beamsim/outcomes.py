@@ -73,8 +73,9 @@ class OutcomeCode(Enum):
     )
     CONTACTS_PART = (
         OutcomeKind.COMPLETE,
-        "the finer model has other contacts from {time:.4g} s on: {figures} depend on what follows",
-        "keep more modes (reduction.modes) and elements until the contacts agree, or take means of a longer run",
+        "the finer model, stepped in time too, has other contacts from {time:.4g} s on: {figures} depend on what "
+        "follows",
+        "lower run.rtol, keep more modes (reduction.modes), or take means of a longer run",
     )
 
     # a branch of periodic orbits

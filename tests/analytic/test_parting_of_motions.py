@@ -1,5 +1,7 @@
 """Motions so sensitive that round-off decides on their contacts say from when on, and which figures that concerns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -128,15 +130,38 @@ def test_motions_part_at_the_first_event_that_is_not_shared():
     assert parting(events(), events(2.0, 2.1)) == 2.0
 
 
-def test_disturbances_are_followed_to_eight_times_the_parting():
+def test_two_contacts_at_one_time_have_no_order():
+    """A symmetric structure meets two stops at once; round-off says which of them comes first."""
+    time, phase = np.array([1.0, 1.0, 2.0, 2.0]), np.array([1, 1, 0, 0])
+    one, other = (ContactEvents(10.0, time, np.array(contact), phase) for contact in ([0, 1, 0, 1], [1, 0, 0, 1]))
+    assert parting(one, other) == np.inf
+    assert parting(one, replace(other, phase=np.array([1, 1, 0, 1]))) == 2.0
+
+
+def test_disturbances_are_followed_for_longer_and_longer():
     asked = []
 
     def disturbed(share, end):
         asked.append((share, end))
-        return events(1.0, 1.1, 4.0 if share == 1e-9 else 5.0, end=end)
+        return events(1.0, 1.1, 13.0 if share == 1e-9 else 14.0, end=end).until(end)
 
-    motion = events(1.0, 1.1, 3.0, 3.1, end=100.0)
-    felt = sensitivity(motion, 1.0, disturbed)
-    assert asked == [(1e-9, 8.0), (1e-15, 8.0)]
-    assert felt == PartingTimes(3.0, 3.0)
-    assert not sensitivity(motion, 0.1, disturbed).sensitive
+    motion = events(1.0, 1.1, 30.0, 30.1, end=100.0)
+    assert sensitivity(motion, 1.0, disturbed) == PartingTimes(13.0, 14.0)
+    assert asked == [(1e-9, 8.0), (1e-9, 64.0), (1e-15, 100.0)]
+    assert not sensitivity(motion.until(20.0), 1.0, lambda share, end: motion.until(end)).sensitive
+
+
+def test_another_model_with_other_contacts_is_no_sensitive_motion():
+    """A light dashpot bounces at once in one model and not in the other; what follows is the same motion."""
+    stop = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "100 kN/m", "gap": 0}
+    case = {
+        "beam": {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25,
+                 "damping": {"kind": "modal", "ratio": 0.01}},
+        "snubbers": [stop],
+        "excitation": {"kind": "harmonic", "applied_to": {"position": 0.135}, "level": "5 N", "frequency": "32 Hz"},
+        "run": {"duration": 0.4},
+    }  # fmt: skip
+    s = beamsim.run(load_scenario(case)).summary
+    assert s["convergence_model"]["sequences_part_s"] is not None
+    assert s["convergence_model"]["disturbance_parts_s"] is None
+    assert s["after_parting"] == []

@@ -35,7 +35,7 @@ from beamsim.analyses.run.figures import (
 )
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.outputs import bending_stress, energies_of_rows, exact_flow, in_every_state, output_groups
-from beamsim.analyses.run.parting import ContactEvents, PartingTimes, parting, sensitivity
+from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed
@@ -158,8 +158,9 @@ def check_convergence(
     felt = PartingTimes()
     if parted < end:
         early, windows = _until(parted, first), list(_windows(first, parted, end))
-        after = tuple(_after_parting(first, early, windows, derived))
         felt = PartingTimes() if disturbed is None else sensitivity(first.events, parted, disturbed)
+        if felt.sensitive or disturbed is None:
+            after = tuple(_after_parting(first, early, windows, derived))
     lasting = scenario.excitation.kind != "none" and not scenario.excitation.shock
     if lasting and early is not None and (later := _until(parted, second)) is not None:
         changes, scatter = _statistical(first, early, later, windows, list(_windows(second, parted, end)))
@@ -191,7 +192,7 @@ def _disturbed_alone(
     """What is known without a finer model: whether a small disturbance gives other contacts."""
     if disturbed is None or first.events.time.size == 0:
         return checked
-    felt = sensitivity(first.events, first.end, disturbed)
+    felt = sensitivity(first.events, first.end / LONGER, disturbed)
     if not felt.sensitive:
         return replace(checked, processor_time_s=clock.process_time() - begin)
     early, windows = _until(felt.small_s, first), list(_windows(first, felt.small_s, first.end))

@@ -19,7 +19,7 @@ from beamsim.typing import Floats, Ints
 
 SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
-SEARCHED_FOR = 8.0  # times the time at which two models part, within which disturbances are followed
+LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to part
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,11 @@ class ContactEvents:
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])
 
+    def of_contact(self, contact: int) -> Self:
+        """Those of one contact."""
+        these = self.contact == contact
+        return replace(self, time=self.time[these], contact=self.contact[these], phase=self.phase[these])
+
     def until(self, end: float) -> Self:
         """Those up to a time."""
         count = int(np.searchsorted(self.time, end, side="right"))
@@ -44,21 +49,26 @@ class ContactEvents:
 
 
 def parting(first: ContactEvents, second: ContactEvents) -> float:
-    """Time at which the contact sequences of two motions part, s; infinite if they do not."""
+    """Time at which the contact sequences of two motions part, s; infinite if they do not.
+
+    Each contact has its own sequence: which of two comes first is round-off where a symmetric structure meets both.
+    """
     end = min(first.end, second.end)
+    contacts = np.union1d(first.contact, second.contact)
+    return min((_parting_of(first.of_contact(k), second.of_contact(k), end) for k in contacts), default=math.inf)
+
+
+def _parting_of(first: ContactEvents, second: ContactEvents, end: float) -> float:
+    """The same of the events of one contact."""
+    apart = SAME_EVENT * end / max(first.time.size / 2, 1.0)
     common = min(first.time.size, second.time.size)
-    if max(first.time.size, second.time.size) == 0:
-        return math.inf
-    highest = max(first.contact.max(initial=0), second.contact.max(initial=0))
-    closings = np.bincount(first.contact, minlength=int(highest) + 1)
-    apart = SAME_EVENT * end / np.maximum(closings / 2, 1.0)  # by contact
-    same = (first.contact[:common] == second.contact[:common]) & (first.phase[:common] == second.phase[:common])
-    same &= np.abs(first.time[:common] - second.time[:common]) <= apart[first.contact[:common]]
+    same = first.phase[:common] == second.phase[:common]
+    same &= np.abs(first.time[:common] - second.time[:common]) <= apart
     if not same.all():
         k = int(np.argmin(same))
         return float(min(first.time[k], second.time[k]))
     rest = first if first.time.size > common else second
-    if rest.time.size > common and rest.time[common] < end - apart[rest.contact[common]]:
+    if rest.time.size > common and rest.time[common] < end - apart:
         return float(rest.time[common])
     return math.inf
 
@@ -84,11 +94,14 @@ def sensitivity(
     Parameters
     ----------
     motion : the events of the motion.
-    parted : s, where that of a finer model parts from it. Disturbances are followed to `SEARCHED_FOR` times that.
+    parted : s, where that of a finer model parts from it, near which a disturbance is likely to part, too.
     disturbed : events of the motion with the stiffness changed by a share of itself, up to a time.
     """
-    end = min(motion.end, SEARCHED_FOR * parted)
-    small = parting(motion.until(end), disturbed(SMALL, end))
+    end, small = parted, math.inf
+    while small == math.inf and end < motion.end:
+        end = min(motion.end, LONGER * end)
+        small = parting(motion.until(end), disturbed(SMALL, end))
     if small == math.inf:
         return PartingTimes()
+    end = min(motion.end, LONGER * small)
     return PartingTimes(small, parting(motion.until(end), disturbed(ROUND_OFF, end)))
