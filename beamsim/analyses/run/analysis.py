@@ -327,7 +327,6 @@ class _RunMotion:
     histories: Histories
     balance: EnergyBalance
     events: EventLog
-    contact_events: ContactEvents
     breakpoints: int  # of piecewise-linear springs that were passed, the start left out
     extremes: Extremes
     station_extremes: Callable[[], Extreme]  # of the stress at every station
@@ -342,6 +341,7 @@ class _RunMotion:
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
+    contact_events: ContactEvents | None = None  # of a motion that is kept as a whole
 
     def column(self, group: str, index: int) -> Floats:
         """(nt,) one output, computed when it is read."""
@@ -366,12 +366,14 @@ def _checked(
         if finer.cubic.count:
             again = _reference(finer, settings, _output_times(settings), None, stop)
             check_stop()
+            assert again.contact_events is not None
             sampled = OutputSamples(again.histories.time, again.histories.values)
             return Solution(finer, settings, _figures(finer, again), again.contact_events, sampled=sampled)
         seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
         return solve_exactly(finer, settings, seeds, motion.work, stop)
 
     kept = {name: figures[name] for name in _figures(system, motion)}
+    assert motion.contact_events is not None
     first = Solution(system, settings, kept, motion.contact_events, motion.trajectory)
 
     def disturbed(share: float, end: float) -> ContactEvents:
