@@ -200,7 +200,7 @@ class LongMotion:
 def _events_of(log: Log | None) -> Log:
     """The events alone; no part of an array that holds the segments too, which would keep it."""
     assert log is not None
-    events = {name: getattr(log, name) for name in ("event_time", "event_contact", "event_phase")}
+    events = {name: getattr(log, name).copy() for name in ("event_time", "event_contact", "event_phase")}
     return Log.sized(0, log.y.shape[1], 0)._replace(**events)
 
 

@@ -54,7 +54,7 @@ class Log(NamedTuple):
     @classmethod
     def join(cls, parts: list[Log]) -> Log:
         """Logs joined in order."""
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return parts[0] if len(parts) == 1 else cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 class Marched(Protocol):

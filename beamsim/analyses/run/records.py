@@ -9,6 +9,7 @@ rate enters.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -127,19 +128,7 @@ class MotionRecord:
             return self._sampled.project(frequency_hz, window)
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
 
-        def transform(nu: Floats) -> Complexes:
-            return window.transform(nu.ravel(), self.duration).reshape(nu.shape)
-
-        across, along = transform(np.subtract.outer(omega, omega)), transform(np.add.outer(omega, omega))
-        alone = transform(omega)
-        total = float(transform(np.zeros(1))[0].real)
-        gram = np.block(
-            [
-                [np.array([[total]]), -alone.imag[None], alone.real[None]],
-                [-alone.imag[:, None], 0.5 * (across - along).real, -0.5 * (along + across).imag],
-                [alone.real[:, None], -0.5 * (along - across).imag, 0.5 * (across + along).real],
-            ]
-        )
+        gram, total = _gram(window, omega.tobytes(), self.duration)
         moved = window.weigh(lambda nu: self.part.integrals(nu)[0], np.append(0.0, omega), self.duration)
         right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
         fit = _solved(gram / total, right / total)
@@ -177,6 +166,30 @@ class MotionRecord:
         """In closed form where the motion is made of exponentials alone, else of the samples."""
         square = self.part.mean_squares()
         return self._sampled.rms() if square is None else float(np.sqrt(max(square[0], 0.0)))
+
+
+@lru_cache(maxsize=4)
+def _gram(window: Window, omega_bytes: bytes, duration: float) -> tuple[Floats, float]:
+    """Normal equations of a mean and sinusoids of angular frequencies (k,) under a window, and its integral.
+
+    Records of one part of a motion share them, as far as they have the same lines.
+    """
+    omega = np.frombuffer(omega_bytes)
+
+    def transform(nu: Floats) -> Complexes:
+        return window.transform(nu.ravel(), duration).reshape(nu.shape)
+
+    across, along = transform(np.subtract.outer(omega, omega)), transform(np.add.outer(omega, omega))
+    alone = transform(omega)
+    total = float(transform(np.zeros(1))[0].real)
+    gram = np.block(
+        [
+            [np.array([[total]]), -alone.imag[None], alone.real[None]],
+            [-alone.imag[:, None], 0.5 * (across - along).real, -0.5 * (along + across).imag],
+            [alone.real[:, None], -0.5 * (along - across).imag, 0.5 * (across + along).real],
+        ]
+    )
+    return gram, total
 
 
 def _solved(gram: Floats, right: Floats) -> Floats:

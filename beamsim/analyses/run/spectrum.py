@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -364,6 +365,13 @@ def _only_locked(record: Record, candidates: list[_Candidate]) -> list[_Candidat
     ]
 
 
+@lru_cache(maxsize=2)
+def _sinusoids(begin: float, rate: float, size: int, frequency_bytes: bytes) -> Floats:
+    """(n, 2 k) sines and then cosines of frequencies (k,), Hz, at the samples of records that share them."""
+    angle = 2.0 * np.pi * (begin + np.arange(size) / rate)[:, None] * np.frombuffer(frequency_bytes)
+    return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
+
+
 def _orders_of_short_record(record: Record, excitation_hz: float, peak: float) -> list[_Candidate]:
     time, x, rate = record.time, record.x, record.rate
     highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
@@ -371,7 +379,9 @@ def _orders_of_short_record(record: Record, excitation_hz: float, peak: float) -
     if frequency.size == 0:
         return []
     mean, c = record.project(frequency)
-    residual = x - mean - np.sin(2 * np.pi * time[:, None] * frequency + np.angle(c)) @ np.abs(c)
+    residual = (
+        x - mean - _sinusoids(float(time[0]), rate, x.size, frequency.tobytes()) @ np.concatenate([c.real, c.imag])
+    )
     floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
     amplitude = np.abs(c)
     limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
