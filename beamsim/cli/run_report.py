@@ -146,7 +146,7 @@ def _order(line: Mapping[str, Any]) -> str:
 
 
 def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
-    """By signal the RMS with its interval, crest factor and kurtosis, each with its change if it is doubtful."""
+    """By signal RMS with its interval, 3 sigma, peak, crest factor and kurtosis, with their change if doubtful."""
     s = result.summary
     changes = s.get("convergence", {}).get("random", {})
     units = (
@@ -159,6 +159,8 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
         interval = f" ({si(low, unit)} to {si(high, unit)}, 95 %)" if low is not None and high is not None else ""
         parts = {
             "rms": f"rms {si(figures['rms'], unit)}{interval}",
+            "3_sigma": f"3 sigma {si(3.0 * figures['standard_deviation'], unit)}",
+            "peak": f"peak {si(max(abs(figures['highest']), abs(figures['lowest'])), unit)}",
             "crest_factor": f"crest factor {figures['crest_factor']:.3g}",
             "kurtosis": f"kurtosis {figures['kurtosis']:.3g}",
         }
@@ -169,6 +171,22 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
         after = f"random.{name} rms" in s.get("after_parting", ())
         rest = f"; {change_text(max(known), False, after)}" if known else ""
         texts[name.replace("_", " ")] = f"{', '.join(marked)}{rest}"
+    return texts
+
+
+def _linear(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """By signal the standard deviation, those of the linear structures, and how far the run is from them."""
+    assert result.random is not None
+    units = {f"{s.name} {s.quantity}": s.unit for s in result.random.recorded}
+    texts = {}
+    for name, of in signals.items():
+        ours = of["standard_deviation"]
+
+        def against(state: str, ours: float = ours, of: Mapping[str, float] = of, unit: str = units[name]) -> str:
+            times = f" (the run is {ours / of[state]:.3g} times that)" if of[state] > 0 else ""
+            return f"always {state} {si(of[state], unit)}{times}"
+
+        texts[name.replace("_", " ")] = f"sigma {si(ours, units[name])}, {against('open')}, {against('closed')}"
     return texts
 
 
@@ -302,6 +320,7 @@ TEXTS: Texts = {
     "largest_von_mises_stress_pa": lambda _, stress: f"{si(stress, 'Pa')} at the surface of a plate",
     "spectral_lines": _spectral_lines,
     "random": _random,
+    "random_linear": _linear,
     "impacts": _impacts,
     "fatigue": _fatigue,
     "srs": _shock,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 
 
@@ -30,7 +31,10 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     ax.set_yscale("log")
     top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
     if top > 0:
-        ax.set_ylim(top * 1e-8, top * 3)
+        ax.set_ylim(top * DENSITY_SHOWN, top * 3)
+        content = np.max([s.density[1:] for s in drawn], axis=0) * factor >= top * DENSITY_SHOWN
+        shown = response.frequency_hz[1:][content]
+        ax.set_xlim(shown[0] / 1.1, shown[-1] * 1.1)
     finish(ax, "Frequency (Hz)", "Acceleration density (g²/Hz)" if on_base else "Displacement density (m²/Hz)")
     legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "signals")
     return ax
@@ -47,4 +51,29 @@ def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
     finish(ax, "Frequency (Hz)", "Transmissibility" if response.input.unit == "m/s^2" else "Displacement / force (m/N)")
     count = len(response.transmissibility)
     legend(ax, min(count, MOST_CURVES), count, "probes")
+    return ax
+
+
+def plot_crossings(response: RandomResponse, ax: Axes) -> Axes:
+    """Rates at which the signals cross levels upwards, over those of their means, and that of a Gaussian signal."""
+    assert response.level is not None
+    shown = [s for s in response.signals if s.crossings_hz is not None and s.crossing_rate_hz > 0]
+    least, ends = 1.0, [-3.0, 3.0]
+    for k, signal in enumerate(shown[:MOST_CURVES]):
+        assert signal.crossings_hz is not None
+        rate = signal.crossings_hz / signal.crossing_rate_hz
+        crossed = rate > 0
+        ends += [float(response.level[crossed].min()), float(response.level[crossed].max())]
+        least = min(least, float(rate[crossed].min()))
+        label = f"{signal.name} {signal.quantity.replace('_', ' ')}"
+        ax.plot(response.level[crossed], rate[crossed], label=label, **curve_style(k))
+    low, high = min(ends) - 0.25, max(ends) + 0.25
+    level = np.linspace(low, high, 201)
+    ax.plot(level, np.exp(-0.5 * level**2), color="0.6", linewidth=2.2, zorder=0, label="Gaussian")
+    ax.set_yscale("log")
+    ax.set_xlim(low, high)
+    ax.set_ylim(0.5 * least, 3.0)
+    finish(ax, "Level above the mean (standard deviations)", "Upward crossings, those of the mean = 1")
+    title = f"{MOST_CURVES} of {len(shown)} signals" if len(shown) > MOST_CURVES else None
+    ax.legend(title=title, loc="best", frameon=False, fontsize="small", title_fontsize="small", handlelength=2.6)
     return ax

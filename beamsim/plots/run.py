@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from beamsim.fields import rows_of
 from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.impacts import impact_figures
 from beamsim.plots.plates import plate_figures
-from beamsim.plots.random_response import plot_density, plot_transmissibility
+from beamsim.plots.random_response import plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.shock_response import plot_shock_response
 from beamsim.plots.style import AT_ONCE, MOST_CURVES, Scale, curve_style, finish, legend, scale_for, thinned
 from beamsim.structures.assembly import snubber_site
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_STATES = 2**18  # samples in a phase portrait
 MOST_DOUBTS = 4  # named in a plot
+WIDEST_DOUBTS = 100  # characters in a line of them
+ROOM_FOR_DOUBTS = 100.0  # factor of the upper end of densities
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
@@ -62,8 +65,9 @@ def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of:
             for name in doubtful[:MOST_DOUBTS]
         ]
         more = ", …" if len(doubtful) > MOST_DOUBTS else ""
-        ax.text(
-            0.99, 0.97, f"{called} not converged; change with a finer model: {', '.join(texts)}{more}",
+        said = f"{called} not converged; change with a finer model: {', '.join(texts)}{more}"
+        ax.text(  # wrapped, as text wider than the panel would leave no room for the curves
+            0.99, 0.97, textwrap.fill(said, WIDEST_DOUBTS),
             transform=ax.transAxes, ha="right", va="top", fontsize="small", color=_CLOSED,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )  # fmt: skip
@@ -311,8 +315,15 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     if result.random is not None:
         figure, (above, below) = panels(2)
         _doubts(result, plot_density(result.random, above), "random", "figures")
+        if above.texts:  # room for them above the curves
+            low, high = above.get_ylim()
+            above.set_ylim(low, ROOM_FOR_DOUBTS * high)
         plot_transmissibility(result.random, below)
         figures["random"] = figure
+        if result.random.level is not None:
+            figure, (ax,) = panels(1, height=4.4)
+            plot_crossings(result.random, ax)
+            figures["level_crossings"] = figure
     if result.srs is not None:
         figure, (ax,) = panels(1, height=4.4)
         _doubts(result, plot_shock_response(result.srs, ax), "srs", "spectra")

@@ -50,6 +50,14 @@ RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
 MENDED: dict[str, str] = {
+    "* *random_linear*": "random input has a prediction by the linear structures",
+    "* *linear_open": "the same",
+    "* *linear_closed": "the same",
+    "* *crossings_hz*": "random input has crossings of levels",
+    "* file/random/level*": "the same",
+    "* json/random/*/standard_deviation": "the table gives 3 sigma and peak of a random response",
+    "* json/random/*/highest": "the same",
+    "* json/random/*/lowest": "the same",
     "* *lines/relative_change": "a weak line beside a strong one is not sought at the strong one in the finer model",
     "* *convergence/spectral_lines*": "the same",
     "* *gapping*": "supports that move have an entry",

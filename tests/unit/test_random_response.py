@@ -1,12 +1,15 @@
 """Statistics of random vibration against Miles' and linear theory, and their way through the result file."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import beamsim
 from beamsim.analyses.gapping import transfer
-from beamsim.analyses.run.random_response import cross_density, rms_interval
+from beamsim.analyses.run.linear_prediction import linear_deviations
+from beamsim.analyses.run.random_response import LEVELS, cross_density, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.flow.stopping import Stopped, heeding
 from beamsim.inputs.random_input import noise
@@ -95,6 +98,8 @@ def test_the_statistics_are_stored_and_drawn(result, tmp_path):
         assert label.y0 >= 0.0
         assert label.y1 <= figure.bbox.y1
     assert "mass absolute_acceleration" in result.summary["random"]
+    np.testing.assert_array_equal(stored.level, LEVELS)
+    assert run_figures(result)["level_crossings"].axes[0].lines
 
 
 def test_a_motionless_signal_and_a_short_run():
@@ -169,3 +174,89 @@ def test_a_request_to_stop_ends_the_statistics_between_segments():
     with heeding(stop), pytest.raises(Stopped):
         cross_density(np.zeros(1000), np.zeros(1000), 50.0, 100)
     assert len(asked) == 4
+
+
+def oscillator_deviations(stiffness: float, dashpot: float) -> tuple[float, float]:
+    """Standard deviations of displacement and absolute acceleration of 1 kg on a base with `OSCILLATOR`'s density."""
+    f = np.linspace(1.0, 40.0, 400_001)
+    w = 2 * np.pi * f
+    h = -1.0 / (stiffness - w**2 + 1j * w * dashpot)
+    density = 0.01 * G**2
+    return (
+        float(np.sqrt(np.trapezoid(np.abs(h) ** 2 * density, f))),
+        float(np.sqrt(np.trapezoid(np.abs(1 - w**2 * h) ** 2 * density, f))),
+    )
+
+
+def stopped(gap: float, **run: object) -> dict:
+    stop = {
+        "name": "stop",
+        "mass": 1,
+        "stiffness": 2e4,
+        "damping": {"kind": "viscous", "coefficient": 3.0},
+        "gap": gap,
+        "side": "below",
+    }
+    chain = {**OSCILLATOR["chain"], "snubbers": [stop]}
+    return {**OSCILLATOR, "chain": chain, "run": {**OSCILLATOR["run"], "duration": "20 s", "convergence": "off", **run}}
+
+
+def test_linear_predictions_are_those_of_the_oscillators():
+    """Open 10 Hz at 5 %, closed 24.6 Hz with both dashpots; the integral is right to 1e-6."""
+    case = load_scenario(stopped(1e-4))
+    of_open, of_closed = linear_deviations(case, build_system(case))
+    for found, stiffness, dashpot in ((of_open, 3947.84, 6.2832), (of_closed, 3947.84 + 2e4, 9.2832)):
+        displacement, acceleration = oscillator_deviations(stiffness, dashpot)
+        assert found["mass", "displacement"] == pytest.approx(displacement, rel=1e-6)
+        assert found["mass", "absolute_acceleration"] == pytest.approx(acceleration, rel=1e-6)
+    assert of_open["stop", "force"] == 0.0
+    assert of_closed["stop", "force"] == pytest.approx(2e4 * of_closed["mass", "displacement"], rel=0.01)
+
+
+def test_a_stop_that_is_never_touched_changes_nothing_and_one_that_is_hit_does():
+    far = beamsim.run(load_scenario(stopped(1.0)))
+    of = far.summary["random_linear"]["mass displacement"]
+    rms = far.summary["random"]["mass displacement"]
+    assert rms["rms_low"] < of["open"] < rms["rms_high"]
+    assert not rms["rms_low"] < of["closed"] < rms["rms_high"]
+    hit = beamsim.run(load_scenario(stopped(0.0)))
+    rms, of = hit.summary["random"]["mass displacement"], hit.summary["random_linear"]["mass displacement"]
+    assert of["closed"] < rms["standard_deviation"] < of["open"]
+    rows = dict(row for row in table_rows("run", hit) if row[1].lstrip().startswith("stop force"))
+    assert any("always open 0 N" in text and "always closed" in text for text in rows.values())
+
+
+def test_there_is_no_prediction_without_stops_with_cubic_springs_or_undamped():
+    plain = load_scenario(OSCILLATOR)
+    assert linear_deviations(plain, build_system(plain)) is None
+    case = stopped(1e-4)
+    cubic = {**case["chain"], "springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": 1e9}]}
+    undamped = {key: value for key, value in case["chain"].items() if key != "dashpots"}
+    for chain in (cubic, undamped):
+        scenario = load_scenario({**case, "chain": chain})
+        assert linear_deviations(scenario, build_system(scenario)) is None
+
+
+def test_crossings_of_levels():
+    """A sawtooth of four levels by hand; Gaussian noise crosses as S. O. Rice says."""
+    x = np.array([-1.0, 1.0, -1.0, 1.0, -1.0])  # deviation 1 about its mean of -0.2, over sqrt(0.96)
+    rates = crossing_rates(x, 2.0)
+    low, high = (-1.0 + 0.2) / np.sqrt(0.96), (1.0 + 0.2) / np.sqrt(0.96)
+    np.testing.assert_allclose(rates, np.where((low < LEVELS) & (high >= LEVELS), 2 / 2.0, 0.0))
+    noisy = noise(np.array([10.0, 40.0]), np.ones(2), 400.0, 2000.0, np.random.default_rng(1))
+    rates = crossing_rates(noisy, 2000.0)
+    mean = np.sqrt((40.0**3 - 10.0**3) / (3 * 30.0))  # Hz, root of the ratio of the moments
+    for level in (-2.0, 0.0, 1.0, 2.0):
+        expected = mean * np.exp(-0.5 * level**2)
+        assert rates[np.flatnonzero(level == LEVELS)[0]] == pytest.approx(expected, rel=0.04)
+    assert not crossing_rates(np.zeros(10), 1.0).any()
+
+
+def test_doubts_leave_room_for_the_curves(result):
+    """Figures that have not converged are named over several lines: the panels keep their width."""
+    names = [f"mass absolute_acceleration {key}" for key in ("crest_factor", "kurtosis", "peaks_over_2_sigma", "rms")]
+    summary = {**result.summary, "doubtful": [f"random.{name}" for name in names]}
+    summary["convergence"] = {**result.summary["convergence"], "random": dict.fromkeys(names, 0.05)}
+    figure = run_figures(dataclasses.replace(result, summary=summary))["random"]
+    lay_out(figure, FigureCanvasAgg(figure).get_renderer())
+    assert min(ax.get_position().width for ax in figure.axes) > 0.7

@@ -24,7 +24,16 @@ OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 # What may differ: the scenario's text has the form of the version that writes it.
 UNLIKE = {("/", "scenario"), ("/", "beamsim_version"), ("/update", "scenario")}
 # What later versions write in addition: attributes, the kind on every branch, a column of the lines.
-ADDED = {"outcome", "outcome_numbers", "kind", "rms_low", "rms_high", "degrees_of_freedom"}
+ADDED = {
+    "outcome",
+    "outcome_numbers",
+    "kind",
+    "rms_low",
+    "rms_high",
+    "degrees_of_freedom",
+    "linear_open",
+    "linear_closed",
+}
 ADDED_COLUMNS = {"relative_change"}
 # Long names that were reworded: those of earlier files, and the current ones.
 _PARTS = (", real part", ", imaginary part")

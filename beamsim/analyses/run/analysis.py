@@ -190,6 +190,8 @@ def run(
         summary["fatigue"] = {name: body.summary() for name, body in result.fatigue.items()}
     if result.random is not None:
         summary["random"] = result.random.summary()
+        if prediction := result.random.prediction():
+            summary["random_linear"] = prediction
     if settings.srs is not None and not motion.outcome.interrupted:
         result = _with_shock_response(result, system, motion, settings.srs, stop)
         if result.srs is not None:
@@ -278,13 +280,16 @@ def _given_up(result: RunResult, figures: str) -> RunResult:
 
 def _with_statistics(result: RunResult, system: StructuralSystem, stop: Callable[[], bool]) -> RunResult:
     """Add densities, statistics and transmissibilities; those of few samples also after a request to stop."""
+    from beamsim.analyses.run.linear_prediction import linear_deviations
     from beamsim.analyses.run.random_response import random_response
 
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
     try:
         with heeding(stop if rows_of(result, "time").size > SAMPLES_OF_A_STOPPED_RUN else never):
-            return changed(result, random=random_response(result, force, stationary=stationary))
+            predicted = linear_deviations(result.scenario, system)
+            response = random_response(result, force, stationary=stationary, predicted=predicted)
+            return changed(result, random=response)
     except Stopped:
         return _given_up(result, "densities and statistics")
 

@@ -1,4 +1,4 @@
-r"""Response to random and measured inputs: spectral densities, RMS, statistics of peaks, transmissibility.
+r"""Response to random and measured inputs: densities, RMS, statistics of peaks and levels, transmissibility.
 
 Densities are one-sided, by Welch's method (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967) with Hann windows
 and half overlap. The transmissibility is :math:`H_1 = S_{xy} / S_{xx}`; the coherence says where it means something:
@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.linear_prediction import Deviations
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
 from beamsim.fields import rows_of
 from beamsim.flow.stopping import check_stop
@@ -30,11 +31,17 @@ SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
 SKIPPED = 0.1  # share of a run that is left out at its beginning
 CONFIDENCE = 0.95
+LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 HISTORIES_SHARE = 0.2  # of the memory of a run, for the histories that are analysed
 
 
 def random_response(
-    result: RunResult, force: Floats | None = None, skip: float = SKIPPED, *, stationary: bool = True
+    result: RunResult,
+    force: Floats | None = None,
+    skip: float = SKIPPED,
+    *,
+    stationary: bool = True,
+    predicted: tuple[Deviations, Deviations] | None = None,
 ) -> RandomResponse | None:
     """Analyse a run; None where it is too short.
 
@@ -43,6 +50,7 @@ def random_response(
     force : (nt,) N, the force where a force drives the structure, not the base.
     skip : share of the run that is left out at its beginning.
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
+    predicted : standard deviations with all snubbers open and with all closed, see `linear_deviations`.
 
     Raises
     ------
@@ -57,6 +65,9 @@ def random_response(
     rate = (times.size - 1) / float(times[times.size - 1 : times.size][0] - times[:1][0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
 
+    of_open, of_closed = ({}, {}) if predicted is None else predicted
+    linear = {of: {"linear_open": of_open[of], "linear_closed": of_closed[of]} for of in of_open}
+
     def density(x: Floats) -> Floats:
         return cross_density(x, x, rate, length).real
 
@@ -65,7 +76,7 @@ def random_response(
         interval = rms_interval(x) if stationary else {}
         return SignalStatistics(
             name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x), **statistics_of(x, rate),
-            **interval,
+            **interval, crossings_hz=crossing_rates(x, rate), **linear.get((signal.name, signal.quantity), {}),
         )  # fmt: skip
 
     assert result.scenario.run is not None
@@ -84,7 +95,9 @@ def random_response(
                 transmissibility[signal.name] = np.asarray(cross / sxx)
                 coherence[signal.name] = np.asarray(np.abs(cross) ** 2 / (sxx * signals[-1].density))
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
-    return RandomResponse(float(times[first : first + 1][0]), frequency, tuple(signals), transmissibility, coherence)
+    return RandomResponse(
+        float(times[first : first + 1][0]), frequency, tuple(signals), transmissibility, coherence, LEVELS
+    )
 
 
 class _Observed(NamedTuple):
@@ -167,6 +180,18 @@ def statistics_of(x: Floats, rate: float) -> dict[str, float]:
         "peaks_over_2_sigma": float(np.mean(maxima > 2.0)) if maxima.size else unknown,
         "peaks_over_3_sigma": float(np.mean(maxima > 3.0)) if maxima.size else unknown,
     }
+
+
+def crossing_rates(x: Floats, rate: float) -> Floats:
+    """Upward crossings per second of each of `LEVELS` by samples (nt,) at a rate in Hz; zeros without any motion."""
+    deviation = float(x.std())
+    if deviation == 0.0:
+        return np.zeros(LEVELS.size)
+    below = np.searchsorted(LEVELS, (x - x.mean()) / deviation, side="right")  # levels that are not above each sample
+    rising = below[1:] > below[:-1]
+    crossed = np.bincount(below[:-1][rising], minlength=LEVELS.size + 1).cumsum()
+    passed = np.bincount(below[1:][rising], minlength=LEVELS.size + 1).cumsum()
+    return np.asarray((crossed - passed)[:-1] * (rate / (x.size - 1)), dtype=float)
 
 
 def rms_interval(x: Floats) -> dict[str, float]:

@@ -300,6 +300,16 @@ class SignalStatistics:
     )
     rms_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
     degrees_of_freedom: float | None = attribute("1", "equivalent degrees of freedom of the mean square", default=None)
+    # None where the structure has no snubbers or is more than linear without them
+    linear_open: float | None = attribute(
+        "{unit}", "standard deviation of the stationary linear response, every snubber always open", default=None
+    )
+    linear_closed: float | None = attribute(
+        "{unit}", "standard deviation of the stationary linear response, every snubber always closed", default=None
+    )
+    crossings_hz: Floats | None = dataset(
+        "Hz", "upward crossings of each level per second, at the samples", along=("level",), default=None
+    )
 
 
 @declared
@@ -319,6 +329,9 @@ class RandomResponse:
         "", "{transmissibility_unit}", "response over input (H1)", along=_FREQUENCY
     )
     coherence: dict[str, Floats] = per_name("", "1", "coherence of response and input", along=_FREQUENCY)
+    level: Floats | None = axis(  # None in files of earlier versions
+        "1", "level above the mean, in standard deviations of the signal", default=None
+    )
 
     @property
     def input(self) -> SignalStatistics:
@@ -337,8 +350,18 @@ class RandomResponse:
 
     def summary(self) -> dict[str, Any]:
         """The numbers, by name and quantity."""
-        keys = (*STATISTICS, "rms_low", "rms_high", "degrees_of_freedom")
+        keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom")
         return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
+
+    def prediction(self) -> dict[str, dict[str, float]]:
+        """Standard deviations of the run and of the linear structures, by name and quantity, where there are any."""
+        return {
+            f"{s.name} {s.quantity}": {
+                "standard_deviation": s.standard_deviation, "open": s.linear_open, "closed": s.linear_closed
+            }
+            for s in self.recorded
+            if s.linear_open is not None and s.linear_closed is not None
+        }  # fmt: skip
 
 
 @declared
@@ -467,6 +490,8 @@ _SUMMARY = (
              "fatigue"),
     Entry("random", "", "of a random or sampled input, by signal: rms with its 95 % interval, crest factor, kurtosis "
              "and more", "random response"),
+    Entry("random_linear", "", "of a random input, by signal: standard deviation of the run, and of the linear "
+             "structure with every snubber always open and always closed", "linear prediction"),
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
           "shock response"),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
