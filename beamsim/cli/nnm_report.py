@@ -101,7 +101,7 @@ def _relaxed(result: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row]:
     yield (
         "",
         f"{s['steps_reached']} of {s['steps']} steps to stiffness factor {end['parameter']:.6g}, functional up to "
-        f"{s['largest_functional']:.2g} (tolerance {s['tolerance']:g})",
+        f"{s['largest_functional']:.2g} of twice the energy (tolerance {s['tolerance']:g})",
     )
     exact = f"{end['exact_frequency_hz']:.6g} Hz by shooting"
     if not math.isfinite(end["exact_frequency_hz"]):

@@ -47,7 +47,7 @@ class RelaxedMinimisationMethod(Schema):
     steps: Count = 75
     """Number of equal steps in the stiffness factor."""
     tolerance: PositiveNumber = 1e-5
-    """Value of the functional below which a step is accepted."""
+    """Value of the functional, over twice the energy of the motion (no unit), below which a step is accepted."""
     iterations: Count = 200
     """Largest number of iterations of the optimiser in each step."""
 

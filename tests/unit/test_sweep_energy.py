@@ -9,6 +9,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep import swept_sine
+from beamsim.analyses.sweep.energy import energy_errors
 from beamsim.cli.conclusion import exit_code
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.swept_sine import SweptFlow
@@ -50,6 +51,28 @@ def test_sweeps_are_in_balance(stop, sweep):
         assert curve.energy_error.shape == curve.frequency_hz.shape
         assert 0.0 < curve.energy_error.max() < 1e-11
     assert result.summary["energy_error"] == max(c.energy_error.max() for c in result.curves.values())
+
+
+def test_a_balance_lost_in_the_last_incomplete_cycle_is_seen():
+    energy, lost = np.ones(3), np.array([0.0, 0.0, 1e-3])
+    assert energy_errors(lost, energy, np.array([True, True, False])).tolist() == [0.0, 1e-3]
+    assert energy_errors(lost, energy, np.array([True, True, True])).tolist() == [0.0, 0.0, 1e-3]
+
+
+def test_a_sweep_that_ends_within_a_cycle_is_not_trusted_where_that_cycle_is_wrong(monkeypatch):
+    """The incomplete cycle has no row of its own; its imbalance counted for nothing."""
+    record = swept_sine.sweep
+
+    def wrong(*args, **kwargs):
+        done = record(*args, **kwargs)
+        assert not done.flow.windows.cycle_complete[-1]
+        done.imbalance[-1] += 1e-3 * done.energy.max()
+        return done
+
+    monkeypatch.setattr(swept_sine, "sweep", wrong)
+    result = beamsim.sweep(case({}, SWEPT | {"to": 0.9937, "direction": "up"}))
+    assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
+    assert result.outcome.numbers["error"] == pytest.approx(1e-3, rel=1e-6)
 
 
 def wrong_response(flow):

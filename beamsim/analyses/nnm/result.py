@@ -213,7 +213,7 @@ class RelaxedComparison:
     outcome: Outcome = ending("how the path ended")
     factor: Floats = axis("1", "stiffness factor")  # (S,) of the steps taken; the last may not have been reached
     frequency_hz: Floats = dataset("Hz", "frequency", along=_FACTOR)
-    functional: Floats = dataset("1", "the functional at the end of its minimisation", along=_FACTOR)
+    functional: Floats = dataset("1", "functional over twice the energy at the end of its minimisation", along=_FACTOR)
     passages: Ints = dataset("1", "motions computed", along=_FACTOR)
     processor_time_s: Floats = dataset("s", "processor time", along=_FACTOR)
     reached: Bools = dataset("1", "whether the functional fell below the tolerance", along=_FACTOR, flags=("no", "yes"))

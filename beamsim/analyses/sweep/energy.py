@@ -9,14 +9,27 @@ import numpy as np
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats
 
 
-def energy_errors(imbalance: Floats, energy: Floats) -> Floats:
-    """(C,) imbalance in J that has added up until each cycle, over the largest energy in J of all of them."""
+def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = None) -> Floats:
+    """Imbalance in J that has added up until each complete cycle, over the largest energy in J of all of them.
+
+    The last one answers for what follows it, too: the end of a sweep may be less than a cycle, which has no row.
+
+    Parameters
+    ----------
+    imbalance, energy : (C,) of all cycles.
+    complete : (C,) which of them are whole; all by default.
+    """
     missing = np.abs(np.cumsum(imbalance))
     scale = float(np.max(energy, initial=0.0))
-    return np.asarray(missing if scale == 0.0 else missing / scale)
+    errors = np.asarray(missing if scale == 0.0 else missing / scale)
+    if complete is None:
+        return errors
+    last = int(np.flatnonzero(complete)[-1])
+    errors[last] = np.max(errors[last:])
+    return np.asarray(errors[complete])
 
 
 def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:

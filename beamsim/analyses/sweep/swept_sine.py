@@ -148,7 +148,7 @@ def _curves(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
             level_unit=unit, quantity=quantity, frequency_hz=frequency, time=windows.cycle_start[cycles],
             excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
-            energy_error=energy_errors(record.imbalance[computed], record.energy[computed])[complete],
+            energy_error=energy_errors(record.imbalance[computed], record.energy[computed], complete),
         )  # fmt: skip
         curves.append(curve)
     return tuple(curves)
