@@ -68,7 +68,7 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
         if not law.has_undamped_form:
             raise ScenarioError(
-                Problem("nnm", f"needs contacts without losses, and that of {name} loses work",
+                Problem("nnm", f"needs contacts without losses, and that of {name} rubs or keeps internal states",
                         f"leave out maxwell of {name}, or the friction contact")
             )  # fmt: skip
     undamped = replace(
