@@ -546,6 +546,17 @@ def _exact_in_stretches(
     whole = ExactHistories(motion, groups, times, grace)
     histories: Histories = figures.few if outcome.interrupted else whole
     last = motion.within(max(motion.end - _analysed(settings, motion), 0.0), motion.end)
+
+    def of_stations() -> Extreme:
+        """The extremes at every station; those of samples, but for the largest, after a request to stop."""
+        if not outcome.interrupted:
+            try:
+                with heeding(grace):
+                    return station_extremes(motion, searched["stress"])
+            except Stopped:
+                pass
+        return figures.extremes["stress"]
+
     extremes = figures.extremes
     extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
@@ -561,7 +572,7 @@ def _exact_in_stretches(
         events=_events(system, motion),
         breakpoints=_breakpoints(system, motion),
         extremes=extremes,
-        station_extremes=lambda: station_extremes(motion, searched["stress"]),
+        station_extremes=of_stations,
         von_mises=_von_mises(system, whole, searched),
         extreme_times=extreme_times,
         extreme_states=motion.states_at(extreme_times),
