@@ -229,6 +229,7 @@ for module in dict.fromkeys(
         *(kind.commands for kind in KINDS.values() if kind.commands != __name__),
         "beamsim.cli.structures",
         "beamsim.cli.pad",
+        "beamsim.cli.html_report",
     ]
 ):
     named(f"{module}:register")(app)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
-from beamsim.cli.report import Row, Texts, percent, si
-from beamsim.plots.style import scale_for
+from beamsim.cli.report import Row, Texts, percent
+from beamsim.plots.style import amount, scale_for
 
 
 def _channels(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
     for c in comparison.channels:
-        part = f", the run from {si(c.start_s, 's')} on" if c.start_s is not None else ""
+        part = f", the run from {amount(c.start_s, 's')} on" if c.start_s is not None else ""
         yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}{part}"
         if math.isfinite(c.rms_difference):
             yield "  histories", f"differ by {percent(c.rms_difference)} rms after {_delay(c)}"
@@ -30,7 +30,7 @@ def _channels(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
 
 def _delay(c: ChannelComparison) -> str:
     periods = abs(c.delay_s) * (c.excitation_hz if math.isfinite(c.excitation_hz) else 1.0)
-    return "no delay" if periods < 1e-9 else f"a delay of {si(c.delay_s, 's')}"
+    return "no delay" if periods < 1e-9 else f"a delay of {amount(c.delay_s, 's')}"
 
 
 TEXTS: Texts = {"comparisons": _channels}

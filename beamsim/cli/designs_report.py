@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult
-from beamsim.cli.report import Row, Texts, aligned, margins, si
+from beamsim.cli.report import Row, Texts, aligned, margins
+from beamsim.plots.style import amount
 
 MOST_ROWS = 24
 
@@ -25,7 +26,7 @@ def _extent(coordinate: Coordinate) -> str:
     values = coordinate.values
     if not coordinate.numeric:
         return ", ".join(dict.fromkeys(map(str, values)))
-    low, high = (si(float(value), coordinate.unit) for value in (values.min(), values.max()))
+    low, high = (amount(float(value), coordinate.unit) for value in (values.min(), values.max()))
     return f"{low} to {high}, {len(values)} values"
 
 
@@ -36,7 +37,7 @@ def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -
     for name, item in compared.items():
         if item["exceeded"]:
             worst = ", ".join(
-                f"{path} = {value if isinstance(value, str) else si(value, units.get(path, '1'))}"
+                f"{path} = {value if isinstance(value, str) else amount(value, units.get(path, '1'))}"
                 for path, value in item["parameters"].items()
             )
             limit = name.replace("_", " ")
@@ -48,9 +49,9 @@ def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]
     texts = {}
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
-        mean = f", mean {si(item['mean'], unit)}" if "mean" in item else ""
+        mean = f", mean {amount(item['mean'], unit)}" if "mean" in item else ""
         label = name.removeprefix("probes/").removeprefix("snubbers/").replace("/", " ").removesuffix("_hz")
-        texts[label.replace("_", " ")] = f"{si(item['smallest'], unit)} to {si(item['largest'], unit)}{mean}"
+        texts[label.replace("_", " ")] = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
     yield from aligned(texts)
     if len(responses) > MOST_ROWS:
         yield "", f"and {len(responses) - MOST_ROWS} more in the file"
@@ -60,5 +61,5 @@ TEXTS: Texts = {
     "cases": _cases,
     "margins": _margins,
     "responses": _responses,
-    "processor_time_s": lambda _, time: f"processor time {si(time, 's')}",
+    "processor_time_s": lambda _, time: f"processor time {amount(time, 's')}",
 }

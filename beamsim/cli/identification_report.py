@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
-from beamsim.cli.report import Row, Texts, counted, percent, si
+from beamsim.cli.report import Row, Texts, counted, percent
+from beamsim.plots.style import amount
 
 SENSITIVITIES_SHOWN = 6
 SUPPORTS_SHOWN = 4
 
 
 def _newtons(value: float) -> str:
-    return si(value, "N/m", 5)
+    return amount(value, "N/m", 5)
 
 
 def _updated(result: IdentificationResult, _: Any) -> Iterator[Row]:
@@ -135,11 +136,11 @@ TEXTS: Texts = {
     "total_standard_deviation_n_per_m": _total,
     "stiffness_by_mode_n_per_m": _each_mode,
     "reachable_hz": _reach,
-    "pad_youngs_modulus_pa": lambda _, modulus: "" if math.isnan(modulus) else si(modulus, "Pa", 5),
+    "pad_youngs_modulus_pa": lambda _, modulus: "" if math.isnan(modulus) else amount(modulus, "Pa", 5),
     "frequencies_with_hz": _table("with_snubber"),
     "sensitivities": _sensitivities,
     "estimated": _estimated,
     "nonlinear_misfit": _misfit,
     "starts_agreeing": lambda _, counts: f"{counts[0]} of {counts[1]} reached the same minimum",
-    "processor_time_s": lambda _, time: f"processor time {si(time, 's')}",
+    "processor_time_s": lambda _, time: f"processor time {amount(time, 's')}",
 }

@@ -10,8 +10,9 @@ import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.report import Row, Texts, counted, few, pair, percent, si
+from beamsim.cli.report import Row, Texts, counted, few, pair, percent
 from beamsim.orbits.branch import special_name
+from beamsim.plots.style import amount
 
 SMALL_SHARE = 0.5  # of the energy in the mode, below which the smallest is reported
 SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
@@ -215,7 +216,7 @@ def _share(result: NormalModeResult, smallest: float) -> str:
 
 def _solver(result: NormalModeResult, time: float) -> str:
     over = "full-period" if "full_period" in result.summary else "half-period"
-    return f"{over} shooting, processor time {si(time, 's')}"
+    return f"{over} shooting, processor time {amount(time, 's')}"
 
 
 TEXTS: Texts = {

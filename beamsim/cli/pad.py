@@ -117,10 +117,10 @@ _SHOWN = (
 
 def _comments(pad: PadNumbers) -> Iterator[str]:
     """What is known of the pad, a line each."""
-    from beamsim.cli.report import si
+    from beamsim.plots.style import amount
 
     for label, name, unit in _SHOWN:
         value = getattr(pad, name)
         if value is not None:
-            yield f"{label}: {si(value, unit)}"
+            yield f"{label}: {amount(value, unit)}"
     yield from pad.notes

@@ -11,16 +11,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
-
-from beamsim.analyses.limits import LIMITED, STANDARD_GRAVITY
+from beamsim.analyses.limits import LIMITED
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
-from beamsim.plots.style import level_text, scale_for
+from beamsim.plots.style import amount, level_text
 from beamsim.scenario.quantities import amplitude_unit
 
-ROUND_OFF = 1e-15  # in SI units; nothing that is printed can be known so small
 VALUES_SHOWN = 6  # of a list
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
 AFTER_PARTING = "AFTER THE PARTING"  # of the sequences of contacts
@@ -41,7 +38,7 @@ def table_rows(kind: str, result: Result) -> Iterator[Row]:
             text = texts[entry.name](result, value) if entry.name in texts else shown(value, entry.unit)
             text = _with_changes(result.summary, entry.name, text)
             yield from _labelled(entry.label, text)
-    yield "wall time", si(result.wall_time_s, "s")
+    yield "wall time", amount(result.wall_time_s, "s")
 
 
 def html_table(kind: str, result: Result) -> str:
@@ -113,7 +110,7 @@ def shown(value: Any, unit: str) -> str | Mapping[str, str]:
     if isinstance(value, (list, tuple)):
         texts = [f"{item:.4g}" for item in value[:VALUES_SHOWN]]
         return f"{', '.join(texts)}{', …' if len(value) > VALUES_SHOWN else ''} {'' if unit == '1' else unit}".strip()
-    return value.replace("_", " ") if isinstance(value, str) else si(value, unit)
+    return value.replace("_", " ") if isinstance(value, str) else amount(value, unit)
 
 
 def _shown_by_name(value: Mapping[str, Any], unit: str, name: str = "") -> Iterator[Row]:
@@ -123,27 +120,6 @@ def _shown_by_name(value: Mapping[str, Any], unit: str, name: str = "") -> Itera
             yield from _shown_by_name(item, unit, path)
         else:
             yield path, str(shown(item, unit))
-
-
-def si(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are.
-
-    What is below `ROUND_OFF` in SI units is printed as zero.
-    """
-    if value is None or math.isnan(value):
-        return "unknown"
-    if math.isinf(value):
-        return "infinity"
-    if unit == "Hz":  # frequencies are compared, so that all are in the same unit
-        return f"{value:.6g} Hz"
-    if unit in ("", "1"):
-        return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"
-    if unit in ("g", "m/s^2"):
-        return f"{value / (1.0 if unit == 'g' else STANDARD_GRAVITY):.{digits}g} g"
-    if abs(value) < ROUND_OFF:
-        return f"0 {unit}"
-    scale = scale_for(unit, np.array([value]))
-    return f"{value * scale.factor + 0.0:.{digits}g} {scale.unit}"  # no minus sign before zero
 
 
 def percent(share: float, digits: int = 3) -> str:
@@ -188,7 +164,7 @@ def margins(_: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, s
         verdict = "EXCEEDED, " if item["exceeded"] else ""
         at = f" at {item['at']}" if item["at"] else ""
         texts[name.replace("_", " ")] = (
-            f"{verdict}margin {share}: {si(item['value'], unit)}{at}, limit {si(item['limit'], unit)}"
+            f"{verdict}margin {share}: {amount(item['value'], unit)}{at}, limit {amount(item['limit'], unit)}"
         )
     return texts
 
@@ -209,13 +185,13 @@ def _reduction(result: Result, error: float) -> str:
 def _reduction_bound(result: Result, bound: float) -> str:
     if math.isnan(bound):
         return "not known"
-    highest = si(result.summary["highest_frequency_hz"], "Hz")
+    highest = amount(result.summary["highest_frequency_hz"], "Hz")
     return f"{bound:.2g} of the receptance at contacts and loads up to {highest}"
 
 
 def base_correction(result: Result, share: float) -> str:
     """How the acceleration of a swept base differs from the specified one, if it does."""
-    return f"{si(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
+    return f"{amount(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
 
 
 def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
@@ -232,8 +208,8 @@ def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterat
         if happened:
             yield "", f"{'':<{width}}  {'; '.join(happened)}"
         if of["closed_at_rest"] and reached:
-            kept = si(of["preload_n"], "N")
-            both = f"{kept} with all closed, {si(of['preload_alone_n'], 'N')} alone" if len(snubbers) > 1 else kept
+            kept = amount(of["preload_n"], "N")
+            both = f"{kept} with all closed, {amount(of['preload_alone_n'], 'N')} alone" if len(snubbers) > 1 else kept
             yield "", f"{'':<{width}}  preload that keeps contact: {both}"
 
 
@@ -243,9 +219,9 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
     if of.get("first_change_s", math.nan) is None:
         yield f"never {past} in this run"
     elif "first_change_s" in of:
-        yield f"{past} first at {si(of['first_change_s'], 's')}"
+        yield f"{past} first at {amount(of['first_change_s'], 's')}"
     if of["closed_at_rest"] and of.get("largest_gap_m"):
-        yield f"largest opening {si(of['largest_gap_m'], 'm')}"
+        yield f"largest opening {amount(of['largest_gap_m'], 'm')}"
 
 
 SHARED: Texts = {

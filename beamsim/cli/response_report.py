@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.response.result import FrequencyResponse
-from beamsim.cli.report import SHARED, Row, Texts, pair, percent, si
+from beamsim.cli.report import SHARED, Row, Texts, pair, percent
 from beamsim.orbits.branch import special_name
-from beamsim.plots.style import level_text
+from beamsim.plots.style import amount, level_text
 
 SHOWN = 12  # special points of a branch
 MOST_BRANCHES = 12
@@ -50,7 +50,7 @@ def _special_point(event: dict[str, Any]) -> str:
 def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for peak in peaks:
         at = f"{peak['parameter']:.6g} {result.unit}{_at_level(peak, result.level_unit)}"
-        yield "", f"{peak['probe']}  {si(peak['value_m'], 'm', 5)} at {at} ({peak['kind']})"
+        yield "", f"{peak['probe']}  {amount(peak['value_m'], 'm', 5)} at {at} ({peak['kind']})"
     for curve in result.overlay.values():
         how = "swept" if curve.steady is None else "stepped"
         yield (
@@ -88,7 +88,7 @@ def _expansion(result: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> I
 
 
 def _solver(result: FrequencyResponse, time: float) -> str:
-    return f"{result.method.replace('_', ' ')}, processor time {si(time, 's')}"
+    return f"{result.method.replace('_', ' ')}, processor time {amount(time, 's')}"
 
 
 def _outputs(result: FrequencyResponse, peaks: Mapping[str, Mapping[str, float]]) -> dict[str, str]:

@@ -19,9 +19,9 @@ from beamsim.cli.report import (
     counted,
     gapping,
     percent,
-    si,
 )
 from beamsim.fields import rows_of
+from beamsim.plots.style import amount
 
 LINES_SHOWN = 6
 
@@ -36,7 +36,7 @@ def _method(result: RunResult, method: str) -> str:
 
 def _memory(result: RunResult, memory: float) -> str:
     kept = result.summary.get("contact_states_kept")
-    text = f"at most {si(memory, 'B')}"
+    text = f"at most {amount(memory, 'B')}"
     return text if kept is None else f"{text}; {kept} of {result.work.states} contact states kept at once"
 
 
@@ -44,10 +44,10 @@ def _displacement(result: RunResult, peaks: Mapping[str, float]) -> dict[str, st
     low, high = result.summary["min_displacement_m"], result.summary["max_displacement_m"]
 
     def end(value: float, peak: float) -> str:
-        return si(0.0 if abs(value) < NEGLIGIBLE * peak else value, "m")
+        return amount(0.0 if abs(value) < NEGLIGIBLE * peak else value, "m")
 
     return {
-        name: f"{si(peak, 'm')} (from {end(low[name], peak)} to {end(high[name], peak)})"
+        name: f"{amount(peak, 'm')} (from {end(low[name], peak)} to {end(high[name], peak)})"
         for name, peak in peaks.items()
     }
 
@@ -59,23 +59,25 @@ def _contact(result: RunResult, shares: Mapping[str, float]) -> dict[str, str]:
 
 def _spring_force(result: RunResult, forces: Mapping[str, float]) -> dict[str, str]:
     stretch = result.summary["peak_stretch_m"]
-    return {name: f"{si(force, 'N')} at an elongation of {si(stretch[name], 'm')}" for name, force in forces.items()}
+    return {
+        name: f"{amount(force, 'N')} at an elongation of {amount(stretch[name], 'm')}" for name, force in forces.items()
+    }
 
 
 def _friction(_: RunResult, contacts: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
     """Two rows for each friction contact: how it slides, and what that loses."""
     width = max(len(name) for name in contacts)
     for name, s in contacts.items():
-        start = f"starts with {si(s['start_force_n'], 'N')}" if s["start_force_n"] else "starts unstressed"
+        start = f"starts with {amount(s['start_force_n'], 'N')}" if s["start_force_n"] else "starts unstressed"
         share = f"slides {percent(s['sliding_share'])} of the time"
         if s["slides"] is None:
             yield "", f"{name:<{width}}  {share}; {start}"
             continue
-        distance = f"{si(s['sliding_distance_m'], 'm')} in {counted(s['slides'], 'slide')}"
+        distance = f"{amount(s['sliding_distance_m'], 'm')} in {counted(s['slides'], 'slide')}"
         yield "", f"{name:<{width}}  {share}, {distance}; {start}"
         worn = "" if s["worn_volume_m3"] is None else f", worn volume {s['worn_volume_m3'] * 1e9:.4g} mm^3"
-        lost = f"loses {si(s['dissipated_energy_j'], 'J')}, {si(s['dissipated_power_w'], 'W')}"
-        yield "", f"{'':<{width}}  {lost}, wear power {si(s['wear_power_w'], 'W')}{worn}"
+        lost = f"loses {amount(s['dissipated_energy_j'], 'J')}, {amount(s['dissipated_power_w'], 'W')}"
+        yield "", f"{'':<{width}}  {lost}, wear power {amount(s['wear_power_w'], 'W')}{worn}"
 
 
 def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
@@ -84,8 +86,8 @@ def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
     texts = {}
     for name, output in result.outputs.items():
         unit = units[name]
-        ends = f"{si(low[name], unit)} to {si(high[name], unit)}"
-        texts[name] = f"{si(peaks[name], unit)} (from {ends}), {output.quantity.replace('_', ' ')}, {output.at}"
+        ends = f"{amount(low[name], unit)} to {amount(high[name], unit)}"
+        texts[name] = f"{amount(peaks[name], unit)} (from {ends}), {output.quantity.replace('_', ' ')}, {output.at}"
     return texts
 
 
@@ -94,9 +96,9 @@ def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
     texts = {}
     for name, gap in gaps.items():
         static = s["static_force_n"][name]
-        at_equilibrium = "" if static is None or math.isnan(static) else f"{si(static, 'N')} at equilibrium, "
+        at_equilibrium = "" if static is None or math.isnan(static) else f"{amount(static, 'N')} at equilibrium, "
         texts[name] = (
-            f"gap {si(gap, 'm')}, {at_equilibrium}{si(s['blocked_force_n'][name], 'N')} blocked, "
+            f"gap {amount(gap, 'm')}, {at_equilibrium}{amount(s['blocked_force_n'][name], 'N')} blocked, "
             f"stiffness ratio {s['stiffness_ratio'][name]:.4g}"
         )
     return texts
@@ -106,8 +108,8 @@ def _stress(result: RunResult, stress: float) -> str:
     s = result.summary
     body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
     y = s.get("largest_bending_stress_across_m", math.nan)
-    across = "" if math.isnan(y) else f", y = {si(y, 'm')}"
-    return f"{si(stress, 'Pa')} at {body}x = {si(s['largest_bending_stress_position_m'], 'm')}{across}"
+    across = "" if math.isnan(y) else f", y = {amount(y, 'm')}"
+    return f"{amount(stress, 'Pa')} at {body}x = {amount(s['largest_bending_stress_position_m'], 'm')}{across}"
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -156,11 +158,13 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
     for name, figures in signals.items():
         unit = units[name]
         low, high = figures.get("rms_low"), figures.get("rms_high")
-        interval = f" ({si(low, unit)} to {si(high, unit)}, 95 %)" if low is not None and high is not None else ""
+        interval = (
+            f" ({amount(low, unit)} to {amount(high, unit)}, 95 %)" if low is not None and high is not None else ""
+        )
         parts = {
-            "rms": f"rms {si(figures['rms'], unit)}{interval}",
-            "3_sigma": f"3 sigma {si(3.0 * figures['standard_deviation'], unit)}",
-            "peak": f"peak {si(max(abs(figures['highest']), abs(figures['lowest'])), unit)}",
+            "rms": f"rms {amount(figures['rms'], unit)}{interval}",
+            "3_sigma": f"3 sigma {amount(3.0 * figures['standard_deviation'], unit)}",
+            "peak": f"peak {amount(max(abs(figures['highest']), abs(figures['lowest'])), unit)}",
             "crest_factor": f"crest factor {figures['crest_factor']:.3g}",
             "kurtosis": f"kurtosis {figures['kurtosis']:.3g}",
         }
@@ -184,9 +188,9 @@ def _linear(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
 
         def against(state: str, ours: float = ours, of: Mapping[str, float] = of, unit: str = units[name]) -> str:
             times = f" (the run is {ours / of[state]:.3g} times that)" if of[state] > 0 else ""
-            return f"always {state} {si(of[state], unit)}{times}"
+            return f"always {state} {amount(of[state], unit)}{times}"
 
-        texts[name.replace("_", " ")] = f"sigma {si(ours, units[name])}, {against('open')}, {against('closed')}"
+        texts[name.replace("_", " ")] = f"sigma {amount(ours, units[name])}, {against('open')}, {against('closed')}"
     return texts
 
 
@@ -207,14 +211,14 @@ def _impacts(_: RunResult, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterato
                 ("loss", "mean_energy_lost_j", "J"),
                 ("restitution", "restitution", "1"),
             )
-            means = ", ".join(f"{label} {si(s[key], unit)}" for label, key, unit in units)
+            means = ", ".join(f"{label} {amount(s[key], unit)}" for label, key, unit in units)
             yield "", f"{'':<{width}}  mean {means}"
 
 
 def _fatigue(_: RunResult, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     return {
-        name: f"{body['cycles']:g} cycles at x = {si(body['position'], 'm')}, ranges up to "
-        f"{si(body['largest_range_pa'], 'Pa')}, damage {body['damage']:.3g}, life {si(body['life_s'], 's')}"
+        name: f"{body['cycles']:g} cycles at x = {amount(body['position'], 'm')}, ranges up to "
+        f"{amount(body['largest_range_pa'], 'Pa')}, damage {body['damage']:.3g}, life {amount(body['life_s'], 's')}"
         for name, body in bodies.items()
     }
 
@@ -225,7 +229,7 @@ def _shock(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dic
     changes = s.get("convergence", {}).get("srs", {})
     texts = {}
     for name, point in signals.items():
-        text = f"{si(point['maximax_g'], 'g')} at {point['frequency_hz']:.4g} Hz"
+        text = f"{amount(point['maximax_g'], 'g')} at {point['frequency_hz']:.4g} Hz"
         if name in changes:
             text += f"; {change_of(s, 'srs', name)}"
         texts[name.replace("_", " ")] = text
@@ -244,15 +248,15 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
         finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
         largest = percent(max(sizes, default=0.0), 2)
         yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
-        if model["sequences_part_s"] is not None:
-            yield "", f"the sequences of contacts part at {si(model['sequences_part_s'], 's')}"
+        if model["sequences_part_s"] is not None and not math.isnan(model["sequences_part_s"]):  # of a file
+            yield "", f"the sequences of contacts part at {amount(model['sequences_part_s'], 's')}"
     small, round_off = (
         ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
         ("round_off_parts_s", "round-off"),
     )
     for key, of in (small, round_off):
         if model.get(key) is not None:
-            yield "", f"they part at {si(model[key], 's')} with {of}"
+            yield "", f"they part at {amount(model[key], 's')} with {of}"
     if result.summary.get("after_parting"):
         yield "", f"figures marked {AFTER_PARTING} are those of one of many motions"
 
@@ -261,7 +265,7 @@ def _solver(result: RunResult, time: float) -> str:
     s = result.summary
     bends = s.get("breakpoints_passed", 0)
     passed = f", {counted(bends, 'breakpoint')} of springs passed" if bends else ""
-    return f"{counted(s['events'], 'event')}{passed}, processor time {si(time, 's')}"
+    return f"{counted(s['events'], 'event')}{passed}, processor time {amount(time, 's')}"
 
 
 def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -276,14 +280,14 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[s
             )
     until = compared["agrees_until_s"]
     whole = until >= rows_of(result, "time")[-1:][0]
-    part = "" if whole else f" until {si(until, 's')}, where the contacts part"
+    part = "" if whole else f" until {amount(until, 's')}, where the contacts part"
     state, late = compared["largest_state_difference"], compared["largest_time_difference_s"]
     rows.append((f"displacement{part}", "", "", percent(state)))
     if result.snubbers:
-        rows.append((f"times of contacts{part}", "", "", si(late, "s")))
+        rows.append((f"times of contacts{part}", "", "", amount(late, "s")))
     costs = compared["exact_processor_time_s"], compared["processor_time_s"]
     factor = f"{costs[1] / costs[0]:.3g} times" if costs[0] > 0 else ""
-    rows.append(("processor time", *(si(cost, "s") for cost in costs), factor))
+    rows.append(("processor time", *(amount(cost, "s") for cost in costs), factor))
     steps = "steps" if math.isfinite(compared["step_s"]) else "evaluations"
     rows.append((steps, str(result.work.evaluations), str(compared["steps"]), ""))
     if compared["unsettled_steps"]:
@@ -296,11 +300,11 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[s
 def _figure(figure: str, value: float, unit: str) -> str:
     if figure == "contacts":
         return str(round(value))
-    return percent(value, 5) if figure == "time_in_contact" else si(value, unit, 6)
+    return percent(value, 5) if figure == "time_in_contact" else amount(value, unit, 6)
 
 
 def _change(exact: float, stepped: float) -> str:
-    return percent((stepped - exact) / abs(exact)) if exact else si(stepped - exact, "1")
+    return percent((stepped - exact) / abs(exact)) if exact else amount(stepped - exact, "1")
 
 
 TEXTS: Texts = {
@@ -317,7 +321,7 @@ TEXTS: Texts = {
     "peak_output": _outputs,
     "gap_m": _preload,
     "largest_bending_stress_pa": _stress,
-    "largest_von_mises_stress_pa": lambda _, stress: f"{si(stress, 'Pa')} at the surface of a plate",
+    "largest_von_mises_stress_pa": lambda _, stress: f"{amount(stress, 'Pa')} at the surface of a plate",
     "spectral_lines": _spectral_lines,
     "random": _random,
     "random_linear": _linear,

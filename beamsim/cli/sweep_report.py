@@ -7,8 +7,8 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.report import SHARED, Row, Texts, base_correction, gapping, percent, si
-from beamsim.plots.style import level_text
+from beamsim.cli.report import SHARED, Row, Texts, base_correction, gapping, percent
+from beamsim.plots.style import amount, level_text
 
 PEAKS_SHOWN = 6
 
@@ -30,7 +30,7 @@ def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
 
 def _peak(peak: Mapping[str, Any]) -> str:
     order = "" if peak["order"] == 1.0 else f" of order {Fraction(peak['order']).limit_denominator(12)}"
-    return f"{peak['frequency_hz']:8.2f} Hz  {si(peak['value_m'], 'm'):>10}  {peak['kind']}{order}"
+    return f"{peak['frequency_hz']:8.2f} Hz  {amount(peak['value_m'], 'm'):>10}  {peak['kind']}{order}"
 
 
 def _contact(_: SweepResult, shares: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
@@ -39,14 +39,14 @@ def _contact(_: SweepResult, shares: Mapping[str, Mapping[str, float]]) -> dict[
 
 def _solver(result: SweepResult, time: float) -> str:
     s = result.summary
-    return f"{s['cycles']} cycles, {s['events']} contact events, processor time {si(time, 's')}"
+    return f"{s['cycles']} cycles, {s['events']} contact events, processor time {amount(time, 's')}"
 
 
 def _impacts(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, str]:
     return {
-        f"{curve} {name}": f"at most {s['most_per_cycle']:.3g}, {si(s['longest_mean_contact_time_s'], 's')}, "
-        f"impulse {si(s['largest_impulse_n_s'], 'N s')}, loss {si(s['largest_energy_lost_j'], 'J')}, "
-        f"{si(s['highest_penetration_rate_m_s'], 'm/s')}"
+        f"{curve} {name}": f"at most {s['most_per_cycle']:.3g}, {amount(s['longest_mean_contact_time_s'], 's')}, "
+        f"impulse {amount(s['largest_impulse_n_s'], 'N s')}, loss {amount(s['largest_energy_lost_j'], 'J')}, "
+        f"{amount(s['highest_penetration_rate_m_s'], 'm/s')}"
         for curve, snubbers in curves.items()
         for name, s in snubbers.items()
     }

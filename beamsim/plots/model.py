@@ -107,6 +107,8 @@ def _excitation_text(scenario: Scenario, part: Any) -> str:
     levels = [level for _, level in part.levels()]
     if levels:
         words.append(_level_text(part, max(levels, key=abs)))
+    if getattr(part, "psd", ()):
+        words.append(f"{part.psd[0].frequency:.6g} to {part.psd[-1].frequency:.6g} Hz")
     tones = part.frequencies_hz
     if 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
@@ -142,12 +144,12 @@ def _bodies(sketch: Sketch, ax: Axes) -> None:
             elif len(lines) > 1:
                 width = _width(sketch, name)
                 corners = [(x, y) for y in (0.0, width) for x in line.x[[0, -1]] - line.origin]
-                outline = [_point(sketch, Place(name, corners[k])) for k in (0, 1, 3, 2)]
+                outline = [oblique(sketch, Place(name, corners[k])) for k in (0, 1, 3, 2)]
                 ax.add_patch(Polygon(outline, facecolor=FACE, edgecolor=BODY, linewidth=1.2, zorder=3))
             else:
                 ax.plot(line.x[[0, -1]], [line.row, line.row], color=BODY, linewidth=1.4, zorder=3)
         for start, end, depth in body.depths if len(lines) == 1 else ():
-            (left, row), (right, _) = (_point(sketch, Place(name, x)) for x in (start, end))
+            (left, row), (right, _) = (oblique(sketch, Place(name, x)) for x in (start, end))
             half = 0.5 * DEEPEST * depth / deepest
             ax.add_patch(
                 Rectangle((left, row - half), right - left, 2 * half, facecolor=FACE, edgecolor=BODY, linewidth=1.0,
@@ -168,8 +170,8 @@ def _width(sketch: Sketch, body: str) -> float:
     return float(across[lines[-1].stations].max()) if len(lines) > 1 and across is not None else 0.0
 
 
-def _point(sketch: Sketch, place: Place) -> tuple[float, float]:
-    """Where a place is drawn; a plate is seen obliquely."""
+def oblique(sketch: Sketch, place: Place) -> tuple[float, float]:
+    """Where a place at rest is drawn; a plate is seen obliquely."""
     line = sketch.lines_of(place.body)[0]
     x, y = line.at(place.coordinate, np.zeros(sketch.stations.position.size))
     if place.across is None:
@@ -201,12 +203,12 @@ def _supports_and_masses(sketch: Sketch, ax: Axes) -> Names:
         width = _width(sketch, name)
         left, right = (float(sketch.lines_of(name)[0].x[k]) for k in (0, -1))
         for coordinate, kind in body.marks:
-            x, y = _point(sketch, Place(name, coordinate if not width else (coordinate, 0.0)))
+            x, y = oblique(sketch, Place(name, coordinate if not width else (coordinate, 0.0)))
             outwards = -1.0 if x < 0.5 * (left + right) else 1.0
             if kind == "mass":
                 continue
             if width:
-                ax.plot(*zip((x, y), _point(sketch, Place(name, (coordinate, width))), strict=True), color=_WALL,
+                ax.plot(*zip((x, y), oblique(sketch, Place(name, (coordinate, width))), strict=True), color=_WALL,
                         linewidth=4.0 if kind == "clamped" else 1.5, linestyle="-" if kind == "clamped" else "--",
                         zorder=4)  # fmt: skip
             elif kind == "clamped":
@@ -223,7 +225,7 @@ def _supports_and_masses(sketch: Sketch, ax: Axes) -> Names:
                 _spring(ax, sketch, x, y, y - _SPRING, BODY)
                 _ground(ax, sketch, x, y - _SPRING, -1.0)
         for mass in getattr(body, "point_masses", ()):
-            x, y = _point(sketch, Place(name, mass.position))
+            x, y = oblique(sketch, Place(name, mass.position))
             ax.plot(x, y + 0.09, marker="o", markersize=11, color=BODY, markerfacecolor="#8fb1c9", zorder=5)
             yield amount(mass.mass, "kg"), (x, y + 0.09)
 
@@ -232,7 +234,7 @@ def _springs(sketch: Sketch, ax: Axes) -> Names:
     """Springs of joints, of a chain, between points and to the ground."""
     scenario = sketch.scenario
     for joint in scenario.joints:
-        ends = [_point(sketch, place) for place in ends_of(site_in(scenario, joint))]
+        ends = [oblique(sketch, place) for place in ends_of(site_in(scenario, joint))]
         face = {"rigid": BODY, "hinge": "white", "spring": "#e6a117"}[joint.kind]
         if len(ends) == 2 and math.dist(*ends) > 1e-6:
             ax.plot(*zip(*ends, strict=True), color=BODY, linestyle=":", linewidth=1.0, zorder=2)
@@ -256,7 +258,7 @@ def _springs(sketch: Sketch, ax: Axes) -> Names:
 
 
 def _point_spring(sketch: Sketch, ax: Axes, name: str, site: Site, kind: str) -> Names:
-    (x, y), *others = (_point(sketch, place) for place in ends_of(site))
+    (x, y), *others = (oblique(sketch, place) for place in ends_of(site))
     text = f"{name} ({kind.replace('_', ' ')} spring)"
     if others:
         _along(ax, (x, y), others[0])
@@ -276,7 +278,7 @@ def _stops(sketch: Sketch, ax: Axes) -> Names:
         stop = sketch.stops[name]
         gap = max(stop.gap, 0.0) * factor if math.isfinite(stop.gap) else 0.0
         if isinstance(site, Link):
-            (x, low), (over, high) = (_point(sketch, place) for place in ends_of(site))
+            (x, low), (over, high) = (oblique(sketch, place) for place in ends_of(site))
             if low == high:  # masses of one chain
                 half, level = 0.2 + 0.12 * level, level + 1
                 ax.plot([x, x, over, over], [low, low + half, high + half, high], color=STOP, linewidth=0.9, zorder=2,
@@ -290,7 +292,7 @@ def _stops(sketch: Sketch, ax: Axes) -> Names:
                 _face(ax, sketch, x, low + gap)
             yield stop_text(name, stop), (0.5 * (x + over), 0.5 * (low + gap + high))
             continue
-        (x, y), side = _point(sketch, site), -1.0 if stop.side == "below" else 1.0
+        (x, y), side = oblique(sketch, site), -1.0 if stop.side == "below" else 1.0
         to_scale = to_scale or gap > 0.0
         face = y + side * (gap + 0.5 * DEEPEST)
         _face(ax, sketch, x, face)
@@ -304,7 +306,7 @@ def _stops(sketch: Sketch, ax: Axes) -> Names:
             for name, lines in sketch.lines.items()
             for line in lines
         )
-        end = right + 0.06 * sketch.span
+        end = right + 0.1 * sketch.span
         ax.plot([end, end], [-0.5 * bar * factor, 0.5 * bar * factor], color="black", linewidth=2.0, clip_on=False)
         ax.annotate(f"gaps:\n{amount(bar, 'm')}", (end, 0.0), xytext=(4, 0), textcoords="offset points", va="center",
                     fontsize="small", annotation_clip=False)  # fmt: skip
@@ -328,10 +330,16 @@ def _forces(sketch: Sketch, ax: Axes) -> Names:
             ax.annotate("", (0.03, 0.04), xytext=(0.03, 0.2), xycoords="axes fraction",
                         arrowprops={**arrow, "arrowstyle": "<|-|>"})  # fmt: skip
             ax.annotate("base", (0.045, 0.12), xycoords="axes fraction", va="center", color="#3a7d44", fontsize="small")
+    above = [
+        oblique(sketch, site)[0]
+        for name, site in sketch.stop_sites.items()
+        if isinstance(site, Place) and sketch.stops[name].side == "above"
+    ]
     for _, part in exciting_forces(sketch.scenario):
         levels = [_level_text(part, level) for _, level in part.levels()]
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
-            x, y = _point(sketch, place)
+            x, y = oblique(sketch, place)
+            x -= 0.03 * sketch.span if any(abs(x - other) < 0.02 * sketch.span for other in above) else 0.0
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
         yield levels[0] if len(levels) == 1 else part.kind.replace("_", " "), (x, y + 0.34)
 
@@ -352,7 +360,7 @@ def _probes(sketch: Sketch, ax: Axes) -> Names:
     for probe in sketch.scenario.effective_probes:
         site = site_in(sketch.scenario, probe)
         if isinstance(site, Place):
-            x, y = _point(sketch, site)
+            x, y = oblique(sketch, site)
             ax.plot(x, y, marker="D", markersize=4, color="#7b5ea7", zorder=8)
             yield f"probe {probe.name}", (x, y)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 AT_ONCE = 2**18  # samples of a long history that are read together
+ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
@@ -66,14 +67,28 @@ def level_text(level: float, unit: str) -> str:
     return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
 
 
-def amount(value: float, unit: str) -> str:
-    """A value with SI prefix and unit.
+def amount(value: float | None, unit: str, digits: int = 4) -> str:
+    """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are.
 
-    >>> amount(2e-4, "m"), amount(151.1e3, "N/m")
-    ('0.2 mm', '151.1 kN/m')
+    What is below `ROUND_OFF` in SI units is shown as zero.
+
+    >>> amount(2e-4, "m"), amount(151.1e3, "N/m"), amount(19.6133, "m/s^2")
+    ('200 µm', '151.1 kN/m', '2 g')
     """
+    if value is None or math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "infinity"
+    if unit == "Hz":  # frequencies are compared, so that all are in the same unit
+        return f"{value:.6g} Hz"
+    if unit in ("", "1"):
+        return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"
+    if unit in ("g", "m/s^2"):
+        return f"{value / (1.0 if unit == 'g' else STANDARD_GRAVITY):.{digits}g} g"
+    if abs(value) < ROUND_OFF:
+        return f"0 {unit}"
     scale = scale_for(unit, np.array([value]))
-    return f"{value * scale.factor:.4g} {scale.unit}"
+    return f"{value * scale.factor + 0.0:.{digits}g} {scale.unit}"  # no minus sign before zero
 
 
 def round_length(value: float) -> float:

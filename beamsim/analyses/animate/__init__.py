@@ -1,0 +1,1 @@
+"""``beamsim animate``: the frames of a motion; read `beamsim.analyses.animate.frames`."""

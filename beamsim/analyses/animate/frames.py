@@ -1,0 +1,280 @@
+"""Deflected shapes at chosen instants of a motion, for animations: slow around contact, with the true shape functions.
+
+The motion of a run is computed again from the scenario up to the last instant shown, which gives the same motion; a
+periodic motion is in its result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
+from beamsim.analyses.run.outputs import exact_flow
+from beamsim.errors import Problem, ScenarioError
+from beamsim.fields import rows_of
+from beamsim.flow.stopping import never
+from beamsim.flow.transient import simulate
+from beamsim.scenario.run import OrbitStart
+from beamsim.structures.assembly import snubber_site
+from beamsim.structures.places import Place, ends_of
+from beamsim.structures.stations import IN_PLANE
+from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
+from beamsim.system.shared import SharedBuilds
+from beamsim.typing import Bools, Floats
+
+if TYPE_CHECKING:
+    from beamsim.analyses.branch import OrbitMotion
+    from beamsim.analyses.run.result import RunResult
+    from beamsim.scenario import Scenario
+    from beamsim.structures.stations import StationPart, Stations
+    from beamsim.system.structural import StructuralSystem
+
+POINTS = 81  # along a beam; its elements are cubic
+PLATE_LINES, PLATE_POINTS = 5, 33
+FRAMES = 160
+PERIODS = 3.0  # shown, of the excitation or of the first mode
+SLOWER = 6.0  # around contact
+MARGIN = 0.03  # of a period, before and after contact, that is slow too
+
+
+@dataclass(frozen=True)
+class DrawnLine:
+    """A line of a body: a beam, a line across a plate, a row of masses."""
+
+    body: str
+    x: Floats  # (k,) in the body's coordinate
+    across: Floats | None  # (k,) m, y on a plate
+    continuous: bool
+
+    @property
+    def places(self) -> list[Place]:
+        """Its points."""
+        if self.across is None:
+            return [Place(self.body, float(x)) for x in self.x]
+        return [Place(self.body, (float(x), float(y))) for x, y in zip(self.x, self.across, strict=True)]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """A motion at chosen instants."""
+
+    lines: tuple[DrawnLine, ...]
+    time: Floats  # (nf,) s
+    slow: Bools  # (nf,) whether the instant is shown in slow motion
+    deflection: Floats  # (nf, points of all lines) m, relative to the base
+    ends: Mapping[str, Floats]  # by stop (nf, 1 or 2) m, deflection of the places that it acts on
+    force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
+
+
+def frames_of_run(
+    result: RunResult, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
+) -> Frames:
+    """A few periods around the largest contact force of a run; of a run without contact its last ones.
+
+    Parameters
+    ----------
+    progress, stop : as of `beamsim.analyses.run.analysis.run`; a motion that is stopped is shown up to there.
+
+    Raises
+    ------
+    ScenarioError
+        If the model cannot be built again.
+    """
+    shared = SharedBuilds()
+    scenario, system = _system(result, shared)
+    times, slow = instants(result)
+    settings = scenario.run
+    assert settings is not None
+    duration = max(float(times[-1]), 1e-9)
+    flow = exact_flow(system, duration, settings.most_contact_states, memory=settings.memory)
+    if result.method == "exact":
+        trajectory = simulate(flow, system.initial_state, progress=progress, stop=stop)
+        kept = times <= trajectory.end
+        times, slow = times[kept], slow[kept]
+        q = trajectory.states_at(times)[:, : system.dynamics.size]
+        forces = trajectory.sample(times, flow.contact_forces)
+    else:
+        from beamsim.flow.reference import integrate
+
+        stepped = integrate(
+            flow, system.initial_state, times, integrator="DOP853", rtol=min(settings.rtol, 1e-8), atol=settings.atol,
+            cubic=system.cubic, progress=progress, stop=stop,
+        )  # fmt: skip
+        q, times, slow = stepped.y[:, : system.dynamics.size], stepped.time, slow[: stepped.time.size]
+        output = rows_of(result, "time")[:]
+        forces = np.array([np.interp(times, output, force) for force in _forces(result)]).reshape(-1, times.size).T
+    lines = drawn_lines(system.stations, scenario)
+    sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
+    shape = _shape_of(scenario, system, lines, shared)
+    at_stops = _rows(scenario, [end for site in sites.values() for end in ends_of(site)], shared)
+    ends, first = {}, 0
+    for name, site in sites.items():
+        count = len(ends_of(site))
+        ends[name] = q @ at_stops[first : first + count].T
+        first += count
+    force = {name: forces[:, k] for k, name in enumerate(sites)}
+    return Frames(lines, times, slow, q @ shape.T, ends, force)
+
+
+def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion) -> Frames:
+    """One period of a periodic motion, with the shapes at the stations of its result."""
+    sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
+    start, end = float(motion.time[0]), float(motion.time[-1])
+    closed = np.any([force > 0.0 for force in motion.force.values()], axis=0) if motion.force else np.zeros(0, bool)
+    intervals = list(_intervals(motion.time, closed)) if closed.size else []
+    times, slow = _paced(start, end, intervals, MARGIN * (end - start))
+
+    def at(values: Floats) -> Floats:
+        return np.array([np.interp(times, motion.time, column) for column in values.T]).T
+
+    lines, columns = [], []
+    for part in stations:
+        numbers = np.arange(part.stations.start, part.stations.stop)
+        across = None if part.axis is not IN_PLANE or stations.across is None else stations.across[part.stations]
+        rows = [slice(None)] if across is None else [across == y for y in np.unique(across)]
+        for row in rows:
+            lines.append(
+                DrawnLine(part.body, stations.position[part.stations][row], None if across is None else across[row],
+                          part.axis.continuous)
+            )  # fmt: skip
+            columns.append(numbers[row])
+    places = [end for site in sites.values() for end in ends_of(site)]
+    nearest = [_nearest(stations, place) for place in places]
+    of_ends = at(motion.stations[:, nearest]) if nearest else np.zeros((times.size, 0))
+    ends, first = {}, 0
+    for name, site in sites.items():
+        count = len(ends_of(site))
+        ends[name] = of_ends[:, first : first + count]
+        first += count
+    force = {name: np.interp(times, motion.time, values) for name, values in motion.force.items()}
+    return Frames(tuple(lines), times, slow, at(motion.stations[:, np.concatenate(columns)]), ends, force)
+
+
+def _nearest(stations: Stations, place: Place) -> int:
+    parts = stations.parts
+    part = next((each for each in parts if each.body == place.body), parts[0])
+    distance = np.abs(stations.position[part.stations] - place.coordinate)
+    if place.across is not None and stations.across is not None:
+        distance = np.hypot(distance, stations.across[part.stations] - place.across)
+    return int(part.stations.start + distance.argmin())
+
+
+def instants(result: RunResult) -> tuple[Floats, Bools]:
+    """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
+    time = rows_of(result, "time")
+    begin, end = float(time[:1][0]), float(time[-1:][0])
+    forced = next((s.excitation_hz for s in result.spectra.values()), math.nan)
+    frequencies = [forced, *result.modes.open_frequencies_hz]
+    period = 1.0 / next((f for f in frequencies if np.isfinite(f) and f > 0.0), 1.0 / max(end - begin, 1e-9))
+    peaks = [(float(force.max(initial=0.0)), float(time[:][force.argmax()])) for force in _forces(result) if force.size]
+    force, at = max(peaks, default=(0.0, end))
+    centre = at if force > 0.0 else end
+    length = min(PERIODS * period, end - begin)
+    first = min(max(centre - length / 2, begin), end - length)
+    log = result.events
+    intervals = []
+    for number in range(len(result.snubbers)):
+        mine = log.snubber == number
+        intervals += list(_contacts(log.time[mine], log.closing[mine], begin, end))
+    # a contact that lasts is no instant to be shown slowly: only its ends are
+    shown = [
+        each
+        for start, stop in intervals
+        if stop > first and start < first + length
+        for each in ([(start, stop)] if stop - start < 0.25 * period else [(start, start), (stop, stop)])
+    ]
+    times, slow = _paced(first, first + length, shown, MARGIN * period)
+    if force > 0.0:
+        times[np.abs(times - at).argmin()] = at  # the peak itself is among them
+    return times, slow
+
+
+def _forces(result: RunResult) -> list[Floats]:
+    return [rows_of(snubber, "force")[:] for snubber in result.snubbers.values()]
+
+
+def _contacts(time: Floats, closing: Bools, begin: float, end: float) -> list[tuple[float, float]]:
+    """Intervals of contact from the events of one stop."""
+    if not time.size:
+        return []
+    starts = [*([] if closing[0] else [begin]), *time[closing].tolist()]
+    stops = [*time[~closing].tolist(), *([end] if closing[-1] else [])]
+    return list(zip(starts, stops, strict=True))
+
+
+def _intervals(time: Floats, closed: Bools) -> Sequence[tuple[float, float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(int)))
+    return [(float(time[a]), float(time[min(b, time.size - 1)])) for a, b in edges.reshape(-1, 2)]
+
+
+def _paced(first: float, last: float, contacts: Sequence[tuple[float, float]], margin: float) -> tuple[Floats, Bools]:
+    """`FRAMES` instants, `SLOWER` times as dense around contacts."""
+    fine = np.linspace(first, last, 20 * FRAMES)
+    slow = np.zeros(fine.size, dtype=bool)
+    for begin, end in contacts:
+        slow |= (fine >= begin - margin) & (fine <= end + margin)
+    if np.all(slow):
+        slow[:] = False
+    shown = np.concatenate([[0.0], np.cumsum(np.where(slow, SLOWER, 1.0)[1:])])
+    times = np.interp(np.linspace(0.0, shown[-1], FRAMES), shown, fine)
+    return times, slow[np.clip(np.searchsorted(fine, times), 0, fine.size - 1)]
+
+
+def drawn_lines(stations: Stations, scenario: Scenario) -> tuple[DrawnLine, ...]:
+    """The lines of all bodies, finer than the stations where the body is continuous."""
+    return tuple(line for part in stations for line in _lines_of(stations, part, scenario))
+
+
+def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list[DrawnLine]:
+    bodies = list(scenario.all_bodies)
+    name = part.body if part.body in bodies else bodies[0]  # one alone is called after its axis
+    x = stations.position[part.stations]
+    if part.axis is IN_PLANE and stations.across is not None:
+        y = stations.across[part.stations]
+        across, along = np.linspace(y.min(), y.max(), PLATE_LINES), np.linspace(x.min(), x.max(), PLATE_LINES)
+        fine_x, fine_y = np.linspace(x.min(), x.max(), PLATE_POINTS), np.linspace(y.min(), y.max(), PLATE_POINTS)
+        return [
+            *(DrawnLine(name, fine_x, np.full(PLATE_POINTS, each), True) for each in across),
+            *(DrawnLine(name, np.full(PLATE_POINTS, each), fine_y, True) for each in along),
+        ]
+    if part.axis.continuous:
+        return [DrawnLine(name, np.linspace(x.min(), x.max(), POINTS), None, True)]
+    return [DrawnLine(name, x, None, False)]
+
+
+def _shape_of(scenario: Scenario, system: StructuralSystem, lines: Sequence[DrawnLine], shared: SharedBuilds) -> Floats:
+    """(points, n) deflection for a unit of each coordinate: of the elements' shape functions, or at the stations."""
+    parts, stations = [], system.stations
+    for line in lines:
+        if line.continuous:
+            parts.append(_rows(scenario, line.places, shared))
+        else:
+            part = next((p for p in stations if p.body == line.body), stations.parts[0])
+            parts.append(system.deflection[part.stations])
+    return np.vstack(parts)
+
+
+def _rows(scenario: Scenario, places: Sequence[Place], shared: SharedBuilds) -> Floats:
+    """(places, n) of the reduced model."""
+    parts = reduced_parts(scenario, shared=shared)
+    return np.asarray(parts.structure.rows(places) @ parts.basis.vectors) / math.sqrt(parts.structure.mass_scale)
+
+
+def _system(result: RunResult, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+    """The scenario and the system that the run solved."""
+    scenario: Any = result.scenario
+    settings = scenario.run
+    if settings is None:
+        raise ScenarioError(Problem("run", "is missing", "animate the result of a run"))
+    if isinstance(settings.start, OrbitStart):
+        orbit = read_orbit(settings.start, scenario.folder_of("run", "start", "orbit"))
+        scenario = at_orbit(scenario, orbit, keep_excitation=settings.start.keep_excitation)
+        at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
+        return at_rest, started(build_system(at_rest, shared, assessed=False), orbit, settings.start.factor)
+    return scenario, build_system(scenario, shared, assessed=False)

@@ -1,0 +1,157 @@
+"""The commands ``report`` and ``animate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamsim.cli.failures import guarded, say
+from beamsim.cli.options import Debug, Json, Output, Quiet, Stored
+from beamsim.kinds import KINDS, named
+
+if TYPE_CHECKING:
+    from beamsim.plots.animation import Scene
+    from beamsim.system.structural import StructuralSystem
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("report")(report)
+    app.command("animate")(animate)
+
+
+@guarded
+def report(
+    result: Stored,
+    output: Output = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="A PDF too, printed by a Chromium or Chrome that is installed.")
+    ] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write one HTML file about a result: verdict, model, numbers, plots, animation, checks, scenario."""
+    from beamsim.cli.output import output_file
+    from beamsim.cli.printing import print_files
+    from beamsim.files import check_writable
+    from beamsim.report.browser import find_browser, print_pdf
+
+    target = output_file(output, f"{result.stem}_report", ".html", ".htm")
+    browser = find_browser() if pdf else None
+    if browser is not None:
+        check_writable(target.with_suffix(".pdf"))
+    files = [_write(result, target, shown=not (json or quiet))]
+    if browser is not None:
+        files.append(print_pdf(browser, target, target.with_suffix(".pdf")))
+    print_files(files, as_json=json)
+
+
+def _write(path: Path, target: Path, *, shown: bool) -> Path:
+    from beamsim.cli.report import table_rows
+    from beamsim.files import replacing
+    from beamsim.report.contents import page_of
+    from beamsim.report.page import plotly
+    from beamsim.store.results import open_result
+    from beamsim.store.stored import damage_of, kind_of
+
+    plotly()  # that it is missing is said before anything is computed
+    kind = kind_of(path)
+    result: Any = open_result(path)
+    with damage_of(path):
+        about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
+        figures = named(KINDS[kind].figures)(result)
+        rows = list(table_rows(kind, result))
+        page = page_of(result, about, rows, figures, _system(result), _scene(result, shown=shown))
+    with replacing(target) as temporary:
+        temporary.write_text(page.html(), encoding="utf-8")
+    return target
+
+
+@guarded
+def animate(
+    result: Stored,
+    output: Output = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write the motion of a result as a GIF and as an HTML file; slow around contact."""
+    from beamsim.cli.output import output_file, output_folder
+    from beamsim.cli.printing import print_files
+    from beamsim.cli.progress import progress_bar
+    from beamsim.errors import ResultFileError
+    from beamsim.files import replacing
+    from beamsim.plots.animation import save_gif
+    from beamsim.report.animated import animation_page
+    from beamsim.store.results import open_result
+    from beamsim.store.stored import damage_of
+
+    if output is not None and output.suffix.lower() in (".gif", ".html", ".htm"):
+        targets = [output_file(output, result.stem, output.suffix.lower())]
+    else:
+        folder = output_folder(output, result.stem)
+        targets = [folder / f"{result.stem}_animation{suffix}" for suffix in (".gif", ".html")]
+    shown = not (json or quiet)
+    stored: Any = open_result(result)
+    with damage_of(result):
+        scene = scene_of(stored, shown=shown)
+    if scene is None:
+        raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
+    for target in targets:
+        if target.suffix.lower() == ".gif":
+            with progress_bar(f"drawing {target.name}", shown=shown) as progress:
+                save_gif(scene, target, progress)
+        else:
+            with replacing(target) as temporary:
+                temporary.write_text(animation_page(scene), encoding="utf-8")
+    print_files(targets, as_json=json)
+
+
+def _scene(result: Any, *, shown: bool) -> Scene | None:
+    """The animation for a report, which does without where the model cannot be built again."""
+    from beamsim.errors import BeamsimError
+
+    try:
+        return scene_of(result, shown=shown)
+    except BeamsimError as error:
+        say(f"beamsim: the report has no animation: {error}")
+        return None
+
+
+def _system(result: Any) -> StructuralSystem | None:
+    """The system of the result's scenario; None where it has no bodies or cannot be built."""
+    from beamsim.errors import BeamsimError
+    from beamsim.system.build import build_system
+
+    if not result.scenario.all_bodies:
+        return None
+    try:
+        return build_system(result.scenario, assessed=False)
+    except BeamsimError as error:
+        say(f"beamsim: the report has no sketch of the model: {error}")
+        return None
+
+
+def scene_of(result: Any, *, shown: bool) -> Scene | None:
+    """The animation of a run or of a stored periodic motion; None of results without a motion."""
+    from beamsim.analyses.animate.frames import frames_of_orbit, frames_of_run
+    from beamsim.analyses.run.result import RunResult
+    from beamsim.cli.progress import progress_bar
+    from beamsim.plots.animation import scene_of as scene_of_frames
+    from beamsim.system.build import build_system
+
+    if isinstance(result, RunResult):
+        with progress_bar("computing the motion again", shown=shown) as progress:
+            frames = frames_of_run(result, progress)
+        return scene_of_frames(frames, result.scenario, result.modes.stations, result.snubbers, result.title)
+    motion = next((b.motion for b in getattr(result, "branches", ()) if getattr(b, "motion", None) is not None), None)
+    if motion is None:
+        return None
+    stations = result.modes.stations
+    stops = {stop.name: stop for stop in build_system(result.scenario, assessed=False).snubbers}
+    return scene_of_frames(
+        frames_of_orbit(result.scenario, stations, motion), result.scenario, stations, stops, result.title
+    )

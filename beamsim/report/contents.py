@@ -1,0 +1,229 @@
+"""What a page says about a result: verdict, model, numbers, plots, contacts, animation, trust, scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from beamsim.analyses.limits import LIMITED
+from beamsim.analyses.result import MARGINS
+from beamsim.plots.model import excitation_text, model_figure
+from beamsim.plots.style import amount
+from beamsim.report.animated import NOTE
+from beamsim.report.page import Cells, Page, Verdict, labelled, listing, picture, table
+from beamsim.report.trust import changes, checks, doubts, untrusted, versions
+from beamsim.structures.assembly import snubber_site
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from beamsim.analyses.result import Result
+    from beamsim.plots.animation import Scene
+    from beamsim.scenario import Scenario
+    from beamsim.system.structural import SnubberNumbers, StructuralSystem
+
+CHANGES_SHOWN = 60
+
+
+def page_of(
+    result: Result,
+    about: str,
+    rows: Iterable[tuple[str, str]],
+    figures: Mapping[str, Figure],
+    system: StructuralSystem | None,
+    scene: Scene | None,
+) -> Page:
+    """The page of a result.
+
+    Parameters
+    ----------
+    about : which command made it, and when.
+    rows : of its printed table.
+    figures : its plots by name.
+    system : of its scenario, for the model; None where it has none.
+    scene : an animation of its motion.
+    """
+    page = Page(result.title or "beamsim", about, verdict_of(result))
+    margins = result.summary.get("margins") or {}
+    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_margins(margins)))))
+    if system is not None:
+        page.add("Model", *_model(result.scenario, system))
+    page.add("Results", labelled(rows))
+    page.add("Contact", *(table(cells) for cells in contact_tables(result)))
+    if scene is not None:
+        page.add("Motion", page.animated(scene.as_json(), NOTE))
+    page.add("Plots", _how_to_read(figures), *(page.plot(name, figure) for name, figure in figures.items()))
+    page.add("Why these numbers can be trusted", *_trust(result))
+    page.add(
+        "Scenario", f"<details><summary>YAML, as it was run</summary>{listing(result.scenario.to_yaml())}</details>"
+    )
+    return page
+
+
+def verdict_of(result: Result) -> Verdict:
+    """Limits first, then whether the numbers can be trusted."""
+    margins = result.summary.get("margins") or {}
+    exceeded = [name.replace("_", " ") for name, item in margins.items() if item["exceeded"]]
+    reasons = doubts(result)
+    if exceeded:
+        return Verdict("bad", f"Limit exceeded: {', '.join(exceeded)}", reasons)
+    if untrusted(result):
+        return Verdict("bad", "Incomplete or not to be trusted", reasons)
+    if reasons:
+        within = " All limits are kept." if margins else ""
+        return Verdict("doubt", f"To be read with care.{within}", reasons)
+    if margins:
+        return Verdict("good", "All limits are kept")
+    if MARGINS in type(result).SUMMARY:
+        return Verdict("", "Complete. No limits are given", ["limits: {peak_force: 50 N} gives a verdict"])
+    return Verdict("", "Complete")
+
+
+def _margins(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:
+    for name, item in margins.items():
+        unit = LIMITED[name][1]
+        margin = item["margin"]
+        share = "unknown" if margin is None or math.isnan(margin) else f"{100 * margin:+.3g} %"
+        kept = "! exceeded" if item["exceeded"] else "+ kept"
+        yield [
+            name.replace("_", " "),
+            amount(item["value"], unit),
+            item["at"],
+            amount(item["limit"], unit),
+            share,
+            kept,
+        ]
+
+
+def _model(scenario: Scenario, system: StructuralSystem) -> Iterator[str]:
+    stops = {stop.name: stop for stop in system.snubbers}
+    yield f"<figure>{picture(model_figure(scenario, system.stations, stops), 'model')}</figure>"
+    yield labelled([("excitation", excitation_text(scenario)), *_bodies(scenario)])
+    sites = {located.item.name: snubber_site(located).label for located in scenario.located_snubbers}
+    rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in stops.items()]
+    heading = ("stop", "at", "side", "stiffness", "dashpot", "gap", "force at rest", "k L^3 / E I")
+    yield table(Cells(heading, rows, "Stops"))
+
+
+def _stop(stop: SnubberNumbers) -> list[str]:
+    ratio = f"{stop.stiffness_ratio:.4g}" if math.isfinite(stop.stiffness_ratio) else ""
+    preload = amount(stop.preload, "N") if math.isfinite(stop.preload) else "not unique"
+    return [amount(stop.stiffness, "N/m"), amount(stop.dashpot, "N s/m"), amount(stop.gap, "m"), preload, ratio]
+
+
+def _bodies(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """What each body is given by, its numbers with their units."""
+    for name, body in scenario.all_bodies.items():
+        yield name, ", ".join(_given(body))
+
+
+def _given(body: Any) -> Iterator[str]:
+    for key in type(body).keys().values():
+        value = getattr(body, key)
+        if key in ("snubbers", "kind") or value is None or value == () or value == 0.0:
+            continue
+        unit = _unit(type(body), key)
+        words = key.replace("_", " ")
+        if isinstance(value, float) and unit is not None:
+            yield f"{words} {amount(value, unit)}"
+        elif isinstance(value, (int, str)):
+            yield f"{words} {value}"
+        elif isinstance(value, tuple) and all(isinstance(each, float) for each in value) and unit is not None:
+            yield f"{words} {', '.join(amount(each, unit) for each in value)}"
+        elif isinstance(value, tuple):
+            yield f"{len(value)} {words}"
+        elif hasattr(value, "model_dump"):
+            inner = ", ".join(
+                f"{k.replace('_', ' ')} {_plain(v)}" for k, v in value.model_dump(exclude_none=True).items()
+            )
+            yield f"{words} ({inner})" if inner else words
+
+
+def _plain(value: Any) -> str:
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _unit(section: Any, key: str) -> str | None:
+    """SI unit of a field; None where it is no quantity."""
+    field = section.model_fields[key]
+    return next(_units((*field.metadata, field.annotation)), None)
+
+
+def _units(items: Iterable[Any]) -> Iterator[str]:
+    """SI units within annotations."""
+    for item in items:
+        if hasattr(item, "dimension"):
+            yield str(item.dimension.unit)
+        else:
+            yield from _units((*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())))
+
+
+CONTACT_COLUMNS = {
+    "contact_share": ("time in contact", "%"),
+    "contacts": ("closings", ""),
+    "peak_force_n": ("peak force", "N"),
+    "static_force_n": ("force at rest", "N"),
+    "largest_pull_n": ("largest pull", "N"),
+    "gap_m": ("gap", "m"),
+    "largest_gap_m": ("largest opening", "m"),
+}
+"""Entries of summaries that say something of every stop: heading and unit."""
+
+
+def contact_tables(result: Result) -> Iterator[Cells]:
+    """Numbers of each stop, and statistics of its impacts."""
+    summary = result.summary
+    named = {key: summary[key] for key in CONTACT_COLUMNS if isinstance(summary.get(key), Mapping) and summary[key]}
+    named = {key: dict(_flat(values)) for key, values in named.items()}
+    stops = list(dict.fromkeys(name for values in named.values() for name in values))
+    heading = ["stop", *(CONTACT_COLUMNS[key][0] for key in named)]
+    rows = [
+        [stop, *(_cell(values.get(stop), CONTACT_COLUMNS[key][1]) for key, values in named.items())] for stop in stops
+    ]
+    if (named and "peak_force_n" in named) or "contact_share" in named:
+        yield Cells(heading, rows)
+    impacts = summary.get("impacts")
+    if isinstance(impacts, Mapping) and impacts:
+        first: Any = next(iter(impacts.values()))
+        figures = [key for key, value in first.items() if isinstance(value, (int, float))]
+        rows = [[key.replace("_", " "), *(_plain(of.get(key)) for of in impacts.values())] for key in figures]
+        yield Cells(["impacts", *impacts], rows, "Statistics of the impacts (SI units, in the names)")
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """By stop; of several curves by curve and stop."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", value
+
+
+def _cell(value: Any, unit: str) -> str:
+    if value is None or not isinstance(value, (int, float)):
+        return ""
+    if unit == "%":
+        return f"{100 * value:.3g} %"
+    return amount(value, unit) if unit and math.isfinite(value) else str(value)
+
+
+def _how_to_read(figures: Mapping[str, Figure]) -> str:
+    if not figures:
+        return ""
+    return (
+        '<p class="note screen">Drag to zoom, double-click to go back, click a name in a legend to hide its curve. '
+        "Long curves are thinned to what a screen shows; the result file has every point.</p>"
+    )
+
+
+def _trust(result: Result) -> Iterator[str]:
+    yield table(Cells(("what", "outcome", "meaning"), list(checks(result))))
+    rows = sorted(changes(result), key=lambda row: -row[2])
+    shown = [
+        [figure, name, f"{'! ' if doubtful else ''}{100 * change:.2g} %"]
+        for figure, name, change, doubtful in rows[:CHANGES_SHOWN]
+    ]
+    more = f" (the {CHANGES_SHOWN} largest of {len(rows)})" if len(rows) > CHANGES_SHOWN else ""
+    yield table(Cells(("figure", "of", "change"), shown, f"Change of every figure with the finer model{more}"))
+    yield labelled([("made with", versions(result)), ("created", result.created)])

@@ -1,0 +1,210 @@
+"""One page about one result: it holds everything that it shows and opens without a network.
+
+A page begins with the verdict, then the model, the numbers, the plots and the animation; why the numbers can be
+trusted and the scenario come last. The library that draws the plots is in the page once, compressed.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from html import escape
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.errors import MethodError
+from beamsim.plots.layout import lay_out
+from beamsim.plots.png import png_bytes
+from beamsim.report.interactive import plotly_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOTS_PER_INCH = 120.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a reader is to know first."""
+
+    kind: str  # good, bad, doubt, or empty where nothing is judged
+    text: str
+    reasons: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A table with a heading; cells that begin with a sign of `MARKS` are coloured."""
+
+    heading: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+
+
+MARKS = {"+ ": "good-cell", "! ": "bad-cell"}
+
+
+@dataclass
+class Page:
+    """The contents of a page; sections come in the order in which they are added."""
+
+    title: str
+    about: str
+    verdict: Verdict
+    sections: list[tuple[str, str]] = field(default_factory=list)  # heading and HTML
+    plots: list[dict[str, Any]] = field(default_factory=list)
+    animation: dict[str, Any] | None = None
+
+    def add(self, heading: str, *parts: str) -> None:
+        """A section of parts in HTML; none where all are empty."""
+        if any(parts):
+            self.sections.append((heading, "\n".join(part for part in parts if part)))
+
+    def plot(self, name: str, figure: Figure) -> str:
+        """A figure of matplotlib that can be zoomed, or its picture where that is not possible; returns the HTML."""
+        caption = f"<figcaption>{escape(name.replace('_', ' ').capitalize())}</figcaption>"
+        described = plotly_of(figure)
+        if described is None:
+            return f"<figure>{caption}{picture(figure, name)}</figure>"
+        self.plots.append(described)
+        number = len(self.plots) - 1
+        height = described["layout"]["height"]
+        return f'<figure>{caption}<div id="plot-{number}" style="height:{height}px"></div></figure>'
+
+    def animated(self, scene: dict[str, Any], note: str) -> str:
+        """A canvas that plays a scene; a page has one. Returns the HTML."""
+        self.animation = scene
+        return player_html(scene, note)
+
+    def html(self) -> str:
+        """The whole page."""
+        marks = "".join(f'<a href="#s{k}">{escape(name)}</a>' for k, (name, _) in enumerate(self.sections))
+        reasons = "".join(f"<li>{escape(text)}</li>" for text in self.verdict.reasons)
+        body = [
+            f"<h1>{escape(self.title)}</h1>",
+            f'<p class="about">{escape(self.about)}</p>',
+            f'<div class="verdict {self.verdict.kind}"><strong>{escape(self.verdict.text)}</strong>'
+            f"{f'<ul>{reasons}</ul>' if reasons else ''}</div>",
+            f"<nav>{marks}</nav>",
+            *(_section(k, name, html) for k, (name, html) in enumerate(self.sections)),
+            "<noscript><p>The plots and the animation need JavaScript.</p></noscript>",
+        ]
+        data = {"plots": self.plots, "animation": self.animation}
+        scripts = [
+            f'<script type="application/json" id="data">{embedded(data)}</script>',
+            *([f'<script type="text/plain" id="plotly">{plotly()}</script>'] if self.plots else []),
+            f"<script>{asset('player.js')}</script>",
+            f"<script>{asset('page.js' if self.plots else 'animation.js')}</script>",
+        ]
+        return document(self.title, "<main>" + "\n".join(body) + "</main>", scripts)
+
+
+def _section(number: int, name: str, html: str) -> str:
+    return f'<section id="s{number}"><h2>{escape(name)}</h2>\n{html}</section>'
+
+
+def document(title: str, body: str, scripts: Iterable[str]) -> str:
+    """An HTML file with the style of reports."""
+    return "\n".join(
+        [
+            "<!DOCTYPE html>",
+            f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>',
+            '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">',
+            f"<style>{asset('page.css')}</style></head><body>",
+            body, *scripts, "</body></html>", "",
+        ]
+    )  # fmt: skip
+
+
+def player_html(scene: Mapping[str, Any], note: str) -> str:
+    """The canvas and its controls."""
+    *_, low, high = scene["limits"]
+    height = round(min(max(560 * (high - low) / 2.2, 260), 700))
+    speeds = "".join(
+        f'<option value="{value}"{" selected" if value == 1 else ""}>{value} x</option>'
+        for value in (0.25, 0.5, 1, 2, 4)
+    )
+    return (
+        f'<canvas id="animation" width="1000" height="{height}"></canvas>'
+        '<div class="controls"><button id="play" type="button">Pause</button>'
+        '<input id="position" type="range" min="0" value="0" aria-label="Frame">'
+        f'<select id="pace" aria-label="Speed">{speeds}</select></div><p class="note">{escape(note)}</p>'
+    )
+
+
+def table(cells: Cells) -> str:
+    """A table as HTML."""
+    title = f"<h3>{escape(cells.title)}</h3>" if cells.title else ""
+    heading = "".join(f"<th>{escape(text)}</th>" for text in cells.heading)
+    rows = "".join("<tr>" + "".join(_cell(text) for text in row) + "</tr>" for row in cells.rows)
+    return f'{title}<div class="wide"><table><tr>{heading}</tr>{rows}</table></div>' if cells.rows else ""
+
+
+def _cell(text: str) -> str:
+    mark = next((style for sign, style in MARKS.items() if text.startswith(sign)), "")
+    shown = escape(text[2:] if mark else text)
+    return f'<td class="text {mark}">{shown}</td>' if mark else f'<td class="text">{shown}</td>'
+
+
+def labelled(rows: Iterable[tuple[str, str]]) -> str:
+    """Rows of a printed table, label and text, as HTML."""
+    lines = "".join(
+        f'<tr><td class="label">{escape(label)}</td><td class="text">{escape(text)}</td></tr>' for label, text in rows
+    )
+    return f'<div class="wide"><table>{lines}</table></div>' if lines else ""
+
+
+def listing(text: str) -> str:
+    """A text as it stands."""
+    return f"<pre>{escape(text)}</pre>"
+
+
+def picture(figure: Figure, name: str) -> str:
+    """A figure as a picture within the page."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(DOTS_PER_INCH)
+    canvas: Any = FigureCanvasAgg(figure)
+    lay_out(figure, canvas.get_renderer())
+    canvas.draw()
+    coded = base64.b64encode(png_bytes(np.asarray(canvas.buffer_rgba()), DOTS_PER_INCH)).decode()
+    return f'<img alt="{escape(name.replace("_", " "))}" src="data:image/png;base64,{coded}">'
+
+
+def embedded(data: Any) -> str:
+    """JSON that may stand in a script element."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+
+
+@cache
+def asset(name: str) -> str:
+    """A style or script of this package."""
+    return (files("beamsim.report") / name).read_text(encoding="utf-8")
+
+
+@cache
+def plotly() -> str:
+    """The library that draws the plots, compressed, as text.
+
+    Raises
+    ------
+    MethodError
+        If it is not installed.
+    """
+    spec = find_spec("plotly")  # without importing it, which takes longer than everything else here
+    folders = [] if spec is None else list(spec.submodule_search_locations or ())
+    for folder in folders:
+        script = Path(folder) / "package_data" / "plotly.min.js"
+        if script.is_file():
+            return base64.b64encode(gzip.compress(script.read_bytes(), 9, mtime=0)).decode()
+    raise MethodError(
+        "report", "needs the package plotly, whose script draws the plots", "pip install 'beamsim[report]'"
+    )

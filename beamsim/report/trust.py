@@ -1,0 +1,118 @@
+"""Why a result can be trusted: what was checked, with the numbers, and what was not."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from beamsim.analyses.result import Result
+from beamsim.outcomes import OutcomeKind
+
+METHODS = {
+    "reference": "time stepping with located events; contacts are not certified",
+    "shooting": "Periodic motions of the flow in closed form, by Newton's method with exact derivatives; stability by "
+    "the multipliers of one period.",
+    "harmonic_balance": "Fourier series of the motion; the energy balance and the residual say what is left out.",
+    "secular": "Natural frequencies as roots of an equation in the stiffness alone.",
+}
+Row = tuple[str, str, str]  # what was checked, what came out, what that means
+
+
+def doubts(result: Result) -> list[str]:
+    """Sentences that a reader must see before any number: what is incomplete or can't be trusted."""
+    texts = [] if result.complete or not result.status else [result.status]
+    doubtful = result.summary.get("doubtful") or []
+    if doubtful:
+        named = ", ".join(" of ".join(map(words, each.split(".", 1))) for each in doubtful[:6])
+        more = f" and {len(doubtful) - 6} more" if len(doubtful) > 6 else ""
+        texts.append(f"not converged: {named}{more} (see the table of changes below)")
+    return texts
+
+
+def untrusted(result: Result) -> bool:
+    """Whether the outcome says that the numbers are incomplete or wrong."""
+    return result.outcome.kind not in (OutcomeKind.COMPLETE, OutcomeKind.NOTED)
+
+
+def checks(result: Result) -> Iterator[Row]:
+    """What was checked."""
+    summary = result.summary
+    yield "outcome", result.status or "complete", "how the computation ended"
+    method = summary.get("method") or getattr(result, "method", "")
+    if method == "exact":
+        yield (
+            "method", "closed form between contacts",
+            "No time step: the motion between two contact events is evaluated in closed form. The search for the next "
+            "event is certified: bounds exclude that a contact is passed over.",
+        )  # fmt: skip
+    elif method:
+        meaning = next((text for start, text in METHODS.items() if str(method).startswith(start)), "")
+        yield "method", str(method).replace("_", " "), meaning
+    error = summary.get("energy_error")
+    if isinstance(error, (int, float)) and math.isfinite(error):
+        yield (
+            "energy balance", f"error {error:.2g}",
+            "Work put in, energy stored and energy dissipated, each computed by itself; over the larger of the stored "
+            "energy and the work exchanged.",
+        )  # fmt: skip
+    reduction = summary.get("reduction_error")
+    if isinstance(reduction, (int, float)) and math.isfinite(reduction):
+        kept = f"{summary.get('kept_modes', '?')} modes, {summary.get('static_vectors', 0)} static vectors"
+        yield "reduction", f"{kept}, estimated error {reduction:.2g}", "of the steady response, against the full model"
+    bound = summary.get("reduction_bound")
+    if isinstance(bound, (int, float)) and math.isfinite(bound):
+        highest = summary.get("highest_frequency_hz")
+        up_to = f" up to {highest:.4g} Hz" if isinstance(highest, (int, float)) else ""
+        yield "bound of the reduction", f"{bound:.2g}", f"of the receptance at contacts and loads{up_to}"
+    model: Any = summary.get("convergence_model") or {}
+    if model:
+        reason = model.get("reason")
+        parted = model.get("sequences_part_s")
+        text = (
+            f"not compared: {reason}" if reason else "solved again with half as many modes more and twice the elements"
+        )
+        if not model.get("modes") and not reason:
+            text = "nothing is left out: the model has all its modes and no mesh"
+        if parted is not None and math.isfinite(parted):
+            text += f"; the sequences of contacts part at {parted:.4g} s, later figures are compared as statistics"
+        yield "finer model", text, "the change of every figure is in the table below"
+    against: Any = summary.get("against")
+    if against:
+        yield (
+            "time stepper",
+            "compared; see the table of results",
+            "integration that shares nothing with the exact flow",
+        )
+    if result.warnings:
+        yield "warnings", "\n".join(result.warnings), ""
+
+
+def changes(result: Result) -> list[tuple[str, str, float, bool]]:
+    """Figure, name, relative change with the finer model, and whether that makes it doubtful."""
+    doubtful = set(result.summary.get("doubtful") or ())
+    rows = []
+    for figure, change in (result.summary.get("convergence") or {}).items():
+        named = change if isinstance(change, dict) else {"": change}
+        for name, value in named.items():
+            if isinstance(value, (int, float)):
+                key = f"{figure}.{name}" if name else figure
+                rows.append((words(figure), words(str(name)), float(value), key in doubtful))
+    return rows
+
+
+def words(name: str) -> str:
+    """The name of a summary's entry for people, without its unit.
+
+    >>> words("peak_force_n"), words("open_frequencies_hz"), words("tip")
+    ('peak force', 'open frequencies', 'tip')
+    """
+    return re.sub(r"_(m|n|g|pa|hz|s|j)$", "", name).replace("_", " ")
+
+
+def versions(result: Result) -> str:
+    """The program and the packages that the numbers depend on."""
+    packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())
+    program = getattr(result, "beamsim_version", "")
+    return f"beamsim {program}, {packages}" if program else packages

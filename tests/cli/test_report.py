@@ -1,0 +1,182 @@
+"""`beamsim report` and `beamsim animate`: files that hold everything they show, tried in a browser."""
+
+import gzip
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+from beamsim.errors import MethodError
+from beamsim.report import page
+from beamsim.report.browser import PROGRAMS, browser_command
+
+STORED = Path(__file__).parents[1] / "data" / "results"
+KINDS = [
+    "run_chain", "run_random", "sweep", "continuation", "designs", "identify_update", "nnm", "compare", "compare_modes",
+]  # fmt: skip
+LARGEST = 6_000_000  # bytes
+BROWSER = next(filter(None, map(shutil.which, PROGRAMS)), None)
+needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
+
+# Runs after the page's own script: zooms the first plot as a user would, hides a curve, and stops the animation.
+TRIAL = """<script>
+window.seen = [];
+window.addEventListener("error", event => seen.push(String(event.message)));
+window.addEventListener("unhandledrejection", event => seen.push(String(event.reason)));
+const complain = console.error; console.error = (...what) => { seen.push(what.join(" ")); complain(...what); };
+(async function () {
+  while (document.body.dataset.drawn === undefined) await new Promise(done => setTimeout(done, 50));
+  const said = { drawn: +document.body.dataset.drawn, errors: seen };
+  const plot = document.getElementById("plot-0");
+  if (plot) {
+    const before = plot.layout.xaxis.range.slice();
+    const area = plot.querySelector(".nsewdrag").getBoundingClientRect(), y = area.top + area.height / 2;
+    const at = share => ({ clientX: area.left + share * area.width, clientY: y, bubbles: true, button: 0, buttons: 1 });
+    plot.querySelector(".nsewdrag").dispatchEvent(new MouseEvent("mousedown", at(0.25)));
+    document.dispatchEvent(new MouseEvent("mousemove", at(0.5)));
+    document.dispatchEvent(new MouseEvent("mouseup", at(0.5)));
+    await new Promise(done => setTimeout(done, 600));
+    said.before = before; said.after = plot.layout.xaxis.range.slice();
+    said.curves = plot.querySelectorAll(".scatterlayer .trace, .heatmaplayer .hm").length;
+    await Plotly.restyle(plot, { visible: "legendonly" }, [0]);
+    said.left = plot.querySelectorAll(".scatterlayer .trace, .heatmaplayer .hm").length;
+  }
+  const canvas = document.getElementById("animation");
+  if (canvas) {
+    const position = document.getElementById("position"), first = canvas.toDataURL();
+    position.value = Math.floor(position.max / 2); position.dispatchEvent(new Event("input"));
+    said.moved = canvas.toDataURL() !== first; said.button = document.getElementById("play").textContent;
+  }
+  const text = document.createElement("output"); text.id = "trial"; text.textContent = JSON.stringify(said);
+  document.body.append(text);
+})();
+</script>"""
+
+
+def stored(name, folder):
+    target = folder / f"{name}.h5"
+    target.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
+    return target
+
+
+def invoked(*arguments):
+    return CliRunner().invoke(app, [str(each) for each in arguments])
+
+
+def reported(name, folder):
+    done = invoked("report", stored(name, folder), "-o", folder, "--json")
+    assert done.exit_code == 0, done.output
+    (file,) = json.loads(done.stdout)["files"]
+    return Path(file)
+
+
+def tried(file, tmp_path):
+    """What the trial saw in the browser."""
+    tried = tmp_path / "tried.html"
+    text = file.read_text(encoding="utf-8")
+    tried.write_text(text.replace("</body>", TRIAL + "</body>"), encoding="utf-8")
+    arguments = ("--window-size=1100,1600", "--virtual-time-budget=30000", "--dump-dom", tried.as_uri())
+    command = browser_command(BROWSER, tmp_path / "profile", *arguments)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=True)
+    return json.loads(re.search(r'<output id="trial">(.*?)</output>', done.stdout, re.S)[1].replace("&amp;", "&"))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
+    file = reported(name, tmp_path)
+    text = file.read_text(encoding="utf-8")
+    assert len(text.encode()) < LARGEST
+    # nothing is fetched: addresses are within the page or hold their data
+    outside = [
+        each for each in re.findall(r'(?:src|href)="([^"]*)"', text) if not each.startswith(("#", "data:"))
+    ]  # fmt: skip
+    assert not outside
+    assert "@import" not in text.split("</style>")[0]
+    assert "url(" not in text.split("</style>")[0]
+    headings = re.findall(r"<h2>(.*?)</h2>", text)
+    assert {"Model", "Results", "Plots", "Why these numbers can be trusted", "Scenario"} <= set(headings)
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
+    assert data["plots"]
+    assert all(plot["data"] for plot in data["plots"])
+    assert ("Motion" in headings) == (data["animation"] is not None) == name.startswith(("run", "nnm"))
+
+
+def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):
+    text = reported("continuation", tmp_path).read_text(encoding="utf-8")
+    assert '<div class="verdict bad"><strong>Limit exceeded: gap</strong>' in text
+    assert "bad-cell" in text
+
+
+@needs_browser
+@pytest.mark.slow  # starts a browser
+@pytest.mark.parametrize("name", ["run_random", "designs", "nnm"])
+def test_plots_and_animation_react_in_a_browser_without_errors(name, tmp_path):
+    said = tried(reported(name, tmp_path), tmp_path)
+    assert said["errors"] == []
+    assert said["drawn"] > 0
+    width = [abs(said[when][1] - said[when][0]) for when in ("before", "after")]
+    assert width[1] == pytest.approx(0.25 * width[0], rel=0.05)
+    assert said["left"] == said["curves"] - 1
+    if name != "designs":
+        assert said["moved"]
+        assert said["button"] == "Play"
+
+
+@needs_browser
+@pytest.mark.slow  # starts a browser
+def test_a_broken_script_is_noticed(tmp_path):
+    file = reported("run_chain", tmp_path)
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("for (const [place", 'console.error("broken"); for (const [place'), encoding="utf-8")
+    assert "broken" in " ".join(tried(file, tmp_path)["errors"])
+
+
+@needs_browser
+@pytest.mark.slow  # starts a browser
+def test_pdf_through_the_print_style(tmp_path):
+    done = invoked("report", stored("run_chain", tmp_path), "-o", tmp_path, "--pdf", "--json")
+    assert done.exit_code == 0, done.output
+    printed = Path(json.loads(done.stdout)["files"][1])
+    assert printed.read_bytes().startswith(b"%PDF-")
+    assert printed.stat().st_size > 50_000
+
+
+def test_a_missing_library_or_browser_is_an_error_with_a_remedy(tmp_path, monkeypatch):
+    file = stored("run_chain", tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = invoked("report", file, "-o", tmp_path, "--pdf")
+    assert done.exit_code == 2
+    assert "BEAMSIM_BROWSER" in done.output
+    page.plotly.cache_clear()
+    with monkeypatch.context() as patched:
+        patched.setattr(page, "find_spec", lambda name: None)
+        with pytest.raises(MethodError, match="beamsim\\[report\\]"):
+            page.plotly()
+        assert invoked("report", file, "-o", tmp_path).exit_code == 2
+    assert importlib.util.find_spec("plotly") is not None
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_animation_as_gif_and_page(tmp_path):
+    done = invoked("animate", stored("run_chain", tmp_path), "-o", tmp_path, "--json")
+    assert done.exit_code == 0, done.output
+    gif, html = map(Path, json.loads(done.stdout)["files"])
+    with Image.open(gif) as picture:
+        assert picture.n_frames > 100
+        pixels = []
+        for number in (0, picture.n_frames // 2):
+            picture.seek(number)
+            pixels.append(np.asarray(picture.convert("RGB")))
+    assert np.any(pixels[0] != pixels[1])
+    assert "<canvas" in html.read_text(encoding="utf-8")
+    without = invoked("animate", stored("compare", tmp_path), "-o", tmp_path)
+    assert without.exit_code == 2
+    assert "holds no motion" in without.output

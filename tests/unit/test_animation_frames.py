@@ -1,0 +1,69 @@
+"""Frames of an animation: the motion of the run, the true shape functions, slow around contact."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.animate.frames import FRAMES, frames_of_run
+from beamsim.plots.animation import scene_of
+from beamsim.scenario import load_scenario
+
+CASE = {
+    "beam": {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0,
+             "elements": 4, "damping": {"kind": "modal", "ratio": 0.02}},
+    "snubbers": [{"name": "tip", "position": 0.27, "side": "below", "stiffness": 1.5e5, "gap": 1e-5}],
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": 20.0, "frequency": 45.0},
+    "probes": [{"name": "tip", "position": 0.27}, {"name": "between", "position": 0.1}],
+    "run": {"duration": 0.2, "sample_rate": 50000.0, "convergence": "off"},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result():
+    return beamsim.run(load_scenario(CASE))
+
+
+def test_frames_are_the_motion_of_the_run(result):
+    frames = frames_of_run(result)
+    assert frames.time.size == FRAMES
+    assert np.all(np.diff(frames.time) >= 0.0)
+    (line,) = frames.lines
+    for name, at in (("tip", 0.27), ("between", 0.1)):
+        expected = np.interp(frames.time, result.time, result.probes[name].displacement)
+        column = np.array([np.interp(at, line.x, shape) for shape in frames.deflection])
+        # the probe between two nodes: to what a chord between the drawn points leaves
+        np.testing.assert_allclose(column, expected, atol=2e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(frames.ends["tip"][:, 0], frames.deflection[:, -1], rtol=1e-12)
+
+
+def test_shapes_are_the_cubics_of_the_elements(result):
+    """Between two nodes the fourth difference of the points drawn is round-off; across a node it is not."""
+    frames = frames_of_run(result)
+    shape = frames.deflection[np.abs(frames.deflection[:, -1]).argmax()]
+    fourth = np.abs(np.diff(shape, 4))  # 81 points, 20 spaces an element
+    inside = np.concatenate([fourth[first : first + 17] for first in (0, 20, 40, 60)])
+    assert inside.max() < 1e-12 * np.abs(shape).max()
+    assert fourth[17:20].max() > 1e-9 * np.abs(shape).max()
+
+
+def test_contact_is_slow_and_its_peak_is_shown(result):
+    frames = frames_of_run(result)
+    assert frames.force["tip"].max() == pytest.approx(result.summary["peak_force_n"]["tip"], rel=1e-4)
+    steps = np.diff(frames.time)
+    both = frames.slow[1:] & frames.slow[:-1]
+    neither = ~frames.slow[1:] & ~frames.slow[:-1]
+    assert both.any()
+    assert np.median(steps[neither]) == pytest.approx(6.0 * np.median(steps[both]), rel=0.05)
+    closed = frames.force["tip"] > 0.0
+    assert frames.slow[closed].mean() > 0.9
+
+
+def test_a_stop_that_presses_is_drawn_at_the_body(result):
+    frames = frames_of_run(result)
+    scene = scene_of(frames, result.scenario, result.modes.stations, result.snubbers, "case")
+    (stop,) = scene.stops
+    face = -stop.gap  # of the stop below, at rest
+    pressed = stop.force > 1e-6
+    assert np.all(stop.ends[pressed, 0] < face + 1e-12)
+    scale = np.abs(scene.heights).max() / np.abs(frames.deflection).max()
+    assert stop.gap == pytest.approx(1e-5 * scale)
