@@ -97,7 +97,7 @@ def _outputs(result: FrequencyResponse, peaks: Mapping[str, Mapping[str, float]]
     for name, peak in peaks.items():
         output = result.branches[0].outputs[name]
         what = f"{output.quantity.replace('_', ' ')}, {output.at}"
-        texts[name] = f"{si(peak['value'], output.unit)} at {peak['parameter']:.6g} {result.unit} (stable), {what}"
+        texts[name] = f"{amount(peak['value'], output.unit)} at {peak['parameter']:.6g} {result.unit} (stable), {what}"
     return texts
 
 

@@ -55,7 +55,7 @@ def _impacts(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, floa
 def _outputs(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """By curve and output its peak, what it is and where."""
     return {
-        f"{curve} {name}": f"{si(peak, output.unit)}, {output.quantity.replace('_', ' ')}, {output.at}"
+        f"{curve} {name}": f"{amount(peak, output.unit)}, {output.quantity.replace('_', ' ')}, {output.at}"
         for curve, peaks in curves.items()
         for name, peak in peaks.items()
         for output in [result.curves[curve].outputs[name]]
