@@ -117,6 +117,18 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
     LimitExceededError
         If a limit is exceeded and limits are checked.
     """
+    from beamsim.plots.style import shown_in
+
+    with shown_in(chosen_units(result.scenario)):
+        _conclude(kind, result, target, reporting, signal)
+
+
+def chosen_units(scenario: Scenario) -> dict[str, tuple[float, str]]:
+    """By SI unit the unit that the scenario asks for; see `beamsim.plots.style.shown_in`."""
+    return {} if scenario.units is None else scenario.units.scales
+
+
+def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int) -> None:
     files = [target]
     if reporting.plots and not signal:
         from beamsim.plots.save import save_figures

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.report import Row, Texts, counted, few, pair, percent
 from beamsim.orbits.branch import special_name
@@ -193,7 +192,7 @@ def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> It
 
 def _level(value: float, unit: str) -> str:
     """A level of acceleration in g, others in SI."""
-    return f"{value / STANDARD_GRAVITY:.5g} g" if unit == "m/s^2" else f"{value:.5g} {unit}"
+    return amount(value, unit, 5) if unit == "m/s^2" else f"{value:.5g} {unit}"
 
 
 def _spectrum(result: NormalModeResult, drift: float) -> str:

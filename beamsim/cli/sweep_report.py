@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
-from beamsim.analyses.sweep.result import SweepResult
+import numpy as np
+
+from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.cli.report import SHARED, Row, Texts, base_correction, gapping, percent
 from beamsim.plots.style import amount, level_text
 
@@ -31,6 +33,26 @@ def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
 def _peak(peak: Mapping[str, Any]) -> str:
     order = "" if peak["order"] == 1.0 else f" of order {Fraction(peak['order']).limit_denominator(12)}"
     return f"{peak['frequency_hz']:8.2f} Hz  {amount(peak['value_m'], 'm'):>10}  {peak['kind']}{order}"
+
+
+def _largest(quantity: str, unit: str) -> Callable[[SweepResult, Mapping[str, Mapping[str, float]]], dict[str, str]]:
+    """By curve and place the largest value and the frequency of the cycle that has it."""
+
+    def texts(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+        return {
+            f"{curve} {name}": f"{amount(value, unit)}{_at(result.curves[curve], quantity, name)}"
+            for curve, values in curves.items()
+            for name, value in values.items()
+        }
+
+    return texts
+
+
+def _at(curve: SweepCurve, quantity: str, name: str) -> str:
+    envelope = getattr(curve, quantity).get(name)
+    if envelope is None or not np.any(np.isfinite(envelope.peak)) or not np.nanmax(envelope.peak) > 0.0:
+        return ""
+    return f" at {curve.frequency_hz[np.nanargmax(envelope.peak)]:.4g} Hz"
 
 
 def _contact(_: SweepResult, shares: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
@@ -65,6 +87,9 @@ def _outputs(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> 
 TEXTS: Texts = {
     "peak_output": _outputs,
     "impacts": _impacts,
+    "peak_displacement_m": _largest("displacement", "m"),
+    "peak_acceleration_g": _largest("acceleration", "g"),
+    "peak_force_n": _largest("force", "N"),
     **SHARED,
     "base_correction_share": base_correction,
     "gapping": gapping,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
-from beamsim.plots.style import finish, scale_for, thinned
+from beamsim.plots.style import acceleration_scale, finish, scale_for, thinned, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,19 +17,19 @@ _PREDICTED: dict[str, Any] = {"color": "#0b3c5d", "linestyle": "-", "linewidth":
 _MEASURED: dict[str, Any] = {"color": "#d1495b", "linestyle": (0, (4, 2)), "linewidth": 1.2}
 _HIGHEST_ORDER = 12.5
 _DEEPEST_DB = 100.0
-_STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
     """Both time histories, aligned in phase, over the time of the prediction."""
     if c.quantity == "absolute_acceleration":
-        factor, unit = 1 / _STANDARD_GRAVITY, "g"
+        factor, unit = acceleration_scale()
     else:
         factor, unit = scale_for(c.unit, c.predicted_history, c.measured_history)
-    ax.plot(*thinned(c.predicted_time, c.predicted_history * factor), label="predicted", **_PREDICTED)
+    clock = time_scale()
+    ax.plot(*thinned(c.predicted_time * clock.factor, c.predicted_history * factor), label="predicted", **_PREDICTED)
     if c.measured_time.size:
-        ax.plot(*thinned(c.measured_time, c.measured_history * factor), label="measured", **_MEASURED)
-    finish(ax, "Time (s)", f"{c.quantity.replace('_', ' ').capitalize()} ({unit})")
+        ax.plot(*thinned(c.measured_time * clock.factor, c.measured_history * factor), label="measured", **_MEASURED)
+    finish(ax, f"Time ({clock.unit})", f"{c.quantity.replace('_', ' ').capitalize()} ({unit})")
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize="small")
     return ax
 

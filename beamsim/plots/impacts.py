@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, time_scale
 from beamsim.typing import Ints
 
 if TYPE_CHECKING:
@@ -35,17 +35,17 @@ def _of_snubber(impacts: Impacts, name: str) -> Ints:
 def plot_impact_map(impacts: Impacts, ax: Axes) -> Axes:
     """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many."""
     names = _strongest(impacts)
-    newton = scale_for("N", impacts.peak_force)
+    newton, clock = scale_for("N", impacts.peak_force), time_scale()
     size = float(np.clip(120.0 / np.sqrt(max(impacts.begin.size, 1)), 1.5, 5.0))
     for k, name in enumerate(names):
         which = _of_snubber(impacts, name)
         ax.plot(
-            impacts.peak_time[which], impacts.peak_force[which] * newton.factor, linestyle="none",
+            impacts.peak_time[which] * clock.factor, impacts.peak_force[which] * newton.factor, linestyle="none",
             marker=_MARKS[k % len(_MARKS)], markersize=size, markerfacecolor="none", color=curve_style(k)["color"],
             label=name, rasterized=impacts.begin.size > 20_000,
         )  # fmt: skip
     ax.set_ylim(bottom=0.0)
-    finish(ax, "Time (s)", f"Peak force of an impact ({newton.unit})")
+    finish(ax, f"Time ({clock.unit})", f"Peak force of an impact ({newton.unit})")
     legend(ax, len(names), len(impacts.snubbers), "snubbers")
     return ax
 

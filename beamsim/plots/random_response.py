@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.result import RandomResponse
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend
+from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, finish, legend, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 
@@ -24,7 +23,8 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     drawn = [response.input, *(s for s in response.signals if s.quantity == quantity)] if on_base else [
         s for s in response.signals if s.quantity == quantity
     ]  # fmt: skip
-    factor = STANDARD_GRAVITY**-2 if on_base else 1.0
+    scale = acceleration_scale() if on_base else scale_for("m", *(np.sqrt(s.density[1:]) for s in drawn))
+    factor = scale.factor**2
     for k, signal in enumerate(drawn[:MOST_CURVES]):
         ax.plot(response.frequency_hz[1:], signal.density[1:] * factor, label=signal.name, **curve_style(k))
     ax.set_xscale("log")
@@ -35,7 +35,8 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
         content = np.max([s.density[1:] for s in drawn], axis=0) * factor >= top * DENSITY_SHOWN
         shown = response.frequency_hz[1:][content]
         ax.set_xlim(shown[0] / 1.1, shown[-1] * 1.1)
-    finish(ax, "Frequency (Hz)", "Acceleration density (g²/Hz)" if on_base else "Displacement density (m²/Hz)")
+    squared = f"({scale.unit})²" if "/" in scale.unit else f"{scale.unit}²"
+    finish(ax, "Frequency (Hz)", f"{'Acceleration' if on_base else 'Displacement'} density ({squared}/Hz)")
     legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "signals")
     return ax
 

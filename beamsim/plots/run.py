@@ -16,7 +16,17 @@ from beamsim.plots.impacts import impact_figures
 from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.shock_response import plot_shock_response
-from beamsim.plots.style import AT_ONCE, MOST_CURVES, Scale, curve_style, finish, legend, scale_for, thinned
+from beamsim.plots.style import (
+    AT_ONCE,
+    MOST_CURVES,
+    acceleration_scale,
+    curve_style,
+    finish,
+    legend,
+    scale_for,
+    thinned,
+    time_scale,
+)
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 
@@ -24,7 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 MOST_STATES = 2**18  # samples in a phase portrait
 MOST_DOUBTS = 4  # named in a plot
 WIDEST_DOUBTS = 100  # characters in a line of them
@@ -355,11 +364,12 @@ def _histories(
         begin = _last_part(result)
     first = _first_from(time, begin)
     curves = [thinned(time, rows_of(places[name], fields[name]), begin=first) for name in names]
-    scale = scale_for(unit, *(x for _, x in curves)) if unit != "g" else Scale(1.0 / STANDARD_GRAVITY, "g")
+    scale = scale_for(unit, *(x for _, x in curves)) if unit != "g" else acceleration_scale()
+    clock = time_scale()
     for k, (name, (t, x)) in enumerate(zip(names, curves, strict=True)):
-        ax.plot(t, x * scale.factor, label=name, **curve_style(k))
-    ax.set_xlim(begin, end if end > begin else begin + 1.0)
-    finish(ax, "Time (s)", f"{label} ({scale.unit})")
+        ax.plot(t * clock.factor, x * scale.factor, label=name, **curve_style(k))
+    ax.set_xlim(begin * clock.factor, (end if end > begin else begin + 1.0) * clock.factor)
+    finish(ax, f"Time ({clock.unit})", f"{label} ({scale.unit})")
     legend(ax, len(names), len(places), "probes" if places is result.probes else "snubbers")
     return ax
 

@@ -5,31 +5,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from beamsim.analyses.run.result import ShockResponse
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend
+from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, finish, legend
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
-
 
 def plot_shock_response(response: ShockResponse, ax: Axes) -> Axes:
     """Maximax spectra of the input and of the probes; thin, what the input leaves after its end (residual)."""
-    drawn = response.signals[:MOST_CURVES]
+    drawn, scale = response.signals[:MOST_CURVES], acceleration_scale()
     for k, signal in enumerate(drawn):
         style = curve_style(k)
-        ax.plot(response.frequency_hz, signal.maximax / STANDARD_GRAVITY, label=signal.name, **style)
+        ax.plot(response.frequency_hz, signal.maximax * scale.factor, label=signal.name, **style)
         if signal.name == "input":
             thin = {**style, "linewidth": 0.5 * style["linewidth"]}
-            ax.plot(response.frequency_hz, signal.residual / STANDARD_GRAVITY, label="input, residual", **thin)
+            ax.plot(response.frequency_hz, signal.residual * scale.factor, label="input, residual", **thin)
     ax.set_xscale("log")
     ax.set_yscale("log")
-    top = max((float(s.maximax.max()) for s in drawn), default=0.0) / STANDARD_GRAVITY
+    top = max((float(s.maximax.max()) for s in drawn), default=0.0) * scale.factor
     if top > 0:
-        bottom = min(float(s.maximax.min()) for s in drawn) / STANDARD_GRAVITY
+        bottom = min(float(s.maximax.min()) for s in drawn) * scale.factor
         ax.set_ylim(max(0.5 * bottom, 1e-6 * top), 2.0 * top)
     ax.set_xlim(response.frequency_hz[0], response.frequency_hz[-1])
-    finish(ax, "Natural frequency of the oscillator (Hz)", f"Peak acceleration (g), Q = {response.quality:g}")
+    finish(
+        ax, "Natural frequency of the oscillator (Hz)", f"Peak acceleration ({scale.unit}), Q = {response.quality:g}"
+    )
     curves = len(drawn) + any(s.name == "input" for s in drawn)
     legend(ax, curves, len(response.signals) + curves - len(drawn), "signals")
     return ax

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,8 +42,36 @@ class Scale(NamedTuple):
     unit: str
 
 
+_chosen: ContextVar[Mapping[str, tuple[float, str]]] = ContextVar("_chosen", default=MappingProxyType({}))
+
+
+@contextmanager
+def shown_in(scales: Mapping[str, tuple[float, str]]) -> Iterator[None]:
+    """Show quantities in chosen units: by SI unit the factor of SI values and the unit."""
+    token = _chosen.set(scales)
+    try:
+        yield
+    finally:
+        _chosen.reset(token)
+
+
+def acceleration_scale() -> Scale:
+    """Accelerations are shown in g if no other unit is chosen."""
+    return Scale(*_chosen.get().get("m/s^2", (1.0 / STANDARD_GRAVITY, "g")))
+
+
+def time_scale() -> Scale:
+    """Axes of time are in seconds if no other unit is chosen."""
+    return Scale(*_chosen.get().get("s", (1.0, "s")))
+
+
 def scale_for(unit: str, *values: Floats) -> Scale:
-    """SI prefix that brings the largest value to 1 to 1000 (for lengths 0.1 to 100, and never above metres)."""
+    """The chosen unit, else the SI prefix that brings the largest value to 1 to 1000.
+
+    Lengths are brought to 0.1 to 100, and have no prefix above metres.
+    """
+    if unit in _chosen.get():
+        return Scale(*_chosen.get()[unit])
     largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
     if not np.isfinite(largest) or largest == 0.0:
         return Scale(1.0, unit)
@@ -62,7 +94,8 @@ def level_text(level: float, unit: str) -> str:
     ('level 2 g', 'level 100 mN', 'level 0.5')
     """
     if unit == "m/s^2":
-        return f"level {level / STANDARD_GRAVITY:.4g} g"
+        scale = acceleration_scale()
+        return f"level {level * scale.factor:.4g} {scale.unit}"
     scale = scale_for(unit, np.array([level])) if unit not in ("", "1") else Scale(1.0, "")
     return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
 
@@ -70,10 +103,10 @@ def level_text(level: float, unit: str) -> str:
 def amount(value: float | None, unit: str, digits: int = 4) -> str:
     """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are.
 
-    What is below `ROUND_OFF` in SI units is shown as zero.
+    A unit chosen by `shown_in` comes first. What is below `ROUND_OFF` in SI units is shown as zero.
 
     >>> amount(2e-4, "m"), amount(151.1e3, "N/m"), amount(19.6133, "m/s^2")
-    ('200 µm', '151.1 kN/m', '2 g')
+    ('0.2 mm', '151.1 kN/m', '2 g')
     """
     if value is None or math.isnan(value):
         return "unknown"
@@ -84,7 +117,8 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
     if unit in ("", "1"):
         return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"
     if unit in ("g", "m/s^2"):
-        return f"{value / (1.0 if unit == 'g' else STANDARD_GRAVITY):.{digits}g} g"
+        scale = acceleration_scale()
+        return f"{value * (STANDARD_GRAVITY if unit == 'g' else 1.0) * scale.factor:.{digits}g} {scale.unit}"
     if abs(value) < ROUND_OFF:
         return f"0 {unit}"
     scale = scale_for(unit, np.array([value]))

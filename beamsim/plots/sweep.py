@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-from beamsim.plots.style import STANDARD_GRAVITY, Scale, curve_style, finish, legend, level_text, scale_for
+from beamsim.plots.style import (
+    Scale,
+    acceleration_scale,
+    curve_style,
+    finish,
+    legend,
+    level_text,
+    scale_for,
+)
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -154,7 +162,7 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
     linear = result.linear
     unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
-    scale = Scale(1.0 / STANDARD_GRAVITY, "g") if unit == "m/s^2" else Scale(1.0, unit)
+    scale = acceleration_scale() if unit == "m/s^2" else Scale(1.0, unit)
     for k, (name, levels) in enumerate(linear.contact.items()):
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
         ax.plot(linear.frequency_hz, levels.changing * scale.factor, label=f"{name}: {what}", **curve_style(k))

@@ -16,6 +16,7 @@ from beamsim.scenario.bodies import AnyBody
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.designs import Vary
+from beamsim.scenario.display import DisplayUnits
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.friction import AnyFriction
@@ -83,6 +84,8 @@ class Scenario(Schema):
     """Parameters varied from case to case (`beamsim sweep`)."""
     limits: Limits | None = None
     """Limits, for margins in the summary and `--check`."""
+    units: DisplayUnits | None = None
+    """Units of tables, plots and reports, {acceleration: g, length: mm}; result files and --json stay in SI units."""
 
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""

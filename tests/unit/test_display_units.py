@@ -1,0 +1,96 @@
+"""Units that a scenario chooses for tables, plots and reports; files and --json stay in SI units."""
+
+import gzip
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+from beamsim.errors import ScenarioError
+from beamsim.plots.run import run_figures
+from beamsim.plots.style import acceleration_scale, amount, level_text, scale_for, shown_in
+from beamsim.scenario import load_scenario
+
+STORED = Path(__file__).parents[1] / "data" / "results"
+MASS = {"chain": {"masses": [1.0], "springs": [1000.0]}}
+CHOSEN = {"acceleration": "m/s^2", "length": "um", "force": "kN", "time": "min", "stress": "MPa"}
+CASE = {
+    **MASS,
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": 3.0, "frequency": 4.0},
+    "run": {"duration": 2.0, "sample_rate": 1000.0, "convergence": "off"},
+}
+
+
+def chosen(**units):
+    return load_scenario({**MASS, "units": units}).units.scales
+
+
+def test_amounts_are_shown_in_the_units_chosen():
+    with shown_in(chosen(**CHOSEN)):
+        assert amount(0.0123, "m") == "1.23e+04 um"
+        assert amount(851.8, "N") == "0.8518 kN"
+        assert amount(2.0, "g") == amount(19.6133, "m/s^2") == "19.61 m/s^2"
+        assert amount(90.0, "s") == "1.5 min"
+        assert amount(2.5e7, "Pa") == "25 MPa"
+        assert level_text(19.6133, "m/s^2") == "level 19.61 m/s^2"
+        assert scale_for("m", np.array([1e-9])).unit == "um"
+        assert amount(5.0, "N/m") == "5 N/m"  # not chosen
+    assert amount(851.8, "N") == "851.8 N"
+    assert amount(1.5, "s") == "1.5 s"  # times over a second are in seconds
+    assert acceleration_scale().unit == "g"
+
+
+def test_g_is_gravity_in_an_acceleration_and_gram_in_a_mass():
+    with shown_in(chosen(acceleration="g", mass="g")):
+        assert amount(9.80665, "m/s^2") == "1 g"
+        assert amount(0.0042, "kg") == "4.2 g"
+
+
+@pytest.mark.parametrize(("name", "unit"), [("length", "N"), ("force", "parsnip"), ("acceleration", "m"), ("time", "")])
+def test_a_unit_of_something_else_is_an_error_with_a_remedy(name, unit):
+    with pytest.raises(ScenarioError) as caught:
+        chosen(**{name: unit})
+    (problem,) = caught.value.problems
+    assert problem.path == f"units.{name}"
+    assert problem.remedy
+
+
+def test_the_section_is_kept_and_left_out():
+    scenario = load_scenario({**MASS, "units": CHOSEN})
+    assert load_scenario(scenario.to_yaml()) == scenario
+    assert "units" not in load_scenario(MASS).to_yaml()
+
+
+def test_run_info_and_plots_use_them_and_json_does_not(tmp_path):
+    (tmp_path / "case.yaml").write_text(json.dumps({**CASE, "units": CHOSEN}))
+    printed = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "-o", str(tmp_path), "--no-plots"])
+    assert printed.exit_code == 0, printed.output
+    row = next(line for line in printed.output.splitlines() if "peak displacement" in line)
+    assert " um" in row
+    assert " m/s^2" in next(line for line in printed.output.splitlines() if "peak acceleration" in line)
+    again = CliRunner().invoke(app, ["info", str(tmp_path / "case.h5")])
+    assert row in again.output
+    as_json = json.loads(CliRunner().invoke(app, ["info", str(tmp_path / "case.h5"), "--json"]).stdout)
+    peak = next(iter(as_json["peak_displacement_m"].values()))
+    assert 1e-4 < peak < 1.0
+    assert f"{1e6 * peak:.4g} um" in row
+
+    from beamsim.store.results import open_run
+
+    result = open_run(tmp_path / "case.h5")
+    with shown_in(result.scenario.units.scales):
+        above = run_figures(result)["displacement"].axes[0]
+    assert above.get_ylabel() == "Relative displacement (um)"
+    assert np.abs(above.lines[0].get_ydata()).max() == pytest.approx(1e6 * peak, rel=1e-3)
+    below = run_figures(result)["displacement"].axes[1]
+    assert below.get_xlabel() == "Time (s)"
+
+
+def test_peaks_of_a_sweep_name_their_frequency(tmp_path):
+    (tmp_path / "sweep.h5").write_bytes(gzip.decompress((STORED / "sweep.h5.gz").read_bytes()))
+    printed = CliRunner().invoke(app, ["info", str(tmp_path / "sweep.h5")]).output
+    assert "2.348 N at 0.09025 Hz" in printed
+    assert "1.708 m at 0.132 Hz" in printed
