@@ -30,7 +30,7 @@ _RESOLUTION = 1e4  # heights are whole numbers of rows over this
 
 
 @dataclass(frozen=True)
-class Line:
+class PictureLine:
     """A line at rest in the picture: lengths in m to the right, rows upwards."""
 
     x: Floats
@@ -39,7 +39,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Stop:
+class PictureStop:
     """A stop in the picture."""
 
     name: str
@@ -57,9 +57,9 @@ class Scene:
     """Everything that is drawn, frame by frame."""
 
     title: str
-    lines: tuple[Line, ...]
+    lines: tuple[PictureLine, ...]
     heights: Floats  # (nf, points of all lines) rows above rest
-    stops: tuple[Stop, ...]
+    stops: tuple[PictureStop, ...]
     time: Floats  # (nf,) s
     slow: Bools  # (nf,)
     names: tuple[tuple[str, float, float], ...]  # of bodies, and where
@@ -111,13 +111,13 @@ def scene_of(
         xy = (
             np.array([oblique(sketch, place) for place in line.places]) if line.continuous else _dots(sketch, line.body)
         )
-        lines.append(Line(xy[:, 0], xy[:, 1], not line.continuous))
-    drawn: list[Stop] = []
+        lines.append(PictureLine(xy[:, 0], xy[:, 1], not line.continuous))
+    drawn: list[PictureStop] = []
     for name, site in sketch.stop_sites.items():
         places = [oblique(sketch, place) for place in ends_of(site)]
         stop = stops[name]
         drawn.append(
-            Stop(name, stop.side, tuple(x for x, _ in places), tuple(y for _, y in places),
+            PictureStop(name, stop.side, tuple(x for x, _ in places), tuple(y for _, y in places),
                  (stop.gap if np.isfinite(stop.gap) else 0.0) * factor, 0.22 + 0.1 * len(drawn),
                  frames.ends[name] * factor, frames.force[name])
         )  # fmt: skip
@@ -236,7 +236,7 @@ def _settled(force: float) -> float:
     return 0.0 if abs(force) < 1e-9 else float(force)
 
 
-def _spring(stop: Stop, k: int, width: float) -> tuple[Floats, Floats]:
+def _spring(stop: PictureStop, k: int, width: float) -> tuple[Floats, Floats]:
     """The face and the zigzag of a stop in a frame; what acts between bodies is a rod or a cable."""
     y = np.array(stop.y) + stop.ends[k]
     if len(stop.x) == 2:
