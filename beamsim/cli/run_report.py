@@ -248,17 +248,22 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
         finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
         largest = percent(max(sizes, default=0.0), 2)
         yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
-        if model["sequences_part_s"] is not None and not math.isnan(model["sequences_part_s"]):  # of a file
+        if _known(model["sequences_part_s"]):
             yield "", f"the sequences of contacts part at {amount(model['sequences_part_s'], 's')}"
     small, round_off = (
         ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
         ("round_off_parts_s", "round-off"),
     )
     for key, of in (small, round_off):
-        if model.get(key) is not None:
+        if _known(model.get(key)):
             yield "", f"they part at {amount(model[key], 's')} with {of}"
     if result.summary.get("after_parting"):
         yield "", f"figures marked {AFTER_PARTING} are those of one of many motions"
+
+
+def _known(time: float | None) -> bool:
+    """Whether there is a time; a file holds nan for none."""
+    return time is not None and not math.isnan(time)
 
 
 def _solver(result: RunResult, time: float) -> str:
