@@ -151,20 +151,20 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
     """By signal RMS with its interval, 3 sigma, peak, crest factor and kurtosis, with their change if doubtful."""
     s = result.summary
     changes = s.get("convergence", {}).get("random", {})
-    units = (
-        {} if result.random is None else {f"{each.name} {each.quantity}": each.unit for each in result.random.recorded}
-    )
+    recorded = () if result.random is None else result.random.recorded
+    statistics = {f"{each.name} {each.quantity}": each for each in recorded}
     texts = {}
     for name, figures in signals.items():
-        unit = units[name]
+        signal = statistics[name]  # summaries of older files have fewer figures
+        unit = signal.unit
         low, high = figures.get("rms_low"), figures.get("rms_high")
         interval = (
             f" ({amount(low, unit)} to {amount(high, unit)}, 95 %)" if low is not None and high is not None else ""
         )
         parts = {
             "rms": f"rms {amount(figures['rms'], unit)}{interval}",
-            "3_sigma": f"3 sigma {amount(3.0 * figures['standard_deviation'], unit)}",
-            "peak": f"peak {amount(max(abs(figures['highest']), abs(figures['lowest'])), unit)}",
+            "3_sigma": f"3 sigma {amount(3.0 * signal.standard_deviation, unit)}",
+            "peak": f"peak {amount(max(abs(signal.highest), abs(signal.lowest)), unit)}",
             "crest_factor": f"crest factor {figures['crest_factor']:.3g}",
             "kurtosis": f"kurtosis {figures['kurtosis']:.3g}",
         }

@@ -88,7 +88,7 @@ TEXTS: Texts = {
     "peak_output": _outputs,
     "impacts": _impacts,
     "peak_displacement_m": _largest("displacement", "m"),
-    "peak_acceleration_g": _largest("acceleration", "g"),
+    "peak_acceleration_m_s2": _largest("acceleration", "m/s^2"),
     "peak_force_n": _largest("force", "N"),
     **SHARED,
     "base_correction_share": base_correction,

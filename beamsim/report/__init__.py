@@ -1,4 +1,5 @@
-"""Results as pages that open in a browser without a network.
+"""Results as pages that open in a browser without a network, and a browser that prints them.
 
-Read `beamsim.report.page` first. Pictures come from `beamsim.plots`, tables from who calls; nothing is computed here.
+Never here: physics, result files.
+Begin with `beamsim.report.page`; `beamsim.report.contents` says what a page holds.
 """

@@ -1,1 +1,5 @@
-"""``beamsim animate``: the frames of a motion; read `beamsim.analyses.animate.frames`."""
+"""``beamsim animate``: the deflected shapes of a motion, slow around contact.
+
+Never here: pictures and pages.
+Begin with `beamsim.analyses.animate.frames`.
+"""
