@@ -37,6 +37,7 @@ class FabricatedScenario:
 
     title: str = "Fabricated, 65 Hz"
     bodies_of_places: dict[str, dict[str, str]] = field(default_factory=dict)
+    units: None = None
 
     def to_yaml(self) -> str:
         return YAML
