@@ -12,7 +12,7 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -227,7 +227,7 @@ def build_state(
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    equations = first_order_matrix(system, phases) if _acting(system, phases)[0].size else None
+    rates = rates_of(system, phases) if _acting(system, phases)[0].size else None
     for f in range(F):
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
         polynomial = np.zeros((p + 1, terms.size), dtype=complex)
@@ -235,14 +235,14 @@ def build_state(
         if p > 0:
             polynomial[p - 1, n:] += p * load_slope[f]
         longest = min(horizon, float(sources.longest_piece[f]))
-        for _ in range(1 if equations is None else 2):
+        for _ in range(1 if rates is None else 2):
             if not np.any(polynomial):
                 break
             _forced_simple(terms, responding, polynomial, nu, f, longest)
             for block in blocks:
                 _forced_block(terms, block, polynomial, nu, f, longest)
-            if equations is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
-                polynomial = _residual(terms, equations, polynomial, nu, f)
+            if rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
+                polynomial = _residual(terms, rates, polynomial, nu, f)
 
     forced = terms.take()
     free_basis = [terms.basis_index(value, 0) for value in lam]
@@ -282,23 +282,34 @@ def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats,
     return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
 
 
-def first_order_matrix(system: PiecewiseLinearSystem, phases: Ints) -> Floats:
-    """A (N, N) of ``y' = A y + b`` with the contacts in given phases, for motions along which those that hold rest."""
+def rates_of(system: PiecewiseLinearSystem, phases: Ints) -> Callable[[Complexes], Complexes]:
+    """``A`` of ``y' = A y + b`` with the contacts in given phases, applied to states (k, N).
+
+    It is for motions along which the contacts that hold rest.
+    Each force acts along the shape of its own contact: where both sides of a stiff one move together, the round-off of
+    a product with the matrix itself would be a load of slow motions.
+    """
     contacts, n = system.contacts, system.size
-    N = 2 * n + contacts.internal_states
-    A = np.zeros((N, N))
-    K, C = state_matrices(system, phases)
-    A[:n, n : 2 * n], A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n] = np.eye(n), -K, -C
-    if contacts.internal_states:
-        penetration = -contacts.sign[:, None] * contacts.shape
-        internal, drive = contacts.internal_rates(phases)
-        A[n : 2 * n, 2 * n :] = -penetration.T @ contacts.force_rows(phases)[1]
-        A[2 * n :, :n], A[2 * n :, n : 2 * n] = drive[:, :, 0] @ penetration, drive[:, :, 1] @ penetration
-        A[2 * n :, 2 * n :] = internal
+    phi, k, c = _acting(system, phases)
+    penetration = -contacts.sign[:, None] * contacts.shape
+    h = contacts.force_rows(phases)[1]
+    internal, drive = contacts.internal_rates(phases) if contacts.internal_states else (h, h)
     held = held_contacts(system, phases)
-    if held is not None:
-        A[n : 2 * n] = held.free(A[n : 2 * n].T).T
-    return A
+
+    def rates(y: Complexes) -> Complexes:
+        q, v, p = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
+        out = np.empty_like(y)
+        out[:, :n] = v
+        out[:, n : 2 * n] = -system.stiffness * q - v @ system.damping.T - ((q @ phi.T) * k + (v @ phi.T) * c) @ phi
+        if contacts.internal_states:
+            out[:, n : 2 * n] -= (p @ h.T) @ penetration
+            moved = (q @ penetration.T) @ drive[:, :, 0].T + (v @ penetration.T) @ drive[:, :, 1].T
+            out[:, 2 * n :] = p @ internal.T + moved
+        if held is not None:
+            out[:, n : 2 * n] -= (out[:, n : 2 * n] @ held.across) @ held.across.T
+        return out
+
+    return rates
 
 
 def _acting(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats, Floats]:
@@ -528,12 +539,14 @@ def acting_loads(
     return load, slope
 
 
-def _residual(terms: _Terms, A: Floats, polynomial: Complexes, nu: complex, source: int) -> Complexes:
+def _residual(
+    terms: _Terms, rates: Callable[[Complexes], Complexes], polynomial: Complexes, nu: complex, source: int
+) -> Complexes:
     """(degree + 1, N) part of ``sum_p polynomial[p] tau^p e^{nu tau}`` that the response so far does not balance."""
     degree = polynomial.shape[0] - 1
     response = np.array([terms.response(nu, p, source) for p in range(degree + 2)])
     rising = np.arange(1, degree + 2)[:, None] * response[1:]
-    return np.asarray(polynomial + response[:-1] @ A.T - nu * response[:-1] - rising)
+    return np.asarray(polynomial + rates(response[:-1]) - nu * response[:-1] - rising)
 
 
 def _forced_simple(

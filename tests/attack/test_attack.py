@@ -41,6 +41,7 @@ FOUND = {
     7006206: "the extremes of a quantity that is zero but for round-off",
     7007079: "a stop of no gap at which a mass rests until the input begins, seen late",
     8100004: "a contact that began and ended at t = 0, by round-off",
+    8002001: "a stiff stop between masses that move together: round-off of its force in slow modes",
     8100246: "a contact that began and ended at t = 0, without the force of a pressed stop",
 }
 

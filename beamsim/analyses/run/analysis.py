@@ -233,7 +233,7 @@ def _with_few_samples(result: RunResult, system: StructuralSystem, motion: _RunM
     if step == 1:
         return result
     low_passed = None if motion.low_passed is None else motion.low_passed[::step]
-    few = replace(motion, histories=motion.histories.every(step), low_passed=low_passed)
+    few = replace(motion, histories=motion.few or motion.histories.every(step), low_passed=low_passed)
     outcome = result.outcome
     if outcome.complete:
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
@@ -344,6 +344,7 @@ class _RunMotion:
     trajectory: Trajectory | None = None  # of the closed form
     von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
+    few: Histories | None = None  # evenly spaced samples, where all take as long as the march
     finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
     contact_events: ContactEvents | None = None  # of a motion that is kept as a whole
@@ -388,6 +389,7 @@ def _checked(
 
     try:
         with heeding(stop):
+            check_stop()  # before a finer model is built
             return check_convergence(
                 scenario, first, derived, None if isinstance(settings.start, OrbitStart) else solve,
                 None if motion.trajectory is None else disturbed,
@@ -587,6 +589,7 @@ def _exact_in_stretches(
         ),
         trajectory=None if outcome.interrupted else last,
         memory=_memory(flow, settings),
+        few=figures.few,
         warnings=(f"{kept}; spectra are those of the last {seen:.3g} s{compared}",),
     )
 
@@ -609,6 +612,8 @@ def _checked_on_first_part(scenario: Scenario, motion: _RunMotion, stop: Callabl
     assert excitation.kind == "random"
     if settings.convergence == "off" or not motion.outcome.complete:
         return None
+    if stop():
+        return Convergence({}, reason="interrupted")
     assert motion.trajectory is not None
     step = float(np.median(np.diff(motion.trajectory.flow.sources.start)))
     duration = _compared_s(settings, step)

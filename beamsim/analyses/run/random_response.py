@@ -200,6 +200,7 @@ def rms_interval(x: Floats) -> dict[str, float]:
 
     y = x - x.mean()
     power = np.abs(np.fft.rfft(y)[1:]) ** 2
+    check_stop()
     square, fourth = float(np.mean(y**2)), float(np.mean(y**4))
     if square == 0.0:
         return {}
