@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FIRST = 1e6  # factor of functions that are looked at before others
 AT_REST = 1e-12  # of the parts of a penetration rate: a smaller one is none
+ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
 FEWEST_STATES = 8  # that are kept in any case
 
 
@@ -373,9 +374,12 @@ class ExactFlow:
         given = self.sources.amplitudes_at(np.array([time]), piece)
         unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
 
-        def hands_over(watched: Watched, g: int) -> bool:
+        entered_by = np.zeros(contacts.count, dtype=np.int64)  # order of the derivative
+
+        def hands_over(watched: Watched, g: int, order: int) -> bool:
             j, following = int(watched.contact[g]), int(watched.following[g])
-            return following in unvisited[j] or bool(entered[j] and following == start[j])
+            returns = entered[j] and following == start[j] and order >= entered_by[j]  # a lower one is round-off itself
+            return following in unvisited[j] or bool(returns)
 
         while True:
             index = self.state_index(phases)
@@ -385,7 +389,7 @@ class ExactFlow:
             gamma = np.zeros((s.exponent.size, watched.guards), dtype=complex)
             np.add.at(gamma, s.term_basis, zeta[:, None] * watch)
             signs, orders = _first_signs(gamma, s.derivatives_at_start)
-            acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g)]
+            acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
                 return phases, entered & (phases != start)
             g = min(acting, key=lambda g: orders[g])
@@ -395,6 +399,7 @@ class ExactFlow:
                 unvisited[j].clear()
             phases = contacts.after(phases, j, following)
             entered[j] |= orders[g] > 0
+            entered_by[j] = orders[g]
 
 
 def _first_signs(gamma: Complexes, derivatives: Complexes) -> tuple[Floats, Ints]:
@@ -404,7 +409,7 @@ def _first_signs(gamma: Complexes, derivatives: Complexes) -> tuple[Floats, Ints
     derivatives are within round-off.
     """
     value = (derivatives @ gamma).real
-    beyond = np.abs(value) > 1e-13 * (np.abs(derivatives) @ np.abs(gamma))
+    beyond = np.abs(value) > ROUND_OFF * (np.abs(derivatives) @ np.abs(gamma))
     order = np.argmax(beyond, axis=0)
     first = (order, np.arange(order.size))
     return np.where(beyond[first], np.sign(value[first]), 0.0), order
