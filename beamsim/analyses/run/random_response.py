@@ -194,12 +194,18 @@ def crossing_rates(x: Floats, rate: float) -> Floats:
     return np.asarray((crossed - passed)[:-1] * (rate / (x.size - 1)), dtype=float)
 
 
+_LONG_RECORD = 2**20  # samples
+
+
 def rms_interval(x: Floats) -> dict[str, float]:
     """Equivalent degrees of freedom of the mean square of samples (nt,), and the interval of the root mean square."""
+    from scipy.fft import prev_fast_len
     from scipy.special import chdtri
 
     y = x - x.mean()
-    power = np.abs(np.fft.rfft(y)[1:]) ** 2
+    # a transform of millions of samples takes ten times as long where their number has large prime factors
+    of_spectrum = y if y.size < _LONG_RECORD else y[: prev_fast_len(y.size, real=True)]
+    power = np.abs(np.fft.rfft(of_spectrum)[1:]) ** 2
     check_stop()
     square, fourth = float(np.mean(y**2)), float(np.mean(y**4))
     if square == 0.0:
