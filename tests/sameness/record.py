@@ -49,25 +49,7 @@ MARGIN = 100.0  # from the measured change to the tolerance
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-MENDED: dict[str, str] = {
-    "* *random_linear*": "random input has a prediction by the linear structures",
-    "* *linear_open": "the same",
-    "* *linear_closed": "the same",
-    "* *crossings_hz*": "random input has crossings of levels",
-    "* file/random/level*": "the same",
-    "* json/random/*/standard_deviation": "the table gives 3 sigma and peak of a random response",
-    "* json/random/*/highest": "the same",
-    "* json/random/*/lowest": "the same",
-    "* *lines/relative_change": "a weak line beside a strong one is not sought at the strong one in the finer model",
-    "* *convergence/spectral_lines*": "the same",
-    "* *gapping*": "supports that move have an entry",
-    "* *outcome_numbers/numbers/time": "when contacts are no longer determined",
-    "one_sided_160hz run *segments": "the lowest derivative decides the first contact state",
-    "* *after_parting*": "new entries of runs: what depends on the motion after contacts part",
-    "* *_parts_s": "and when disturbances part them",
-    "* *highest_frequency_hz": "the default model follows excitation and structure, no longer the output's sample rate",
-    "* *reduction_bound": "a bound up to that frequency",
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
