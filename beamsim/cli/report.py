@@ -15,7 +15,7 @@ from beamsim.analyses.limits import LIMITED
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
-from beamsim.plots.style import amount, level_text
+from beamsim.plots.style import amount, is_known, level_text, margin_text
 from beamsim.scenario.quantities import amplitude_unit
 
 VALUES_SHOWN = 6  # of a list
@@ -156,11 +156,7 @@ def margins(_: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, s
     texts = {}
     for name, item in compared.items():
         unit = LIMITED[name][1]
-        margin = item["margin"]
-        if margin is None or math.isnan(margin):
-            share = "unknown"
-        else:
-            share = "without bound" if math.isinf(margin) else f"{100 * margin:+.3g} %"
+        share = margin_text(item["margin"], item["value"])
         verdict = "EXCEEDED, " if item["exceeded"] else ""
         at = f" at {item['at']}" if item["at"] else ""
         texts[name.replace("_", " ")] = (
@@ -215,11 +211,10 @@ def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterat
 
 def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
     for curve, frequency in of.get("first_change_hz", {}).items():
-        yield f"{curve} {'never ' + past if frequency is None else f'{past} first at {frequency:.4g} Hz'}"
-    if of.get("first_change_s", math.nan) is None:
-        yield f"never {past} in this run"
-    elif "first_change_s" in of:
-        yield f"{past} first at {amount(of['first_change_s'], 's')}"
+        yield f"{curve} {f'{past} first at {frequency:.4g} Hz' if is_known(frequency) else 'never ' + past}"
+    if "first_change_s" in of:
+        time = of["first_change_s"]
+        yield f"{past} first at {amount(time, 's')}" if is_known(time) else f"never {past} in this run"
     if of["closed_at_rest"] and of.get("largest_gap_m"):
         yield f"largest opening {amount(of['largest_gap_m'], 'm')}"
 

@@ -21,7 +21,7 @@ from beamsim.cli.report import (
     percent,
 )
 from beamsim.fields import rows_of
-from beamsim.plots.style import amount
+from beamsim.plots.style import amount, is_known
 
 LINES_SHOWN = 6
 
@@ -70,12 +70,12 @@ def _friction(_: RunResult, contacts: Mapping[str, Mapping[str, Any]]) -> Iterat
     for name, s in contacts.items():
         start = f"starts with {amount(s['start_force_n'], 'N')}" if s["start_force_n"] else "starts unstressed"
         share = f"slides {percent(s['sliding_share'])} of the time"
-        if s["slides"] is None:
+        if not is_known(s["slides"]):
             yield "", f"{name:<{width}}  {share}; {start}"
             continue
         distance = f"{amount(s['sliding_distance_m'], 'm')} in {counted(s['slides'], 'slide')}"
         yield "", f"{name:<{width}}  {share}, {distance}; {start}"
-        worn = "" if s["worn_volume_m3"] is None else f", worn volume {s['worn_volume_m3'] * 1e9:.4g} mm^3"
+        worn = f", worn volume {s['worn_volume_m3'] * 1e9:.4g} mm^3" if is_known(s["worn_volume_m3"]) else ""
         lost = f"loses {amount(s['dissipated_energy_j'], 'J')}, {amount(s['dissipated_power_w'], 'W')}"
         yield "", f"{'':<{width}}  {lost}, wear power {amount(s['wear_power_w'], 'W')}{worn}"
 
@@ -158,9 +158,7 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
         signal = statistics[name]  # summaries of older files have fewer figures
         unit = signal.unit
         low, high = figures.get("rms_low"), figures.get("rms_high")
-        interval = (
-            f" ({amount(low, unit)} to {amount(high, unit)}, 95 %)" if low is not None and high is not None else ""
-        )
+        interval = f" ({amount(low, unit)} to {amount(high, unit)}, 95 %)" if is_known(low) and is_known(high) else ""
         parts = {
             "rms": f"rms {amount(figures['rms'], unit)}{interval}",
             "3_sigma": f"3 sigma {amount(3.0 * signal.standard_deviation, unit)}",
@@ -200,7 +198,7 @@ def _impacts(_: RunResult, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterato
     for name, s in snubbers.items():
         below = f", {s['below_threshold']} more below the threshold" if s["below_threshold"] else ""
         interval = s.get("intervals", {}).get("rate_hz")
-        between = "" if interval is None else f" ({interval[0]:.4g} to {interval[1]:.4g} Hz)"
+        between = f" ({interval[0]:.4g} to {interval[1]:.4g} Hz)" if is_known(interval) else ""
         yield "", f"{name:<{width}}  {counted(s['number'], 'impact')}, {s['rate_hz']:.4g} Hz{between}{below}"
         if s["number"]:
             units = (
@@ -248,22 +246,17 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
         finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
         largest = percent(max(sizes, default=0.0), 2)
         yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
-        if _known(model["sequences_part_s"]):
+        if is_known(model["sequences_part_s"]):
             yield "", f"the sequences of contacts part at {amount(model['sequences_part_s'], 's')}"
     small, round_off = (
         ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
         ("round_off_parts_s", "round-off"),
     )
     for key, of in (small, round_off):
-        if _known(model.get(key)):
+        if is_known(model.get(key)):
             yield "", f"they part at {amount(model[key], 's')} with {of}"
     if result.summary.get("after_parting"):
         yield "", f"figures marked {AFTER_PARTING} are those of one of many motions"
-
-
-def _known(time: float | None) -> bool:
-    """Whether there is a time; a file holds nan for none."""
-    return time is not None and not math.isnan(time)
 
 
 def _solver(result: RunResult, time: float) -> str:

@@ -100,6 +100,18 @@ def level_text(level: float, unit: str) -> str:
     return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
 
 
+def is_known(value: Any) -> bool:
+    """Whether an entry of a summary has a value; result files hold nan for none."""
+    return value is not None and not (isinstance(value, float) and math.isnan(value))
+
+
+def margin_text(margin: float | None, value: float) -> str:
+    """A margin in percent; that of a value of zero has no bound, which result files cannot hold."""
+    if value == 0.0:
+        return "without bound"
+    return f"{100 * margin:+.3g} %" if is_known(margin) and margin is not None else "unknown"
+
+
 def amount(value: float | None, unit: str, digits: int = 4) -> str:
     """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from beamsim.analyses.limits import LIMITED
 from beamsim.analyses.result import MARGINS
 from beamsim.plots.model import excitation_text, model_figure
-from beamsim.plots.style import amount
+from beamsim.plots.style import amount, margin_text
 from beamsim.report.animated import NOTE
 from beamsim.report.page import Cells, Page, Verdict, labelled, listing, picture, table
 from beamsim.report.trust import changes, checks, doubts, untrusted, versions
@@ -83,8 +83,7 @@ def verdict_of(result: Result) -> Verdict:
 def _margins(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:
     for name, item in margins.items():
         unit = LIMITED[name][1]
-        margin = item["margin"]
-        share = "unknown" if margin is None or math.isnan(margin) else f"{100 * margin:+.3g} %"
+        share = margin_text(item["margin"], item["value"])
         kept = "! exceeded" if item["exceeded"] else "+ kept"
         yield [
             name.replace("_", " "),

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from beamsim.cli.report import pair, si
+from beamsim.cli.report import pair
+from beamsim.plots.style import amount
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -56,9 +57,9 @@ def test_a_reduction_without_accuracy_is_doubted():
 
 
 def test_round_off_is_not_printed():
-    assert si(1.567e-20, "m") == "0 m"  # was 1.567e-08 pm
-    assert si(-3e-17, "N") == "0 N"
-    assert si(2.5e-12, "m") == "2.5 pm"
+    assert amount(1.567e-20, "m") == "0 m"  # was 1.567e-08 pm
+    assert amount(-3e-17, "N") == "0 N"
+    assert amount(2.5e-12, "m") == "2.5 pm"
     assert pair([float("nan"), float("nan")]) == "unknown and unknown"  # was nan and nan
 
 

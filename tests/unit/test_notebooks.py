@@ -63,3 +63,24 @@ def test_every_kind_is_known_by_its_class():
         assert kind_of_class(named(kind.result)) == name
     with pytest.raises(KeyError):
         kind_of_class(dict)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"limits": {"peak_force": 5.0}},  # the stop is not touched: no first contact, a margin without bound
+        {
+            "run": {"duration": 60, "sample_rate": 10, "convergence": "off", "impacts": {}},
+            "friction": [{"name": "pad", "at": {"mass": 1}, "normal_force": 0.1, "coefficient": 0.3}],
+        },
+    ],
+    ids=["nothing touched", "nothing worn"],
+)
+def test_the_table_of_a_result_file_is_that_of_the_run(changes, tmp_path):
+    """What has no value is nan in a file; it was printed as "unknown", "nan Hz" and "nan mm^3"."""
+    case = CHAIN | {
+        "excitation": CHAIN["excitation"] | {"level": 0.05, "applied_to": "base", "quantity": "acceleration"}
+    }
+    run = beamsim.run(beamsim.load_scenario(case | changes))
+    stored = beamsim.open_result(beamsim.write_run(run, tmp_path / "case.h5"))
+    assert list(table_rows("run", stored)) == list(table_rows("run", run))
