@@ -96,7 +96,7 @@ def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
     texts = {}
     for name, gap in gaps.items():
         static = s["static_force_n"][name]
-        at_equilibrium = "" if static is None or math.isnan(static) else f"{amount(static, 'N')} at equilibrium, "
+        at_equilibrium = f"{amount(static, 'N')} at equilibrium, " if is_known(static) else ""
         texts[name] = (
             f"gap {amount(gap, 'm')}, {at_equilibrium}{amount(s['blocked_force_n'][name], 'N')} blocked, "
             f"stiffness ratio {s['stiffness_ratio'][name]:.4g}"

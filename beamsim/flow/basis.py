@@ -2,7 +2,7 @@ r"""The basis functions :math:`\tau^p e^{\lambda \tau}` of a contact state: deri
 
 from __future__ import annotations
 
-from math import comb, perm
+from math import comb
 
 import numpy as np
 
@@ -17,11 +17,12 @@ def as_real(zeta: Complexes) -> Floats:
 def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
     r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
     out = np.zeros((orders, exponent.size), dtype=complex)
-    for order in range(orders):
-        for i in range(order + 1):  # the i-th derivative of the power
-            acting = np.flatnonzero(power >= i)
-            factor = comb(order, i) * np.array([perm(int(p), i) for p in power[acting]], dtype=float)
-            out[order, acting] += factor * tau ** (power[acting] - i) * exponent[acting] ** (order - i)
+    falling = np.ones(exponent.size)  # p! / (p - i)!
+    for i in range(min(orders, int(power.max(initial=0)) + 1)):  # the i-th derivative of the power
+        chosen = np.array([comb(order, i) for order in range(i, orders)], dtype=float)
+        lowered = tau ** np.maximum(power - i, 0)
+        out[i:] += chosen[:, None] * falling * lowered * exponent ** np.arange(orders - i)[:, None]
+        falling = falling * np.maximum(power - i, 0)
     return np.asarray(out * np.exp(exponent * tau))
 
 

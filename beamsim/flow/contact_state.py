@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
+from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.held import held_contacts
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
 from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
@@ -27,7 +28,6 @@ from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
 HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
-_FACTORIALS = np.cumprod(np.maximum(np.arange(HIGHEST_DERIVATIVE + 1.0), 1.0))
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 
@@ -110,10 +110,7 @@ class ContactState:
     @cached_property
     def derivatives_at_start(self) -> Complexes:
         """(K, B) derivatives of the basis functions at the start of a segment, from order 0 on."""
-        order = np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
-        lowered = order - self.power  # tau^p takes p derivatives, k! / (k - p)! of order k is left of them
-        factor = np.where(lowered >= 0, _FACTORIALS[order] / _FACTORIALS[np.maximum(lowered, 0)], 0.0)
-        return np.asarray(factor * self.exponent ** np.maximum(lowered, 0))
+        return basis_derivatives(self.exponent, self.power, 0.0, HIGHEST_DERIVATIVE + 1)
 
     def states_after(self, zeta: Complexes, tau: Floats) -> Floats:
         """(n, N) states at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""

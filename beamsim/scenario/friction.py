@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, Tag
+from pydantic import Tag
 
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Variants, fail
+from beamsim.scenario.base import Schema, Variants, fail
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, Sited
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Sited, TwoPlaces
 from beamsim.scenario.quantities import Force, PositiveForce, PositiveNumber, Quantity, Ratio, Stiffness
-from beamsim.scenario.spring import check_places
 
 WearRate = Annotated[float, Quantity(units.WEAR_RATE, above=0.0)]
 
@@ -95,11 +94,6 @@ class FrictionBase(Named):
         """The place, or both places."""
         raise NotImplementedError
 
-    @property
-    def place_paths(self) -> tuple[Path, ...]:
-        """Where each of the places is written, below the contact."""
-        return ("between", 0), ("between", 1)
-
 
 class FrictionAtPlace(Sited, FrictionBase):
     """Dry friction at a place, which rubs on the base or the ground in the direction of its displacement."""
@@ -113,21 +107,11 @@ class FrictionAtPlace(Sited, FrictionBase):
         FrictionBase.settle(self)
 
 
-class FrictionBetween(FrictionBase):
+class FrictionBetween(BetweenPlaces, FrictionBase):
     """Dry friction between places of two bodies or of one."""
 
-    between: Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    between: TwoPlaces
     """The two places; the friction force of a positive stretch holds the second back."""
-
-    def settle(self) -> None:
-        """Demand two different places."""
-        check_places(self.between)
-        super().settle()
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """Both places."""
-        return self.between
 
 
 def _sites(value: Any) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Tag
+from pydantic import Field, Tag
 
-from beamsim.scenario.base import Path, Schema, Variants, fail, number_or_list
+from beamsim.scenario.base import Path, Schema, Variants, counted, fail, number_or_list
 from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare, Whole
 
 _REMEDY = (
@@ -125,6 +125,35 @@ class Sited(PointOfBody):
     def place_paths(self) -> tuple[Path, ...]:
         """Where it is written, below what sits there."""
         return (() if self.at is None else ("at",),)
+
+
+TwoPlaces = Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+
+
+class BetweenPlaces(Schema):
+    """Something between two places of two bodies or of one."""
+
+    between: TwoPlaces
+    """The two places."""
+
+    def settle(self) -> None:
+        """Demand two different places."""
+        if len(self.between) != 2:
+            remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
+            raise fail(f"names {counted(len(self.between), 'place')}", remedy, ("between",))
+        if self.between[0] == self.between[1]:
+            raise fail("joins a place to itself", "name two different places", ("between",))
+        super().settle()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Both places, in the order in which they are written."""
+        return self.between
+
+    @property
+    def place_paths(self) -> tuple[Path, ...]:
+        """Where both are written, below what is between them."""
+        return ("between", 0), ("between", 1)
 
 
 class Probe(Sited):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, Tag
+from pydantic import Tag
 
 from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail
 from beamsim.scenario.force_table import ForceDeflection, MeasuredForces, as_measured, check_points
 from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, Sited
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Sited, TwoPlaces
 from beamsim.scenario.quantities import (
     Dashpot,
     Gap,
@@ -20,7 +20,7 @@ from beamsim.scenario.quantities import (
     Ratio,
     Stiffness,
 )
-from beamsim.scenario.spring import Pair, check_pair, check_places
+from beamsim.scenario.spring import Pair, check_pair
 
 
 class SnubberRatioDamping(Schema):
@@ -149,28 +149,13 @@ class Snubber(Sited, _Stop):
         _Stop.settle(self)
 
 
-class BodySnubber(SnubberBase):
+class BodySnubber(BetweenPlaces, SnubberBase):
     """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
 
-    between: Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    between: TwoPlaces
     """The two places; the first lies below the second."""
     resists: Literal["approach", "separation"] = "approach"
     """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
-
-    def settle(self) -> None:
-        """Demand two different places."""
-        check_places(self.between)
-        super().settle()
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """Both places, the lower one first."""
-        return self.between
-
-    @property
-    def place_paths(self) -> tuple[Path, ...]:
-        """Where both are written."""
-        return ("between", 0), ("between", 1)
 
 
 def choose_sites(value: Any) -> str:

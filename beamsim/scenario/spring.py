@@ -13,7 +13,7 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_KIND, Schema, counted, fail
 from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, Sited
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Sited, TwoPlaces
 from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
 
 Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
@@ -76,30 +76,11 @@ class AtPoint(Sited, Spring):
         Sited.settle(self)
 
 
-class BetweenPoints(Spring):
+class BetweenPoints(BetweenPlaces, Spring):
     """A spring between points of two bodies or of one."""
 
-    between: Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    between: TwoPlaces
     """The two places; the stretch is positive when the second moves up from the first."""
-
-    def settle(self) -> None:
-        """Demand two different places."""
-        check_places(self.between)
-        super().settle()
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """Both places."""
-        return self.between
-
-
-def check_places(places: tuple[AtPlace, ...]) -> None:
-    """Reject anything but two different places."""
-    if len(places) != 2:
-        remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
-        raise fail(f"names {counted(len(places), 'place')}", remedy, ("between",))
-    if places[0] == places[1]:
-        raise fail("joins a place to itself", "name two different places", ("between",))
 
 
 def has_own_law(item: Schema) -> bool:

@@ -44,6 +44,7 @@ from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import (
     MOTION_SHARE,
+    OutputOf,
     OutputSet,
     bending_stress,
     energies_of_rows,
@@ -417,6 +418,20 @@ def _output_times(settings: Run) -> OutputTimes:
     return OutputTimes(rate, count)
 
 
+def _most_events(flow: ExactFlow, settings: Run) -> tuple[int, str]:
+    """How many events a motion may have, and the setting that limits them."""
+    room = events_in_memory(flow, settings.memory)
+    return min(settings.max_events, room), "run.max_events" if settings.max_events <= room else "run.memory"
+
+
+def _searched(system: StructuralSystem, flow: ExactFlow, groups: OutputSet) -> dict[str, OutputOf]:
+    """The outputs whose extremes are sought between the samples."""
+    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
+    if system.stress is not None:
+        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
+    return searched
+
+
 def _exact(
     system: StructuralSystem,
     settings: Run,
@@ -425,11 +440,8 @@ def _exact(
     stop: Callable[[], bool],
 ) -> _RunMotion:
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
-    room = events_in_memory(flow, settings.memory)
-    trajectory = simulate(
-        flow, system.initial_state, max_events=min(settings.max_events, room), progress=progress, stop=stop
-    )
-    limit = "run.max_events" if settings.max_events <= room else "run.memory"
+    most, limit = _most_events(flow, settings)
+    trajectory = simulate(flow, system.initial_state, max_events=most, progress=progress, stop=stop)
     outcome, grace = _with_limit(trajectory.outcome, limit), Grace(stop)
     warnings: tuple[str, ...] = ()
     times = times if trajectory.outcome.complete else times.until(trajectory.end)
@@ -438,9 +450,7 @@ def _exact(
         times, warnings = _few(times)
     histories = ExactHistories(trajectory, groups, times, grace)
     balance = EnergyBalance.unknown()
-    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
-    if system.stress is not None:
-        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
+    searched = _searched(system, flow, groups)
     low_passed = filtered_acceleration = None
     acceleration = searched.pop("acceleration") if settings.low_pass is not None else None
     try:
@@ -533,16 +543,11 @@ def _exact_in_stretches(
     at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
     pieces = (0, min(at_once, pieces_of(system)))
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory, pieces=pieces)
-    room = events_in_memory(flow, settings.memory)
-    motion = LongMotion(
-        flow, system.initial_state, at_once, max_events=min(settings.max_events, room), progress=progress, stop=stop
-    )
+    most, limit = _most_events(flow, settings)
+    motion = LongMotion(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     groups, grace = output_groups(system, flow), Grace(stop)
-    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
-    if system.stress is not None:
-        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
+    searched = _searched(system, flow, groups)
     figures = figures_of_stretches(motion, searched, system.energy_outputs, groups, times, grace)
-    limit = "run.max_events" if settings.max_events <= room else "run.memory"
     outcome = figures.balance.checked(_with_limit(motion.outcome, limit))
     times = times if motion.outcome.complete else times.until(motion.end)
     whole = ExactHistories(motion, groups, times, grace)
