@@ -14,7 +14,6 @@ from beamsim.analyses.gapping import contact_levels, gapping
 from beamsim.analyses.limits import STANDARD_GRAVITY, margins
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import (
-    SEARCHED,
     Convergence,
     Solution,
     check_convergence,
@@ -44,15 +43,13 @@ from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import (
     MOTION_SHARE,
-    OutputOf,
     OutputSet,
-    bending_stress,
     energies_of_rows,
     events_in_memory,
     exact_flow,
-    in_every_state,
     output_groups,
     pieces_of,
+    searched_outputs,
 )
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import (
@@ -424,14 +421,6 @@ def _most_events(flow: ExactFlow, settings: Run) -> tuple[int, str]:
     return min(settings.max_events, room), "run.max_events" if settings.max_events <= room else "run.memory"
 
 
-def _searched(system: StructuralSystem, flow: ExactFlow, groups: OutputSet) -> dict[str, OutputOf]:
-    """The outputs whose extremes are sought between the samples."""
-    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
-    if system.stress is not None:
-        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
-    return searched
-
-
 def _exact(
     system: StructuralSystem,
     settings: Run,
@@ -450,7 +439,7 @@ def _exact(
         times, warnings = _few(times)
     histories = ExactHistories(trajectory, groups, times, grace)
     balance = EnergyBalance.unknown()
-    searched = _searched(system, flow, groups)
+    searched = searched_outputs(system, flow, groups)
     low_passed = filtered_acceleration = None
     acceleration = searched.pop("acceleration") if settings.low_pass is not None else None
     try:
@@ -546,7 +535,7 @@ def _exact_in_stretches(
     most, limit = _most_events(flow, settings)
     motion = LongMotion(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     groups, grace = output_groups(system, flow), Grace(stop)
-    searched = _searched(system, flow, groups)
+    searched = searched_outputs(system, flow, groups)
     figures = figures_of_stretches(motion, searched, system.energy_outputs, groups, times, grace)
     outcome = figures.balance.checked(_with_limit(motion.outcome, limit))
     times = times if motion.outcome.complete else times.until(motion.end)

@@ -34,7 +34,14 @@ from beamsim.analyses.run.figures import (
     static_figures,
 )
 from beamsim.analyses.run.low_pass import filtered
-from beamsim.analyses.run.outputs import bending_stress, energies_of_rows, exact_flow, in_every_state, output_groups
+from beamsim.analyses.run.outputs import (
+    bending_stress,
+    energies_of_rows,
+    exact_flow,
+    in_every_state,
+    output_groups,
+    searched_outputs,
+)
 from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
@@ -58,9 +65,6 @@ FREQUENCIES = 6  # natural frequencies that are compared
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other figures of motions are extremes
 SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
 ROUND_OFF = 1e-9  # of the largest figure of its kind, which a smaller one is compared with
-SEARCHED = (  # for their extremes
-    "displacement", "acceleration", "force", "penetration", "stretch", "spring_force", "output",
-)  # fmt: skip
 
 Changes = Figures  # relative, by entry of the summary
 
@@ -293,9 +297,7 @@ def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajec
     """The figures of a motion; ``seeds`` are times at which extremes are likely."""
     flow = trajectory.flow
     groups = output_groups(system, flow)
-    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
-    if system.stress is not None:
-        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
+    searched = searched_outputs(system, flow, groups)
     if settings.low_pass is not None:
         del searched["acceleration"]
     times = np.unique(np.concatenate([seeds[seeds <= trajectory.end], np.linspace(0.0, trajectory.end, SEEDS)]))

@@ -22,6 +22,9 @@ MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
 MEMORY = 2e9  # bytes, that a run may keep unless it says otherwise
 TABLES_SHARE, MOTION_SHARE = 0.128, 0.5  # of it: tables of contact states, the motion between events
 
+SEARCHED = (  # for their extremes
+    "displacement", "acceleration", "force", "penetration", "stretch", "spring_force", "output",
+)  # fmt: skip
 OutputOf = Callable[[Ints], LinearOutput]
 
 
@@ -190,6 +193,14 @@ def output_groups(system: StructuralSystem, flow: ExactFlow) -> OutputSet:
     if system.energy_outputs:
         groups["energy"] = lambda phases: asked_for(flow, system.energy_outputs, phases)
     return OutputSet(groups)
+
+
+def searched_outputs(system: StructuralSystem, flow: ExactFlow, groups: OutputSet) -> dict[str, OutputOf]:
+    """What is searched for its extremes: of what is sampled, and the stress."""
+    searched = {name: groups.groups[name] for name in SEARCHED if name in groups.groups}
+    if system.stress is not None:
+        searched["stress"] = in_every_state(bending_stress(flow, system.stress))
+    return searched
 
 
 def spring_forces(system: StructuralSystem, flow: ExactFlow, phases: Ints) -> LinearOutput:

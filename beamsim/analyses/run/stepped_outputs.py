@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.convergence import SEARCHED
 from beamsim.analyses.run.figures import Extremes, sampled_extremes
 from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.run.outputs import bending_stress, energies_of_rows, in_every_state, output_groups
+from beamsim.analyses.run.outputs import SEARCHED, bending_stress, energies_of_rows, in_every_state, output_groups
 from beamsim.analyses.run.spectra import SPECTRAL_GROUPS
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
