@@ -352,7 +352,7 @@ class Contacts:
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
-        return bool(self._coupled[np.arange(self.count), phases].any())
+        return self.internal_states > 0 and bool(self._coupled[np.arange(self.count), phases].any())
 
     @cached_property
     def _coupled(self) -> Bools:

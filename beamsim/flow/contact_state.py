@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -212,7 +213,8 @@ def build_state(
     contacts in other phases none, where :func:`beamsim.flow.neighbouring_modes.neighbouring_modes` is exact.
     """
     n, F = system.size, sources.count
-    simple, blocks = _diagonalise(system, phases, longest_window, known)
+    acting = _acting(system, phases)
+    simple, blocks = _diagonalise(system, phases, acting, longest_window, known)
     X, Xi, lam = simple
     radius = max((b.radius for b in blocks), default=0.0)
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
@@ -227,7 +229,7 @@ def build_state(
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    rates = rates_of(system, phases) if _acting(system, phases)[0].size else None
+    rates = _rates_of(system, phases, acting) if acting.stiffness.size else None
     for f in range(F):
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
         polynomial = np.zeros((p + 1, terms.size), dtype=complex)
@@ -235,14 +237,13 @@ def build_state(
         if p > 0:
             polynomial[p - 1, n:] += p * load_slope[f]
         longest = min(horizon, float(sources.longest_piece[f]))
-        for _ in range(1 if rates is None else 2):
-            if not np.any(polynomial):
-                break
-            _forced_simple(terms, responding, polynomial, nu, f, longest)
-            for block in blocks:
-                _forced_block(terms, block, polynomial, nu, f, longest)
-            if rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
-                polynomial = _residual(terms, rates, polynomial, nu, f)
+        if not np.any(polynomial):
+            continue
+        _forced(terms, responding, blocks, polynomial, nu, f, longest)
+        if rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
+            rest = _residual(terms, rates, polynomial, nu, f)
+            if np.any(rest):
+                _forced(terms, responding, blocks, rest, nu, f, longest)
 
     forced = terms.take()
     free_basis = [terms.basis_index(value, 0) for value in lam]
@@ -282,7 +283,7 @@ def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats,
     return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
 
 
-def rates_of(system: PiecewiseLinearSystem, phases: Ints) -> Callable[[Complexes], Complexes]:
+def _rates_of(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting) -> Callable[[Complexes], Complexes]:
     """``A`` of ``y' = A y + b`` with the contacts in given phases, applied to states (k, N).
 
     It is for motions along which the contacts that hold rest.
@@ -290,10 +291,11 @@ def rates_of(system: PiecewiseLinearSystem, phases: Ints) -> Callable[[Complexes
     a product with the matrix itself would be a load of slow motions.
     """
     contacts, n = system.contacts, system.size
-    phi, k, c = _acting(system, phases)
-    penetration = -contacts.sign[:, None] * contacts.shape
-    h = contacts.force_rows(phases)[1]
-    internal, drive = contacts.internal_rates(phases) if contacts.internal_states else (h, h)
+    phi, k, c = acting
+    if contacts.internal_states:
+        penetration = -contacts.sign[:, None] * contacts.shape
+        h = contacts.force_rows(phases)[1]
+        internal, drive = contacts.internal_rates(phases)
     held = held_contacts(system, phases)
 
     def rates(y: Complexes) -> Complexes:
@@ -312,15 +314,22 @@ def rates_of(system: PiecewiseLinearSystem, phases: Ints) -> Callable[[Complexes
     return rates
 
 
-def _acting(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats, Floats]:
-    """Shapes (a, n), stiffness (a,) and dashpots (a,) of the contacts that push in these phases."""
+class _Acting(NamedTuple):
+    """The contacts whose forces depend on the motion."""
+
+    shape: Floats  # (a, n)
+    stiffness: Floats  # (a,) N/m
+    dashpot: Floats  # (a,) N s/m
+
+
+def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
     row, _ = system.contacts.force_rows(phases)
     acting = np.flatnonzero(np.any(row[:, :2] != 0.0, axis=1))
-    return system.contacts.shape[acting], row[acting, 0], row[acting, 1]
+    return _Acting(system.contacts.shape[acting], row[acting, 0], row[acting, 1])
 
 
 def _diagonalise(
-    system: PiecewiseLinearSystem, phases: Ints, window: float, known: ContactState | None
+    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float, known: ContactState | None
 ) -> tuple[SimpleModes, list[Block]]:
     """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
     n, contacts = system.size, system.contacts
@@ -330,14 +339,11 @@ def _diagonalise(
     if known is not None and can_update(system, known.phases, phases):
         modes = neighbouring_modes(system, known.simple, known.phases, phases)
     if modes is None:
-        modes, blocks = _solved_modes(system, phases, window)
+        modes, blocks = _solved_modes(system, phases, acting, window)
     else:
         blocks = []
         if inside:
-            modes = SimpleModes(
-                np.vstack([modes.right, np.zeros((inside, n))]), np.hstack([modes.left, np.zeros((n, inside))]),
-                modes.eigenvalue,
-            )  # fmt: skip
+            modes = modes.embedded(2 * n + inside)
     if inside and not together:
         internal, internal_blocks = block_diagonalise(contacts.internal_rates(phases)[0], window)
         eye = np.eye(2 * n + inside)
@@ -356,13 +362,15 @@ def _with_part(
     ), blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in part_blocks]  # fmt: skip
 
 
-def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) -> tuple[SimpleModes, list[Block]]:
+def _solved_modes(
+    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float
+) -> tuple[SimpleModes, list[Block]]:
     """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
     exact. Internal states are included where they are coupled with the structure."""
     n, contacts = system.size, system.contacts
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
-    shape, spring, dashpot = _acting(system, phases)
+    shape, spring, dashpot = acting
     held = held_contacts(system, phases)
     across = None if held is None else held.across
     omega2, psi, felt = _undamped_modes(system, shape, spring, across)
@@ -372,10 +380,9 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, window: float) ->
     if together:
         coupled[:] = True
     free = np.flatnonzero(~coupled)
-    (X, Xi, lam), blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
-    X = np.vstack([X, np.zeros((N - 2 * n, X.shape[1]))])
-    Xi = np.hstack([Xi, np.zeros((Xi.shape[0], N - 2 * n))])
-    modes, blocks = SimpleModes(X, Xi, lam), [_embedded(b, N) for b in blocks] if 2 * n < N else blocks
+    modes, blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
+    if 2 * n < N:
+        modes, blocks = modes.embedded(N), [_embedded(b, N) for b in blocks]
     if coupled.any():
         g = np.flatnonzero(coupled)
         scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
@@ -547,6 +554,21 @@ def _residual(
     response = np.array([terms.response(nu, p, source) for p in range(degree + 2)])
     rising = np.arange(1, degree + 2)[:, None] * response[1:]
     return np.asarray(polynomial + rates(response[:-1]) - nu * response[:-1] - rising)
+
+
+def _forced(
+    terms: _Terms,
+    modes: SimpleModes,
+    blocks: list[Block],
+    polynomial: Complexes,
+    nu: complex,
+    source: int,
+    window: float,
+) -> None:
+    """Response to ``sum_p polynomial[p] tau^p e^{nu tau}``, from ``polynomial`` (degree + 1, N)."""
+    _forced_simple(terms, modes, polynomial, nu, source, window)
+    for block in blocks:
+        _forced_block(terms, block, polynomial, nu, source, window)
 
 
 def _forced_simple(

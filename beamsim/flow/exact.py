@@ -186,8 +186,12 @@ class ExactFlow:
             )  # fmt: skip
 
         contacts = self.system.contacts
-        acting = contacts.force_rows(phases)[0].any() or contacts.holds(phases).any()
-        if self.shared is None or contacts.internal_states or acting:
+        if (
+            self.shared is None
+            or contacts.internal_states
+            or contacts.force_rows(phases)[0].any()
+            or contacts.holds(phases).any()
+        ):
             nearest = self._tables.nearest(phases)
             return build(None if nearest is None else self.states[nearest])
         parts = (

@@ -38,6 +38,8 @@ class Held:
 def held_contacts(system: PiecewiseLinearSystem, phases: Ints) -> Held | None:
     """What holds with the contacts in given phases; None where nothing does."""
     contacts = system.contacts
+    if not contacts.ever_hold:
+        return None
     contact = np.flatnonzero(contacts.holds(phases))
     if not contact.size:
         return None

@@ -61,6 +61,14 @@ class SimpleModes(NamedTuple):
             return self
         return SimpleModes(self.right[:, kept], self.left[kept], self.eigenvalue[kept])
 
+    def embedded(self, size: int) -> SimpleModes:
+        """The same in a longer state, whose further numbers are zero."""
+        count, more = self.eigenvalue.size, size - self.right.shape[0]
+        return SimpleModes(
+            np.vstack([self.right, np.zeros((more, count))]), np.hstack([self.left, np.zeros((count, more))]),
+            self.eigenvalue,
+        )  # fmt: skip
+
     def whole(self) -> SimpleModes:
         """Both of each pair, from what `upper` returns."""
         pair = np.flatnonzero(self.eigenvalue.imag > 0.0)
@@ -88,6 +96,8 @@ def second_order_blocks(
     blocks : blocks of size two (rigid-body modes, near-critical damping).
     """
     n = shapes.shape[0]
+    if not omega_squared.size:
+        return SimpleModes(np.zeros((2 * n, 0), complex), np.zeros((0, 2 * n), complex), np.zeros(0, complex)), []
     half = 0.5 * damping
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))

@@ -24,8 +24,9 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
     Undamped modes may not: their eigenvalues have no real part, and round-off would give them one.
     """
     n, contacts = system.size, system.contacts
-    held = contacts.holds(before).any() or contacts.holds(phases).any()
-    if n < SMALLEST or held or contacts.coupled(before) or contacts.coupled(phases):
+    if n < SMALLEST or contacts.coupled(before) or contacts.coupled(phases):
+        return False
+    if contacts.holds(before).any() or contacts.holds(phases).any():
         return False
     damped = contacts.damped or bool(np.diag(system.damping).any())
     return damped and not system.coupled_by_damping and int(np.count_nonzero(before != phases)) <= MOST_CHANGES

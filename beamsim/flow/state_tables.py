@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import lt
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -34,6 +35,7 @@ class StateTables:
         self._phases: list[Ints] = []
         self._index: dict[bytes, int] = {}
         self._arrays: dict[str, NDArray[np.generic]] = {}
+        self._tables: Tables | None = None  # of the arrays as they are now
         self._before = [  # of every contact and phase: the phases that have a guard to it
             [[i for i, phase in enumerate(law.phases) if any(g.next == k for g in phase.guards)]
              for k in range(len(law.phases))]
@@ -106,13 +108,14 @@ class StateTables:
         for name, row in rows.items():
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
-            if any(a < b for a, b in zip(old.shape, need, strict=True)):
+            if any(map(lt, old.shape, need)):
                 count = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
                 count = count if self.most is None else min(count, self.most)
-                grown = np.zeros(np.maximum(old.shape, (count, *row.shape)), dtype=row.dtype)
-                grown[tuple(slice(0, d) for d in old.shape)] = old
+                grown = np.zeros(tuple(map(max, old.shape, (count, *row.shape))), dtype=row.dtype)
+                grown[tuple(map(slice, old.shape))] = old
                 self._arrays[name] = old = grown
-            place: tuple[int | slice, ...] = (index, *(slice(0, d) for d in row.shape))
+                self._tables = None
+            place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
             old[place] = row
         self._link(index)
         return index
@@ -145,7 +148,9 @@ class StateTables:
         """The tables as the kernels take them; rows beyond ``count`` are unused."""
         from beamsim.flow.kernels import Tables
 
-        return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
+        if self._tables is None:
+            self._tables = Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
+        return self._tables
 
     def arrays_of(self, state: int) -> Tables:
         """The same of one state alone."""

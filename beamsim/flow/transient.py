@@ -65,7 +65,12 @@ def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
 def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, processor_time_s: float) -> Trajectory:
     """What was logged until a motion got where it is, after events at its start."""
     assert carried.log is not None
-    log = Log.join([begun, carried.log]) if begun.event_time.size else carried.log
+    log = carried.log
+    if begun.event_time.size:
+        log = log._replace(**{
+            name: np.concatenate([getattr(begun, name), getattr(log, name)])
+            for name in ("event_time", "event_contact", "event_phase")
+        })  # fmt: skip
     if not log.time.size:  # out of budget within the first segment: at least the start is known
         one = np.zeros(1, dtype=np.int64)
         log = log._replace(

@@ -5,6 +5,7 @@ import pytest
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.flow import contact_state
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.equations import PiecewiseLinearSystem
 
@@ -33,6 +34,26 @@ def test_followers_are_the_states_after_each_guards_event(flow):
             assert follower[i, guard] == expected
             seen += expected >= 0
     assert seen > 10
+
+
+def test_a_state_is_built_in_one_pass(flow, monkeypatch):
+    """Every case of a study builds its states anew: what they need of the contacts is looked up once."""
+    count = {"force_rows": 0, "_residual": 0}
+
+    def counting(owner, name):
+        original = getattr(owner, name)
+
+        def call(*arguments):
+            count[name] += 1
+            return original(*arguments)
+
+        monkeypatch.setattr(owner, name, call)
+
+    counting(Contacts, "force_rows")
+    counting(contact_state, "_residual")
+    flow.state_index(np.ones(4, dtype=np.int64))
+    assert count["force_rows"] == 3  # modes, loads, forces of internal states
+    assert count["_residual"] <= flow.sources.count
 
 
 def test_a_new_state_is_compared_with_its_neighbours_alone(flow, monkeypatch):
