@@ -48,7 +48,12 @@ def compare(
     channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
     probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
     quantity: Annotated[str | None, typer.Option("--quantity", help="E.g. absolute_acceleration, force.")] = None,
-    unit: Annotated[str | None, typer.Option("--unit", help="Unit of the measurement, e.g. g.")] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Unit of the measurement, e.g. g, where the file states none.")
+    ] = None,
+    axis_unit: Annotated[
+        str | None, typer.Option("--axis-unit", help="Unit of its times or frequencies, e.g. ms, likewise.")
+    ] = None,
     harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Number of harmonics in the table.")] = 10,
     last: Annotated[
         float | None, typer.Option("--last", min=0.0, help="Use only the last part of the measurement, s.")
@@ -68,7 +73,9 @@ def compare(
 
     stored = open_run(result)
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
-    pairs = pair_channels(stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit)
+    pairs = pair_channels(
+        stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit, axis_unit=axis_unit
+    )
     with damage_of(result):
         comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
     finish("compare", comparison, target, Reporting(not no_plots, json))

@@ -11,6 +11,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.headings import axis_factor, split_heading, stated
 from beamsim.inputs.signal import Signal
+from beamsim.inputs.universal_file import UNITS_OF_DATA, axis_unit_of_uff, units_are_si
+from beamsim.scenario.driven import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.units import UnitError, read_level
 from beamsim.typing import Floats
@@ -71,12 +73,13 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
 def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:
     """Times, s, and values from the file, checked. The path is relative to ``folder`` or else the current folder.
 
-    Without ``excitation.unit`` the values are in SI units: those of the file are converted where it states a unit.
+    Values of an excitation with a ``unit`` are in that unit, others are converted to SI from the unit of the file.
 
     Raises
     ------
     ScenarioError
-        For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps.
+        For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, and
+        where neither the file nor the excitation states a unit.
     """
     path = (folder or Path()) / excitation.file
     if not path.is_file():
@@ -94,22 +97,19 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     except (OSError, ValueError, UnicodeDecodeError) as error:
         _reject(f"= {excitation.file} cannot be read: {str(error).splitlines()[0]}", "check the file and its columns")
     time, values = columns.time, columns.values
-    if excitation.unit is None:
-        values = values * _factor(columns.unit, excitation)
     if values.size < 4:
         _reject(f"= {excitation.file} has only {values.size} samples", "give a longer record")
-    if excitation.sample_rate is not None or time is None:
-        if excitation.sample_rate is None:
-            _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
-        time = np.arange(values.size) / excitation.sample_rate
+    if excitation.sample_rate is None and time is None:
+        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
+    given_rate = None if time is not None and excitation.sample_rate is None else excitation.sample_rate
+    _refuse_without_units(columns, excitation, of_time=given_rate is None)
+    if excitation.unit is None:
+        values = values * _factor(columns.unit, excitation)
+    if given_rate is not None or time is None:
+        assert given_rate is not None
+        time = np.arange(values.size) / given_rate
     else:
-        try:
-            time = time * axis_factor(columns.time_unit, of_frequency=False)
-        except UnitError as error:
-            _reject(
-                f"= {excitation.file} has a time axis in {columns.time_unit}, which {error.message}",
-                "name its unit in the heading, for example time (ms)",
-            )
+        time = time * _time_factor(excitation.time_unit or columns.time_unit, excitation)
     bad = np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))
     if bad.size:
         _reject(
@@ -137,8 +137,6 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
 
 def _factor(unit: str, excitation: SampledInput) -> float:
     """SI value of one in the file, by the unit that the file states."""
-    if not unit:
-        return 1.0
     quantity = excitation.quantity or "acceleration"
     try:
         return read_level(f"1 {unit}", (LEVEL_DIMENSIONS[quantity],))[0]
@@ -148,6 +146,33 @@ def _factor(unit: str, excitation: SampledInput) -> float:
             f"give the unit of the values, a unit of {quantity}, or another quantity",
             "unit",
         )
+
+
+def _time_factor(unit: str, excitation: SampledInput) -> float:
+    """Seconds in one of the time axis."""
+    try:
+        return axis_factor(unit, of_frequency=False)
+    except UnitError as error:
+        _reject(
+            f"= {excitation.file} has a time axis in {unit}, which {error.message}",
+            "name its unit in the heading, for example time (ms), or give excitation.time_unit",
+        )
+
+
+def _refuse_without_units(columns: _Columns, excitation: SampledInput, *, of_time: bool) -> None:
+    """Ask for each unit that neither the file nor the scenario states."""
+    quantity = excitation.quantity or "acceleration"
+    problems = []
+    if not (excitation.unit or columns.unit):
+        example = {"acceleration": "g", "displacement": "mm"}.get(quantity, LEVEL_DIMENSIONS[quantity].unit)
+        message = f"is missing, and {excitation.file} states no unit of its values"
+        remedy = f"give that of the {spoken(quantity)}, for example unit: {example}"
+        problems.append(Problem("excitation.unit", message, remedy))
+    if of_time and not (excitation.time_unit or columns.time_unit):
+        message = f"is missing, and {excitation.file} states no unit of its times"
+        problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
+    if problems:
+        raise ScenarioError(problems)
 
 
 class _Columns(NamedTuple):
@@ -214,4 +239,8 @@ def _from_uff(path: Path, excitation: SampledInput) -> _Columns:
     if np.iscomplexobj(values) or int(record.get("func_type", 1)) not in (0, 1):
         raise ValueError("this data set 58 is not a time history")
     time_unit, unit = (stated(str(record.get(f"{axis}_axis_units_lab", ""))) for axis in ("abscissa", "ordinate"))
-    return _Columns(np.asarray(record["x"], dtype=float), values.astype(float), time_unit, unit)
+    if not unit and any(units_are_si(sets.read_sets(i)) for i, kind in enumerate(kinds) if kind == 164):
+        unit = UNITS_OF_DATA.get(int(record.get("ordinate_spec_data_type", 0)), "")
+    return _Columns(
+        np.asarray(record["x"], dtype=float), values.astype(float), time_unit or axis_unit_of_uff(record), unit
+    )

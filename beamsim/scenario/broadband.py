@@ -88,7 +88,9 @@ class SampledInput(Driven):
     sample_rate: Frequency | None = None
     """Samples per second, if the file has no time axis."""
     unit: Text | None = None
-    """Unit of the values in the file (g, mm, N, ...), by default the one that the file states, otherwise SI."""
+    """Unit of the values in the file (g, mm, N, ...), by default the one that the file states."""
+    time_unit: Text | None = None
+    """Unit of the time axis in the file (s, ms, ...), by default the one that the file states."""
     factor: PositiveNumber = 1.0
     """Factor by which the values are multiplied."""
     interpolation: Literal["linear", "cubic"] = "cubic"

@@ -28,7 +28,7 @@ class MeasuredForces(Schema):
     """A force-deflection curve from a file, or one that is to be fitted."""
 
     file: Text | None = None
-    """CSV file, relative to the scenario's folder; headings may state units: deflection (mm), force (N), time (s)."""
+    """CSV file, relative to the scenario's folder; headings state units: deflection (mm), force (N), time (s)."""
     points: ForcePoints | None = None
     """Pairs of deflection and force, instead of a file."""
     fit: SegmentFit | None = None

@@ -130,7 +130,9 @@ class MeasuredTest(Schema):
     )
     """What was measured; displacement and velocity are relative to the base."""
     unit: Text | None = None
-    """Unit of the values in the file, for example g or mm; by default the unit stated in the file, otherwise SI."""
+    """Unit of the values in the file, for example g or mm; by default the one that the file states."""
+    axis_unit: Text | None = None
+    """Unit of the times or frequencies in the file, for example ms; by default the one that the file states."""
     frequency: Frequency | None = None
     """Excitation frequency of this test."""
     level: Level | None = None

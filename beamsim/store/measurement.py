@@ -14,12 +14,15 @@ import numpy as np
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, axis_factor, is_frequency, split_heading, stated
+from beamsim.inputs.universal_file import UNITS_OF_DATA, axis_unit_of_uff, units_are_si
+from beamsim.scenario.driven import spoken
 from beamsim.scenario.units import UnitError
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-_UFF_UNITS = {12: "m/s^2", 11: "m/s", 8: "m", 13: "N"}
+
+_EXAMPLES = {"absolute_acceleration": "g", "displacement": "mm", "absolute_displacement": "mm"}
 
 
 def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
@@ -42,8 +45,9 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
         try:
             name = test.channel or test.probe or default
             signal = channel_named(
-                read_signals(path), name, test.quantity, path, required=test.channel is not None, at=f"{at}.channel"
-            )
+                read_signals(path, test.axis_unit), name, test.quantity, path, required=test.channel is not None,
+                at=f"{at}.channel",
+            )  # fmt: skip
             signals.append(in_si(signal, test.unit, test.quantity, f"{at}.unit"))
         except ScenarioError as error:
             problems += [
@@ -54,13 +58,17 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
     return signals
 
 
-def read_signals(path: Path) -> list[MeasuredSignal]:
+def read_signals(path: Path, axis_unit: str | None = None) -> list[MeasuredSignal]:
     """All channels of a file.
+
+    Parameters
+    ----------
+    axis_unit : of times or frequencies; by default the one that the file states.
 
     Raises
     ------
     ScenarioError
-        If the file is missing, empty, of an unknown format, or has values that are not numbers.
+        If the file is missing, empty, of an unknown format, has values that are not numbers, or an axis without unit.
     """
     if not path.is_file():
         raise _wrong(f"{path} does not exist", "check the path; it is relative to the case's file")
@@ -68,11 +76,11 @@ def read_signals(path: Path) -> list[MeasuredSignal]:
         raise _wrong(f"{path} is empty", "export the measurement again")
     suffix = path.suffix.lower()
     if suffix in (".csv", ".txt", ".tsv", ".dat"):
-        signals = _read_csv(path)
+        signals = _read_csv(path, axis_unit)
     elif suffix in (".h5", ".hdf5", ".hdf"):
-        signals = _read_hdf5(path)
+        signals = _read_hdf5(path, axis_unit)
     elif suffix in (".uff", ".unv", ".uf", ".58"):
-        signals = _read_uff(path)
+        signals = _read_uff(path, axis_unit)
     else:
         raise _wrong(f"{path} has an unknown format", "use .csv, .h5 or .uff")
     if not signals:
@@ -96,9 +104,9 @@ def channel_named(
     ScenarioError
         If no channel or several match, or values are not finite.
     """
-    spoken = quantity.replace("_", " ")
+    words = spoken(quantity)
     exact = [s for s in signals if s.name == name]
-    loose = [s for s in signals if holds_name(s.name, name) and _is_of(s.name, spoken)] or (
+    loose = [s for s in signals if holds_name(s.name, name) and _is_of(s.name, words)] or (
         [] if required else [s for s in signals if holds_name(s.name, name)]
     )
     histories = [s for s in loose if not s.of_frequency] or loose
@@ -111,12 +119,18 @@ def channel_named(
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
         remedy = f"did you mean {close[0]}?" if close and not chosen else f"name one: {listed}"
-        raise ScenarioError(Problem(at, f"{path} {verdict} {name} {spoken}", remedy))
+        raise ScenarioError(Problem(at, f"{path} {verdict} {name} {words}", remedy))
     return _checked(chosen[0], path)
 
 
 def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
-    """The signal converted to SI from the given unit, else from that of the file."""
+    """The signal converted to SI from the given unit, else from that of the file.
+
+    Raises
+    ------
+    ScenarioError
+        If neither is given, or the unit is not one of the quantity.
+    """
     from dataclasses import replace
 
     from beamsim.scenario import units
@@ -125,15 +139,21 @@ def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> M
     dimension = {"absolute_acceleration": units.ACCELERATION, "velocity": units.VELOCITY}.get(quantity, units.LENGTH)
     if quantity == "force":
         dimension = units.FORCE
-    if not named or named == dimension.unit:
+    if not named:
+        source = f"{signal.source} states" if signal.source else "there is"
+        raise ScenarioError(
+            Problem(
+                at, f"is missing, and {source} no unit of {signal.name}",
+                f"give the unit of the {spoken(quantity)}, for example {_EXAMPLES.get(quantity, dimension.unit)}",
+            )
+        )  # fmt: skip
+    if named == dimension.unit:
         return signal
     try:
         factor = units.read_quantity(f"1 {named}", dimension)
     except units.UnitError as error:
         raise ScenarioError(
-            Problem(
-                at, f"= {named} {error.message}", f"the {quantity.replace('_', ' ')} of {signal.name} needs its unit"
-            )
+            Problem(at, f"= {named} {error.message}", f"the {spoken(quantity)} of {signal.name} needs its unit")
         ) from None
     return replace(signal, y=signal.y * factor, unit=dimension.unit)
 
@@ -167,17 +187,17 @@ def holds_name(name: str, part: str) -> bool:
     )
 
 
-def _is_of(name: str, spoken: str) -> bool:
+def _is_of(name: str, words: str) -> bool:
     text = name.lower().replace("_", " ")
-    other = {"displacement": "absolute displacement"}.get(spoken)
-    return spoken in text and (other is None or other not in text)
+    other = {"displacement": "absolute displacement"}.get(words)
+    return words in text and (other is None or other not in text)
 
 
 def _wrong(message: str, remedy: str) -> ScenarioError:
     return ScenarioError(Problem("", message, remedy))
 
 
-def _read_csv(path: Path) -> list[MeasuredSignal]:
+def _read_csv(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -210,7 +230,8 @@ def _read_csv(path: Path) -> list[MeasuredSignal]:
     if values.shape[1] < 2:
         raise _wrong(f"{path} has only one column", "put the time in the first column and the signal in the next")
     of_frequency = is_frequency(header[0])
-    x = values[:, 0] * _axis_factor(path, header[0], split_heading(header[0])[1], of_frequency=of_frequency)
+    unit_of_axis = axis_unit or split_heading(header[0])[1]
+    x = values[:, 0] * _axis_factor(path, header[0], unit_of_axis, of_frequency=of_frequency)
     return [
         MeasuredSignal(name, x, values[:, j], of_frequency, split_heading(name)[1], str(path))
         for j, name in enumerate(header)
@@ -228,11 +249,16 @@ def _is_number(cell: str, delimiter: str) -> bool:
 
 def _axis_factor(path: Path, name: str, unit: str, *, of_frequency: bool) -> float:
     """Seconds or Hz in one of the axis's unit."""
+    if not unit:
+        example = "frequency (Hz)" if of_frequency else "time (s)"
+        remedy = f"name it in the heading, {example}, or give axis_unit (--axis-unit)"
+        raise _wrong(f"{path}: the axis {name} has no unit", remedy)
     try:
         return axis_factor(unit, of_frequency=of_frequency)
     except UnitError as error:
         raise _wrong(
-            f"{path}: the axis {name} is in {unit}, which {error.message}", "name its unit, for example time (ms)"
+            f"{path}: the axis {name} is in {unit}, which {error.message}",
+            "name its unit, for example time (ms), or give it as axis_unit (--axis-unit)",
         ) from None
 
 
@@ -240,7 +266,7 @@ def _is_axis(name: str) -> bool:
     return split_heading(name)[0].lower() in (*TIME_NAMES, *FREQUENCY_NAMES)
 
 
-def _read_hdf5(path: Path) -> list[MeasuredSignal]:
+def _read_hdf5(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
     import h5py
 
     signals: list[MeasuredSignal] = []
@@ -258,9 +284,9 @@ def _read_hdf5(path: Path) -> list[MeasuredSignal]:
             if axis is None or axis == name or datasets[axis].shape != item.shape:
                 continue
             unit = str(item.attrs.get("units", "")) or split_heading(name)[1]
-            axis_unit = stated(str(datasets[axis].attrs.get("units", ""))) or split_heading(axis)[1]
+            unit_of_axis = axis_unit or stated(str(datasets[axis].attrs.get("units", ""))) or split_heading(axis)[1]
             x = np.asarray(datasets[axis][()], dtype=float)
-            x = x * _axis_factor(path, axis, axis_unit, of_frequency=of_frequency)
+            x = x * _axis_factor(path, axis, unit_of_axis, of_frequency=of_frequency)
             y = item[()]
             y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
             label = re.sub(r"^(probes|snubbers|spectra)/", "", name).replace("/", " ")
@@ -285,7 +311,7 @@ def _axis_of(name: str, item: Any, datasets: dict[str, Any]) -> tuple[str | None
         folder = folder.rpartition("/")[0]
 
 
-def _read_uff(path: Path) -> list[MeasuredSignal]:
+def _read_uff(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
     import warnings
 
     import pyuff
@@ -296,21 +322,22 @@ def _read_uff(path: Path) -> list[MeasuredSignal]:
             file = pyuff.UFF(str(path))
             kinds = file.get_set_types()
             sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
+        in_si_units = any(units_are_si(file.read_sets(i)) for i, kind in enumerate(kinds) if int(kind) == 164)
     except Exception as error:
         # pyuff raises exceptions of all types on damaged files
         raise _wrong(f"{path} cannot be read as a universal file ({error})", "export dataset 58 again") from None
     if not sets:
         raise _wrong(f"{path} contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
-    return [_of_uff(item, path) for item in sets]
+    return [_of_uff(item, path, axis_unit, in_si_units=in_si_units) for item in sets]
 
 
-def _of_uff(item: dict[str, Any], path: Path) -> MeasuredSignal:
+def _of_uff(item: dict[str, Any], path: Path, axis_unit: str | None, *, in_si_units: bool) -> MeasuredSignal:
     of_frequency = int(item.get("abscissa_spec_data_type", 17)) == 18
     y = np.asarray(item["data"])
     y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
     unit = stated(str(item.get("ordinate_axis_units_lab", "")))
-    if not unit:
-        unit = _UFF_UNITS.get(int(item.get("ordinate_spec_data_type", 0)), "")
+    if not unit and in_si_units:
+        unit = UNITS_OF_DATA.get(int(item.get("ordinate_spec_data_type", 0)), "")
     name = next(
         (
             text
@@ -319,6 +346,6 @@ def _of_uff(item: dict[str, Any], path: Path) -> MeasuredSignal:
         ),
         f"node {item.get('rsp_node', 0)}",
     )
-    axis_unit = stated(str(item.get("abscissa_axis_units_lab", "")))
-    x = np.asarray(item["x"], dtype=float) * _axis_factor(path, "of " + name, axis_unit, of_frequency=of_frequency)
+    unit_of_axis = axis_unit or stated(str(item.get("abscissa_axis_units_lab", ""))) or axis_unit_of_uff(item)
+    x = np.asarray(item["x"], dtype=float) * _axis_factor(path, "of " + name, unit_of_axis, of_frequency=of_frequency)
     return MeasuredSignal(name, x, y, of_frequency, unit, str(path))

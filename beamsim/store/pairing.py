@@ -19,6 +19,7 @@ def pair_channels(
     quantity: str | None = None,
     channel: str | None = None,
     unit: str | None = None,
+    axis_unit: str | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
     """The measured channels of a file that belong to the probes and snubbers of a run by name, in SI units.
 
@@ -30,7 +31,7 @@ def pair_channels(
     ScenarioError
         If the file cannot be used or no channel matches.
     """
-    signals = read_signals(path)
+    signals = read_signals(path, axis_unit)
     places = list(dict.fromkeys([*result.probes, *result.snubbers]))
     if place is not None and place not in places:
         raise ScenarioError(Problem("", f"--probe {place} is not in the result", f"it has {', '.join(places)}"))

@@ -24,6 +24,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
+_UNITS_OF = {"deflection": "length", "force": "force"}
 WIDE = 0.02  # of the largest force: loops wider than this are remarked on
 
 
@@ -110,7 +111,7 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
 def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
     """Deflections, m, forces, N, and times, s, where there is a column of them.
 
-    Columns are told apart by the dimension of their units, or else by their order after the times. Raises ValueError.
+    Columns are told apart by the dimension of the units in their headings. Raises ValueError.
     """
     table = read_csv(file)
     names = [split_heading(heading)[0].strip().lower() for heading in table.headings] or [""] * table.width
@@ -132,11 +133,11 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
             break
         else:
             raise ValueError(f"column {column + 1} is in {unit}, which is not a unit of length, force or time")
-    others = iter(column for column in range(table.width) if column not in kinds.values())
-    try:
-        deflection, force = (kinds[kind] if kind in kinds else next(others) for kind in ("deflection", "force"))
-    except (StopIteration, RuntimeError):
-        raise ValueError(f"it has {table.width} columns") from None
+    missing = [kind for kind in ("deflection", "force") if kind not in kinds]
+    if missing or ("time" in kinds and not table.units[kinds["time"]]):
+        what = f"no column has a unit of {_UNITS_OF[missing[0]]}" if missing else "its times have no unit"
+        raise ValueError(f"{what}; name all units in the headings: deflection (mm), force (N), time (s)")
+    deflection, force = kinds["deflection"], kinds["force"]
     values = table.values * factors
     used = [deflection, force, *([kinds["time"]] if "time" in kinds else [])]
     bad = np.flatnonzero(~np.isfinite(values[:, used]).all(axis=1))

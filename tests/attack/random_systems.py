@@ -246,7 +246,7 @@ class _Draw:
             values = a * np.cumsum(self.rng.normal(size=121)) * np.exp(-np.arange(121) / 60)
             file = self.folder / f"input_{self.seed}.csv"
             lines = [f"{t!r},{v!r}\n" for t, v in zip(time.tolist(), (values - values.mean()).tolist(), strict=True)]
-            file.write_text("time,value\n" + "".join(lines))
+            file.write_text(f"time (s),value ({'m/s^2' if base else 'N'})\n" + "".join(lines))
             spec |= {"file": str(file), "quantity": "acceleration" if base else "force"}
         else:
             self.duration *= 0.5

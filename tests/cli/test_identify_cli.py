@@ -151,6 +151,7 @@ def _write(path, time, signal):
     elif path.suffix == ".h5":
         with h5py.File(path, "w") as file:
             file["time"], file["tip"] = time, signal
+            file["time"].attrs["units"] = "s"
     else:
         import pyuff
 
@@ -190,10 +191,10 @@ def test_nonlinear_parameters_from_a_file(call, tmp_path, history, suffix):
         (None, "does not exist"),
         ("", "is empty"),
         ("time,tip\n", "no samples"),
-        ("time,tip\n0,1\n1,nan\n2,1\n", "not a number at sample 2"),
+        ("time_s,tip_g\n0,1\n1,nan\n2,1\n", "not a number at sample 2"),
         ("time,tip\n0,1\n1,what\n", "not a number"),
-        ("time,other,more\n0,1,1\n1,2,2\n2,3,3\n", "has no channel tip"),
-        ("time,tip\n0,1\n0,2\n0,3\n", "does not increase"),
+        ("time_s,other,more\n0,1,1\n1,2,2\n2,3,3\n", "has no channel tip"),
+        ("time_s,tip_g\n0,1\n0,2\n0,3\n", "does not increase"),
     ],
 )
 def test_unusable_files(call, tmp_path, content, says):
@@ -256,8 +257,8 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
     result = beamsim.open_run(tmp_path / "run.h5")
     rows = np.stack([result.time, result.probes["mass_2"].displacement], axis=1)
     rows = rows[result.time > 30]
-    for heading, more in (("mass_2 (m)", ()), ("sensor (m)", ("--probe", "mass_2")), ("mass 2 displacement", ())):
-        np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header=f"time,{heading}", comments="")
+    for heading, more in (("mass_2 (m)", ()), ("sensor (m)", ("--probe", "mass_2")), ("mass 2 displacement (m)", ())):
+        np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header=f"time (s),{heading}", comments="")
         done = call(
             "compare", tmp_path / "run.h5", tmp_path / "lab.csv", *more, "--json", "--no-plots", "--harmonics", 1
         )
@@ -268,11 +269,11 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
         # without run.spectrum the transient is left out, and the part is said
         assert 1 < channel["start_s"] < 30
         assert abs(channel["harmonics"][0]["difference_db"]) < 0.05
-    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time,sensor (m)", comments="")
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time_s,sensor (m)", comments="")
     done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
     assert done.exit_code == 2
     assert "the channel sensor (m) is named after none of the probes; say where it was measured: --probe" in done.output
-    with_units = "time,mass_1 displacement,mass_1 velocity"
+    with_units = "time_s,mass_1 displacement,mass_1 velocity"
     np.savetxt(tmp_path / "lab.csv", np.c_[rows, rows[:, 1]], delimiter=",", header=with_units, comments="")
     done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "mm")
     assert done.exit_code == 2

@@ -151,9 +151,8 @@ def test_a_measured_input_is_found_beside_its_scenario(tmp_path, monkeypatch):
     folder.mkdir()
     elsewhere.mkdir()
     time = np.linspace(0.0, 2.0, 201)
-    np.savetxt(
-        folder / "force.csv", np.column_stack([time, np.sin(6 * time)]), delimiter=",", header="t,f", comments=""
-    )
+    values = np.column_stack([time, np.sin(6 * time)])
+    np.savetxt(folder / "force.csv", values, delimiter=",", header="t (s),f (N)", comments="")
     text = CASE.replace("{kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 1 Hz}",
                         "{kind: sampled, applied_to: {mass: 1}, file: force.csv}").replace("3 s", "2 s")  # fmt: skip
     (folder / "case.yaml").write_text(text)

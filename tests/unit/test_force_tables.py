@@ -190,7 +190,9 @@ def test_bad_tables_are_refused(stop, says):
     ("text", "says"),
     [
         ("x (mm),N (N)\n0,0\n0.1,8\n0.2,7\n", "pad.csv, row 3 of the numbers = 7 N falls below"),
-        ("x (mm)\n0\n1\n", "pad.csv cannot be used: it has 1 columns"),
+        ("x (mm)\n0\n1\n", "pad.csv cannot be used: no column has a unit of force; name all units"),
+        ("deflection,force\n0,0\n1,9\n", "pad.csv cannot be used: no column has a unit of length; name all units"),
+        ("time,x (mm),N (N)\n0,0,0\n1,1,9\n", "pad.csv cannot be used: its times have no unit; name all units"),
         ("x (kg),N (N)\n0,0\n1,1\n", "column 1 is in kg"),
         ("x,N\n", "no line starts with a number"),
     ],

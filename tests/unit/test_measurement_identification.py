@@ -62,15 +62,15 @@ def test_complex_and_plain_spectra():
 @pytest.mark.parametrize(
     "text",
     [
-        "time,tip\n0,1\n0.5,2\n1,3\n",
+        "time_s,tip\n0,1\n0.5,2\n1,3\n",
         "Time (s);tip (m)\n0;1\n0,5;2\n1;3\n",
-        "# a comment\ntime\ttip\n0\t1\n0.5\t2\n1\t3\n",
+        "# a comment\ntime (s)\ttip\n0\t1\n0.5\t2\n1\t3\n",
         "0 1\n0.5 2\n1 3\n",
     ],
 )
 def test_csv_dialects(tmp_path, text):
     (tmp_path / "a.csv").write_text(text)
-    (signal,) = read_signals(tmp_path / "a.csv")
+    (signal,) = read_signals(tmp_path / "a.csv", "s" if text[0] == "0" else None)
     assert signal.x.tolist() == [0.0, 0.5, 1.0]
     assert signal.y.tolist() == [1.0, 2.0, 3.0]
     assert not signal.of_frequency
@@ -78,12 +78,20 @@ def test_csv_dialects(tmp_path, text):
 
 def test_units_of_header_and_scenario(tmp_path):
     (tmp_path / "a.csv").write_text("time,tip (g)\n0,1\n1,2\n")
-    (signal,) = read_signals(tmp_path / "a.csv")
+    with pytest.raises(ScenarioError, match="the axis time has no unit"):
+        read_signals(tmp_path / "a.csv")
+    (signal,) = read_signals(tmp_path / "a.csv", "ms")
+    assert signal.x.tolist() == [0.0, 1e-3]
     assert signal.unit == "g"
     assert in_si(signal, None, "absolute_acceleration", "x").y.tolist() == pytest.approx([9.80665, 19.6133])
     assert in_si(signal, "mm/s^2", "absolute_acceleration", "x").y.tolist() == pytest.approx([1e-3, 2e-3])
     with pytest.raises(ScenarioError, match="acceleration"):
         in_si(signal, "mm", "absolute_acceleration", "x")
+    (tmp_path / "b.csv").write_text("time (s),tip\n0,1\n1,2\n")
+    (signal,) = read_signals(tmp_path / "b.csv")
+    with pytest.raises(ScenarioError, match=r"x is missing, and .*b\.csv states no unit of tip") as error:
+        in_si(signal, None, "absolute_acceleration", "x")
+    assert error.value.problems[0].remedy == "give the unit of the absolute acceleration, for example g"
 
 
 def test_units_of_axes(tmp_path):
@@ -113,6 +121,7 @@ def test_hdf5_axes_by_scale_and_by_name(tmp_path):
         file["lab/spectrum/frequency"] = [0.0, 10.0]
         file["lab/spectrum/tip"] = [0.5, 0.25]
         file["lab/tip"].attrs["units"] = "m/s^2"
+        file["lab/zeit"].attrs["units"], file["lab/spectrum/frequency"].attrs["units"] = "s", "Hz"
     signals = {s.name: s for s in read_signals(tmp_path / "a.h5")}
     assert not signals["lab tip"].of_frequency
     assert signals["lab tip"].unit == "m/s^2"

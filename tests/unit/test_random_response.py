@@ -148,7 +148,8 @@ def test_degrees_of_freedom_of_gaussian_noise():
 
 def test_a_measured_input_is_no_process(tmp_path):
     time = np.arange(2000) / 200.0
-    np.savetxt(tmp_path / "a.csv", np.column_stack([time, np.sin(60 * time)]), delimiter=",", header="time (s),a (g)")
+    values = np.column_stack([time, np.sin(60 * time)])
+    np.savetxt(tmp_path / "a.csv", values, delimiter=",", header="time (s),a", comments="")
     excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "a.csv"), "unit": "g"}
     result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "5 s"}}))
     assert result.random.input.rms_low is None

@@ -14,6 +14,7 @@ from beamsim.inputs.sampled import interpolate, read_samples
 from beamsim.scenario import load_scenario
 
 G = 9.80665
+SI = {"unit": "m/s^2", "time_unit": "s"}
 CHAIN = {
     "chain": {
         "masses": [1, 1], "springs": [400, 400, 400], "dashpots": [0.5, 0.5, 0.5],
@@ -44,22 +45,23 @@ def test_every_form_of_file_gives_the_samples(tmp_path, record, form):
     file, more = tmp_path / "a.csv", {}
     if form == "plain":
         np.savetxt(file, np.stack([t, a], axis=1), delimiter=",", header="comment")
+        more = SI
     elif form == "headings":
         rows = "\n".join(f"{x!r},{2 * y!r},{y!r}" for x, y in zip(t.tolist(), a.tolist(), strict=True))
-        file.write_text("time,other,acceleration\n" + rows, encoding="utf-8")
+        file.write_text("time (s),other,acceleration (m/s^2)\n" + rows, encoding="utf-8")
         more = {"column": "acceleration", "time_column": "time"}
     elif form == "semicolons":
         np.savetxt(file, np.stack([t, a], axis=1), delimiter=";")
-        more = {"column": "2"}
+        more = {"column": "2", **SI}
     elif form == "one column":
         np.savetxt(file, a)
-        more = {"sample_rate": "1 kHz"}
+        more = {"sample_rate": "1 kHz", "unit": "m/s^2"}
     elif form == "h5":
         file = tmp_path / "a.h5"
         with h5py.File(file, "w") as f:
             f["time"] = t
             f["runs/one"] = a
-        more = {"column": "runs/one"}
+        more = {"column": "runs/one", **SI}
     else:
         file = tmp_path / "a.uff"
         uff = {
@@ -98,7 +100,7 @@ def test_bad_records_are_refused_with_their_place(tmp_path, record, how, words):
     file = tmp_path / "bad.csv"
     np.savetxt(file, spoiled(*record, how), delimiter=",")
     with pytest.raises(ScenarioError, match=words) as error:
-        beamsim.run(load_scenario(case(kind="sampled", file=str(file))))
+        beamsim.run(load_scenario(case(kind="sampled", file=str(file), **SI)))
     assert error.value.problems[0].remedy
 
 
@@ -127,6 +129,7 @@ def test_unreadable_files_are_refused(tmp_path, text, more, words):
         ("time [ms];acceleration (g)\n0,0;0\n1,0;1\n2,0;0\n3,0;-1\n4,0;0\n", {"column": "acceleration"}),
         ("Time_ms\tacc_g\n0\t0\n1\t1\n2\t0\n3\t-1\n4\t0\n", {}),
         ("time (ms),acceleration\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {"unit": "g"}),
+        ("t,a\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {"unit": "g", "time_unit": "ms"}),
     ],
 )
 def test_units_of_headings_are_read(tmp_path, text, more):
@@ -163,8 +166,8 @@ def test_units_of_hdf5_and_uff_files_are_read(tmp_path, record):
     [
         ("time (s),a (V)", r"excitation.unit is missing, and .* has values in V, which must be an acceleration"),
         ("time (s),a [mm]", r"excitation.unit is missing, and .* in mm, which must be an acceleration, not a length"),
-        ("time (kg),a", r"has a time axis in kg, which must be a time, not a mass"),
-        ("time (furlongs?),a", r"has a time axis in furlongs\?"),
+        ("time (kg),a (g)", r"has a time axis in kg, which must be a time, not a mass"),
+        ("time (furlongs?),a (g)", r"has a time axis in furlongs\?"),
     ],
 )
 def test_units_that_are_not_understood_are_asked_for(tmp_path, heading, words):
@@ -174,8 +177,25 @@ def test_units_that_are_not_understood_are_asked_for(tmp_path, heading, words):
     assert error.value.problems[0].remedy
 
 
+@pytest.mark.parametrize(
+    ("text", "more", "missing"),
+    [
+        ("time,acceleration\n0,0\n1,1\n2,0\n3,-1\n", {}, ["unit", "time_unit"]),
+        ("0 0\n1 1\n2 0\n3 -1\n", {"unit": "g"}, ["time_unit"]),
+        ("time (s),acceleration\n0,0\n1,1\n2,0\n3,-1\n", {}, ["unit"]),
+        ("0\n1\n2\n3\n", {"sample_rate": "1 kHz"}, ["unit"]),
+    ],
+)
+def test_units_that_are_not_stated_are_asked_for(tmp_path, text, more, missing):
+    """They were taken as SI units in silence."""
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError) as error:
+        read_samples(sampled(tmp_path / "a.csv", **more))
+    assert [problem.path for problem in error.value.problems] == [f"excitation.{name}" for name in missing]
+
+
 def test_decimal_commas_are_read_or_named(tmp_path):
-    (tmp_path / "a.csv").write_text("t;a\n0,0;1,5\n0,5;2\n1;3\n1,5;4\n", encoding="utf-8")
+    (tmp_path / "a.csv").write_text("t (s);a (m/s^2)\n0,0;1,5\n0,5;2\n1;3\n1,5;4\n", encoding="utf-8")
     times, values = read_samples(sampled(tmp_path / "a.csv"))
     assert (times.tolist(), values.tolist()) == ([0.0, 0.5, 1.0, 1.5], [1.5, 2.0, 3.0, 4.0])
     (tmp_path / "b.csv").write_text("t,a\n0,0,1,5\n0,5,2,0\n", encoding="utf-8")
@@ -190,7 +210,7 @@ def test_missing_file_short_record_and_wrong_unit(tmp_path, record):
     file = tmp_path / "short.csv"
     np.savetxt(file, np.stack([t, a], axis=1)[:500], delimiter=",")
     with pytest.raises(ScenarioError, match="ends after"):
-        beamsim.run(load_scenario(case(kind="sampled", file=str(file))))
+        beamsim.run(load_scenario(case(kind="sampled", file=str(file), **SI)))
     with pytest.raises(ScenarioError, match="unit"):
         sampled(file, unit="kg")
     with pytest.raises(ScenarioError, match="interpolation"):
@@ -203,7 +223,8 @@ def test_a_sampled_sine_is_the_harmonic_run(tmp_path):
     file = tmp_path / "sine.csv"
     np.savetxt(file, np.stack([t, 1e3 * np.sin(2 * np.pi * 3.0 * t)], axis=1), delimiter=",")
     force = {"applied_to": {"mass": 1}}
-    measured = beamsim.run(load_scenario(case(kind="sampled", file=str(file), unit="mN", factor=10, **force)))
+    given = {"file": str(file), "unit": "mN", "time_unit": "s", "factor": 10}
+    measured = beamsim.run(load_scenario(case(kind="sampled", **given, **force)))
     exact = beamsim.run(load_scenario(case(kind="harmonic", level="10 N", frequency="3 Hz", **force)))
     a, b = measured.probes["first"].displacement, exact.probes["first"].displacement
     assert measured.summary["events"] == exact.summary["events"] > 0
@@ -216,7 +237,7 @@ def test_a_sampled_base_acceleration_starts_at_rest(tmp_path):
     t = np.arange(0, 2.2, 1e-3)
     file = tmp_path / "sine.csv"
     np.savetxt(file, np.stack([t, np.sin(2 * np.pi * 3.0 * t)], axis=1), delimiter=",")
-    _, velocity, displacement = broadband_signals(sampled(file, unit="g"), 2.0)
+    _, velocity, displacement = broadband_signals(sampled(file, unit="g", time_unit="s"), 2.0)
     w = 2 * np.pi * 3.0
     np.testing.assert_allclose(velocity(t[:2000]), G / w * (1 - np.cos(w * t[:2000])), atol=1e-6)
     expected = G / w * (t[:2000] - np.sin(w * t[:2000]) / w)
@@ -239,7 +260,7 @@ def test_the_input_does_not_depend_on_the_duration(tmp_path, record, interpolati
     t, a = record
     file = tmp_path / "a.csv"
     np.savetxt(file, np.stack([t, a], axis=1)[::25], delimiter=",")
-    excitation = sampled(file, interpolation=interpolation)
+    excitation = sampled(file, interpolation=interpolation, **SI)
     short, long = (broadband_signals(excitation, duration) for duration in (1.0, 2.0))
     x = np.linspace(0.0, 1.0, 2001)
     for one, other in zip(short, long, strict=True):
@@ -250,7 +271,7 @@ def test_displacement_input_has_its_second_derivative_as_acceleration(tmp_path, 
     t, a = record
     file = tmp_path / "d.csv"
     np.savetxt(file, np.stack([t, a], axis=1), delimiter=",")
-    acceleration, velocity, displacement = broadband_signals(sampled(file, unit="mm"), 2.0)
+    acceleration, velocity, displacement = broadband_signals(sampled(file, unit="mm", time_unit="s"), 2.0)
     x = np.linspace(0.1, 1.9, 77)
     np.testing.assert_allclose(displacement.derivative()(x), velocity(x))
     np.testing.assert_allclose(velocity.derivative()(x), acceleration(x))
@@ -350,7 +371,7 @@ def test_a_record_is_looked_for_beside_the_scenario(tmp_path, monkeypatch, recor
     np.savetxt(folder / "record.csv", np.stack([t, a], axis=1), delimiter=",")
     import yaml
 
-    (folder / "case.yaml").write_text(yaml.safe_dump(case(kind="sampled", file="record.csv")), encoding="utf-8")
+    (folder / "case.yaml").write_text(yaml.safe_dump(case(kind="sampled", file="record.csv", **SI)), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     result = beamsim.run(load_scenario("cases/case.yaml"))
     np.testing.assert_allclose(result.base_acceleration, a[: result.time.size], atol=1e-9)

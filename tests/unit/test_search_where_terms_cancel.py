@@ -16,7 +16,7 @@ def moving_ground(folder, side):
     time = np.linspace(0.0, DURATION, 61)
     values = 5.0 * (1.0 + np.sin(40 * time) + 0.4 * np.sin(130 * time) * time)
     file = folder / "input.csv"
-    np.savetxt(file, np.column_stack([time, values]), delimiter=",", header="time,value", comments="")
+    np.savetxt(file, np.column_stack([time, values]), delimiter=",", header="time (s),value (m/s^2)", comments="")
     return beamsim.Scenario.model_validate(
         {
             "beam": {
