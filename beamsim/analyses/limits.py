@@ -9,7 +9,10 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from beamsim.scenario.limits import OF_OUTPUTS
+
 if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
     from beamsim.scenario.limits import Limits
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -21,7 +24,25 @@ LIMITED = {
     "peak_acceleration": ("peak_acceleration_g", "m/s^2"),
     "gap": ("largest_gap_m", "m"),
 }
-"""For each limit, the entry of the summary of a run with which it is compared, and its SI unit."""
+"""For each limit but those on outputs, the entry of the summary of a run with which it is compared, and its SI unit."""
+
+
+def limit_unit(scenario: Scenario, name: str) -> str:
+    """SI unit of a limit."""
+    if name.startswith(OF_OUTPUTS):
+        from beamsim.system.outputs import output_units
+
+        return output_units(scenario)[name.removeprefix(OF_OUTPUTS)]
+    return LIMITED[name][1]
+
+
+def limit_label(name: str) -> str:
+    """The name for people.
+
+    >>> limit_label("peak_force"), limit_label("outputs.root_moment")
+    ('peak force', 'output root_moment')
+    """
+    return f"output {name.removeprefix(OF_OUTPUTS)}" if name.startswith(OF_OUTPUTS) else name.replace("_", " ")
 
 
 def margin_of(limit: float, value: float) -> float:
@@ -37,6 +58,9 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict
     """Compare the summary of a run with the limits: by limit its limit, value, margin, at and exceeded (SI)."""
     largest = {}
     for name in {} if limits is None else limits.given:
+        if name.startswith(OF_OUTPUTS):
+            largest[name] = float(summary["peak_output"][name.removeprefix(OF_OUTPUTS)]), ""
+            continue
         key, _ = LIMITED[name]
         given = summary[key]
         if isinstance(given, Mapping):
@@ -67,11 +91,11 @@ def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) 
     }
 
 
-def exceeded_limits(compared: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def exceeded_limits(scenario: Scenario, compared: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """A message for every limit that is exceeded."""
+    units = {name: limit_unit(scenario, name) for name, item in compared.items() if item["exceeded"]}
     return [
-        f"{name.replace('_', ' ')} = {item['value']:.5g} {LIMITED[name][1]} exceeds limits.{name} = "
-        f"{item['limit']:.5g} {LIMITED[name][1]}"
-        for name, item in compared.items()
-        if item["exceeded"]
+        f"{limit_label(name)} = {compared[name]['value']:.5g} {unit} exceeds limits.{name} = "
+        f"{compared[name]['limit']:.5g} {unit}"
+        for name, unit in units.items()
     ]

@@ -147,7 +147,7 @@ def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, sig
     if reporting.check:
         from beamsim.analyses.limits import exceeded_limits
 
-        exceeded = exceeded_limits(result.summary.get("margins", {}))
+        exceeded = exceeded_limits(result.scenario, result.summary.get("margins", {}))
         if exceeded:
             raise LimitExceededError("; ".join(exceeded))
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult
+from beamsim.analyses.limits import limit_label
 from beamsim.cli.report import Row, Texts, aligned, margins
 from beamsim.plots.style import amount
 
@@ -40,9 +41,8 @@ def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -
                 f"{path} = {value if isinstance(value, str) else amount(value, units.get(path, '1'))}"
                 for path, value in item["parameters"].items()
             )
-            limit = name.replace("_", " ")
             share = f"{item['cases_exceeding']} of {result.cases} cases"
-            yield "", f"{limit} exceeded in {share}, most with {worst}"
+            yield "", f"{limit_label(name)} exceeded in {share}, most with {worst}"
 
 
 def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
@@ -50,7 +50,13 @@ def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
         mean = f", mean {amount(item['mean'], unit)}" if "mean" in item else ""
-        label = name.removeprefix("probes/").removeprefix("snubbers/").replace("/", " ").removesuffix("_hz")
+        label = (
+            name.removeprefix("probes/")
+            .removeprefix("snubbers/")
+            .removeprefix("outputs/")
+            .replace("/", " ")
+            .removesuffix("_hz")
+        )
         texts[label.replace("_", " ")] = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
     yield from aligned(texts)
     if len(responses) > MOST_ROWS:

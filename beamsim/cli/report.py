@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from beamsim.analyses.limits import LIMITED
+from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
@@ -151,15 +151,15 @@ def few(texts: Iterable[str], most: int = VALUES_SHOWN) -> str:
     return ", ".join(known[:most]) + (f" and {len(known) - most} more" if len(known) > most else "")
 
 
-def margins(_: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """By limit: margin, value with its place, and limit."""
     texts = {}
     for name, item in compared.items():
-        unit = LIMITED[name][1]
+        unit = limit_unit(result.scenario, name)
         share = margin_text(item["margin"], item["value"])
         verdict = "EXCEEDED, " if item["exceeded"] else ""
         at = f" at {item['at']}" if item["at"] else ""
-        texts[name.replace("_", " ")] = (
+        texts[limit_label(name)] = (
             f"{verdict}margin {share}: {amount(item['value'], unit)}{at}, limit {amount(item['limit'], unit)}"
         )
     return texts

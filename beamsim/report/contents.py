@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from beamsim.analyses.limits import LIMITED
+from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import MARGINS
 from beamsim.plots.model import excitation_text, model_figure
 from beamsim.plots.style import amount, margin_text
@@ -46,7 +46,10 @@ def page_of(
     """
     page = Page(result.title or "beamsim", about, verdict_of(result))
     margins = result.summary.get("margins") or {}
-    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_margins(margins)))))
+    page.add(
+        "Limits",
+        table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_margins(result.scenario, margins)))),
+    )
     if system is not None:
         page.add("Model", *_model(result.scenario, system))
     page.add("Results", labelled(rows))
@@ -64,7 +67,7 @@ def page_of(
 def verdict_of(result: Result) -> Verdict:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
-    exceeded = [name.replace("_", " ") for name, item in margins.items() if item["exceeded"]]
+    exceeded = [limit_label(name) for name, item in margins.items() if item["exceeded"]]
     reasons = doubts(result)
     if exceeded:
         return Verdict("bad", f"Limit exceeded: {', '.join(exceeded)}", reasons)
@@ -80,13 +83,13 @@ def verdict_of(result: Result) -> Verdict:
     return Verdict("", "Complete")
 
 
-def _margins(margins: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:
+def _margins(scenario: Scenario, margins: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:
     for name, item in margins.items():
-        unit = LIMITED[name][1]
+        unit = limit_unit(scenario, name)
         share = margin_text(item["margin"], item["value"])
         kept = "! exceeded" if item["exceeded"] else "+ kept"
         yield [
-            name.replace("_", " "),
+            limit_label(name),
             amount(item["value"], unit),
             item["at"],
             amount(item["limit"], unit),

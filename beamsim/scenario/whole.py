@@ -41,5 +41,9 @@ class ScenarioParts(Protocol):
         """The nonlinear springs of all bodies, with their paths."""
 
     @property
+    def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
+        """The outputs with their paths."""
+
+    @property
     def effective_probes(self) -> tuple[Probe, ...]:
         """The probes, those by default included."""

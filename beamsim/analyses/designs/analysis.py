@@ -26,6 +26,7 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.designs import LatinHypercube, VariedParameter, drawn_parameters, varied_parameters
 from beamsim.scenario.draws import Draws
+from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.system.outputs import output_units
 from beamsim.typing import Floats, Ints
 
@@ -41,14 +42,16 @@ NORMAL_REACH = 3.0  # standard deviations in a tolerance
 SAMPLES = ("latin_hypercube", "draws")  # kinds of studies whose cases are a sample, so that they have statistics
 THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side
 
-LIMITED_QUANTITIES = {
-    "peak_force": "peak_force",
-    "bending_stress": "bending_stress",
-    "peak_displacement": "peak_displacement",
-    "peak_acceleration": "peak_acceleration",
-    "gap": "largest_gap",
-}
-"""For each limit, the response quantity with which it is compared."""
+
+def limited_response(limit: str) -> str:
+    """The end of the names of the responses that a limit is compared with.
+
+    >>> limited_response("gap"), limited_response("outputs.clamp")
+    ('largest_gap', 'outputs/clamp/peak_output')
+    """
+    if limit.startswith(OF_OUTPUTS):
+        return f"outputs/{limit.removeprefix(OF_OUTPUTS)}/peak_output"
+    return "largest_gap" if limit == "gap" else limit
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ def _asked(scenario: Scenario, responses: Sequence[str], where: str) -> tuple[st
     if not responses:
         return ()
     limits = () if scenario.limits is None else scenario.limits.given
-    return tuple(dict.fromkeys((*responses, *(LIMITED_QUANTITIES[name] for name in limits))))
+    return tuple(dict.fromkeys((*responses, *(limited_response(name).rpartition("/")[2] for name in limits))))
 
 
 def _plan(
@@ -410,7 +413,9 @@ def _margins(
     margins, where = {}, {}
     for name, limit in limits.items():
         compared = [
-            r for r in responses.values() if r.quantity == LIMITED_QUANTITIES[name] and is_scalar(r, plan.shape)
+            r
+            for r in responses.values()
+            if f"/{r.name}".endswith(f"/{limited_response(name)}") and is_scalar(r, plan.shape)
         ]
         if not compared:
             continue

@@ -37,6 +37,7 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, Special
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
+from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -375,6 +376,9 @@ def _reported_maxima(model: ResponseModel) -> list[ReportedMaximum]:
     def entry(name: str, key: Any) -> Callable[[MeasuredMotion], float]:
         return lambda m: float(getattr(m, name)[key])
 
+    def output_peak(k: int) -> Callable[[MeasuredMotion], float]:
+        return lambda m: max(abs(float(m.highest_output[k])), abs(float(m.lowest_output[k])))
+
     probes, snubbers, limits = model.system.probes, model.system.snubbers, model.scenario.limits
     maxima = [ReportedMaximum(peak(i), False) for i in range(len(probes))]
     if limits is None:
@@ -386,6 +390,8 @@ def _reported_maxima(model: ResponseModel) -> list[ReportedMaximum]:
         "gap": [entry("gap", s.name) for s in snubbers],
         "bending_stress": [lambda m: m.stress or 0.0],
     }
+    for k, rows in enumerate(model.system.outputs):
+        of[OF_OUTPUTS + rows.name] = [output_peak(k)]
     return maxima + [ReportedMaximum(number, True) for name in limits.given for number in of[name]]
 
 
@@ -499,6 +505,7 @@ def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, An
             *(("peak_force", name, x) for name, x in branch.peak_force.items()),
             *(("peak_displacement", name, x) for name, x in branch.peak_displacement.items()),
             *(("peak_acceleration", name, x) for name, x in branch.peak_acceleration.items()),
+            *((OF_OUTPUTS + name, "", output.peak) for name, output in branch.outputs.items()),
             *((name.partition(" ")[0], name.partition(" ")[2], x) for name, x in branch.limited.items()),
         ]
         for limit, name, values in sources:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import Forces, Harmonic
+from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 
@@ -266,7 +267,13 @@ def _uncompared(scenario: Scenario, system: StructuralSystem) -> list[str]:
         f"outputs: {output.name} is an energy, which sweeps do not follow; use `beamsim run` or kind: continuation"
         for output in system.energy_outputs
     ]
-    return energies + _without_accelerations(scenario)
+    limited = () if scenario.limits is None else scenario.limits.given
+    unchecked = [
+        f"limits.{OF_OUTPUTS}{output.name} is not checked, because sweeps do not follow energies"
+        for output in system.energy_outputs
+        if OF_OUTPUTS + output.name in limited
+    ]
+    return energies + unchecked + _without_accelerations(scenario)
 
 
 def _without_accelerations(scenario: Scenario) -> list[str]:
@@ -286,15 +293,17 @@ def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         return {}
     largest: dict[str, tuple[float, str]] = {}
     for curve in curves.values():
-        sources = {
+        sources: dict[str, Mapping[str, Any]] = {
             "peak_force": curve.force,
             "peak_displacement": curve.displacement,
             "peak_acceleration": curve.acceleration,
+            **{OF_OUTPUTS + name: {"": output} for name, output in curve.outputs.items()},
         }
         for limit, envelopes in sources.items():
             for name, envelope in envelopes.items():
                 k = int(np.nanargmax(envelope.peak))
-                value_and_place = (float(envelope.peak[k]), f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}")
+                at = f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
+                value_and_place = float(envelope.peak[k]), at
                 largest[limit] = max(largest.get(limit, (-1.0, "")), value_and_place)
         for name, values in curve.limited.items():
             limit, _, snubber = name.partition(" ")

@@ -1,0 +1,89 @@
+"""Limits on outputs: margins in every analysis, and what is refused."""
+
+import pytest
+
+import beamsim
+from beamsim.analyses.limits import exceeded_limits
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+
+MASS = """\
+chain: {masses: [2 kg], springs: [800 N/m], damping: {kind: modal, ratio: 5 %}, snubbers: [{name: stop, mass: 1, side: below, stiffness: 800 N/m, gap: 1}]}
+outputs:
+  - {name: wall, kind: reaction_force, support: left}
+  - {name: inside, kind: strain_energy}
+limits: {outputs: {wall: 10 N, inside: 0.5 N m}}
+excitation: {kind: harmonic, applied_to: base, level: 4 m/s^2, frequency: 2 Hz}
+"""  # noqa: E501
+
+
+def test_of_a_run():
+    """Their values are the peaks of the outputs, and a limit below a peak is exceeded."""
+    scenario = load_scenario(MASS, {"run": {"duration": 1.0, "convergence": "off"}})
+    summary = beamsim.run(scenario).summary
+    assert list(summary["margins"]) == ["outputs.wall", "outputs.inside"]
+    for name in ("wall", "inside"):
+        value = summary["peak_output"][name]
+        entry = summary["margins"][f"outputs.{name}"]
+        assert entry["value"] == value
+        assert entry["exceeded"] == (value > entry["limit"])
+    below = load_scenario(
+        MASS, {"run": {"duration": 1.0, "convergence": "off"}, "limits": {"outputs": {"wall": "0.001 kN"}}}
+    )
+    margins = beamsim.run(below).summary["margins"]
+    assert margins["outputs.wall"]["exceeded"]
+    (message,) = exceeded_limits(below, margins)
+    assert message.startswith("output wall = ")
+    assert message.endswith(" N exceeds limits.outputs.wall = 1 N")
+
+
+@pytest.mark.parametrize(
+    "sweep",
+    [
+        {"kind": "stepped", "from": 2.0, "to": 2.5, "points": 2},
+        {"kind": "swept_sine", "from": 2.0, "to": 2.5, "rate": "0.1 Hz/s"},
+        {"kind": "continuation", "from": 2.0, "to": 2.5},
+    ],
+)
+def test_of_sweeps_and_continuations(sweep):
+    """The largest over all frequencies; sweeps warn that they do not follow energies."""
+    continued = sweep["kind"] == "continuation"
+    analysis = beamsim.frequency_response if continued else beamsim.sweep
+    summary = (result := analysis(load_scenario(MASS, {"sweep": sweep}))).summary
+    if continued:
+        assert set(summary["margins"]) == {"outputs.wall", "outputs.inside"}
+        peaks = {name: of["value"] for name, of in summary["peak_output"].items()}
+    else:
+        assert set(summary["margins"]) == {"outputs.wall"}
+        assert any("limits.outputs.inside is not checked" in text for text in result.warnings)
+        peaks = next(iter(summary["peak_output"].values()))
+    assert summary["margins"]["outputs.wall"]["value"] == peaks["wall"]
+    assert "Hz" in summary["margins"]["outputs.wall"]["at"]
+
+
+def test_of_a_study():
+    """Each case has a margin, also where other responses are asked for."""
+    vary = {
+        "kind": "grid", "parameters": [{"path": "excitation.level", "values": [1.0, 8.0]}],
+        "responses": ["peak_displacement"],
+    }  # fmt: skip
+    scenario = load_scenario(MASS, {"run": {"duration": 1.0}, "vary": vary, "limits": {"outputs": {"wall": 10.0}}})
+    result = beamsim.design_study(scenario)
+    margin, peak = result.margins["outputs.wall"].values, result.responses["outputs/wall/peak_output"].values
+    assert margin == pytest.approx(10.0 / peak - 1.0, rel=1e-14)
+    assert result.summary["margins"]["outputs.wall"]["case"] == 1
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"wal": 1.0}, "limits.outputs.wal is no output; did you mean wall?"),
+        ({"wall": "2 MPa"}, "limits.outputs.wall is in Pa, and the output is a reaction force; write 1.5 N"),
+        ({"wall": "1 mol"}, "must be a length"),
+        ({"wall": -1.0}, "must be positive"),
+    ],
+)
+def test_refused(limits, words):
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(MASS, {"limits": {"outputs": limits}})
+    assert words in str(error.value)
