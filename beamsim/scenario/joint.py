@@ -11,7 +11,7 @@ from pydantic import Field
 from beamsim.scenario.base import BY_KIND, Variants, counted, fail
 from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, BaseOrPlace, choose_base_or_place
+from beamsim.scenario.place import AtPlace, BaseOrPlace, choose_base_or_place, refuse_unlike_directions
 from beamsim.scenario.quantities import (
     Dashpot,
     Name,
@@ -45,6 +45,7 @@ class Joint(Named):
             raise fail(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
         if self.between[0] == self.between[1]:
             raise fail("joins a point to itself", "name two different points", ("between",))
+        refuse_unlike_directions(self.places)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:

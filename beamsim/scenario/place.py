@@ -127,6 +127,17 @@ class Sited(PointOfBody):
         return (() if self.at is None else ("at",),)
 
 
+def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
+    """Refuse a displacement and a rotation at the two places of one thing."""
+    turns = [(place.direction or "z").startswith("r") for place in places]
+    if any(turns) and not all(turns):
+        directions = " and ".join(place.direction or "z" for place in places)
+        raise fail(
+            f"acts between {directions}, a displacement and a rotation",
+            "name displacements (x, y, z) or rotations (rx, ry, rz) at both places", ("between",),
+        )  # fmt: skip
+
+
 TwoPlaces = Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
 
 
@@ -143,6 +154,7 @@ class BetweenPlaces(Schema):
             raise fail(f"names {counted(len(self.between), 'place')}", remedy, ("between",))
         if self.between[0] == self.between[1]:
             raise fail("joins a place to itself", "name two different places", ("between",))
+        refuse_unlike_directions(self.between)
         super().settle()
 
     @property

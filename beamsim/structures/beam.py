@@ -82,6 +82,10 @@ class BeamStructure(BeamModel):
         scale = np.where(slopes, -1.0 / self.beam.length, 1.0)
         return NamedDofs(DofTable(names, places), scale, np.where(slopes, 0.0, 1.0))
 
+    def point_of(self, place: Place) -> Floats:
+        """(3,) position along the axis, m."""
+        return np.array([place.coordinate, 0.0, 0.0])
+
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""
         return damping_matrix(self, basis, omega)

@@ -103,7 +103,9 @@ def read_dof_table(path: Path) -> DofTable:
             place = [float(cell) if cell else np.nan for cell in cells[2:5]]
         except ValueError:
             raise MethodError(
-                "dofs", f"= {path.name} has a line {number} that cannot be read: {','.join(cells)}"
+                "dofs",
+                f"= {path.name} has a line {number} that cannot be read: {','.join(cells)}",
+                "write a node's number, a direction and, if wanted, three coordinates in metres",
             ) from None
         if direction != MODAL and dof in first:
             raise MethodError(

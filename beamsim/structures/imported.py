@@ -77,10 +77,49 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         damping = equivalent if damping is None else damping + equivalent
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
     _check_diagonals(symmetric["mass"], symmetric["stiffness"], table)
+    recovery = None if section.recovery is None else _recovery(section.recovery, table)
+    used = _used_rows(symmetric["mass"], symmetric["stiffness"], damping, recovery, table)
+    if used.size < len(table.dofs):
+        remarks.append(f"rows without mass and stiffness were left out: {len(table.dofs) - used.size}")
+    mass, stiffness, damping = (
+        None if matrix is None else matrix[used][:, used].tocsc()
+        for matrix in (symmetric["mass"], symmetric["stiffness"], damping)
+    )
     return NamedMatrices(
-        table, symmetric["mass"], symmetric["stiffness"], damping, (), remarks=tuple(remarks),
-        recovery=None if section.recovery is None else _recovery(section.recovery, table),
+        table.part(used), mass, stiffness, damping, (), remarks=tuple(remarks),
+        recovery=None if recovery is None else recovery[:, used],
     )  # fmt: skip
+
+
+def _used_rows(mass: Any, stiffness: Any, damping: Any, recovery: Any, table: DofTable) -> Ints:
+    """Rows that have an entry other than zero in some matrix; programs write the others for what an analysis holds.
+
+    Raises
+    ------
+    MethodError
+        Where nothing holds a row that has mass, or a row that is left out is recovered from.
+    """
+    entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in (mass, stiffness) if m is not None]
+    if damping is not None:
+        entries.append(np.asarray(abs(damping).sum(axis=1)).ravel())
+    loose = np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0))
+    if loose.size:
+        node, direction = table.dofs[int(loose[0])]
+        others = f" and {loose.size - 1} more" if loose.size > 1 else ""
+        raise MethodError(
+            "stiffness", f"is zero at node {node} {direction}{others}, which has mass: nothing holds it",
+            "constrain it in the model that writes the matrices, or connect it there by a spring",
+        )  # fmt: skip
+    used = np.flatnonzero(np.any(np.array(entries) > 0.0, axis=0))
+    if recovery is not None and used.size < len(table.dofs):
+        lost = np.setdiff1d(np.unique(recovery.tocoo().col[recovery.tocoo().data != 0.0]), used)
+        if lost.size:
+            node, direction = table.dofs[int(lost[0])]
+            raise MethodError(
+                "recovery", f"has a column of node {node} {direction}, which has neither mass nor stiffness",
+                "leave that column zero, or constrain the degree of freedom in the model that writes the matrices",
+            )  # fmt: skip
+    return used
 
 
 def _recovery(source: RecoverySource, table: DofTable) -> Any:
@@ -145,7 +184,9 @@ def _table(section: MatricesBody, read: dict[str, FileMatrix]) -> DofTable:
     if sizes:
         if len(set(sizes.values())) > 1:
             raise MethodError(
-                next(iter(sizes)), "has another size than " + ", ".join(f"{k} ({n})" for k, n in sizes.items())
+                min(sizes, key=lambda key: sizes[key]),
+                "and the others differ in size: " + ", ".join(f"{key} has {n} rows" for key, n in sizes.items()),
+                "export all matrices from the same set of degrees of freedom",
             )
         raise MethodError("dofs", "is missing: the files do not name their rows", "give a table node,direction[,x,y,z]")
     together: dict[Dof, None] = {}
@@ -202,8 +243,9 @@ def _check_diagonals(mass: Any, stiffness: Any, table: DofTable) -> None:
                 key, f"has a negative {what} of {diagonal[worst]:.4g} at node {node} {direction}",
                 "check the signs, units and concentrated masses of the model that wrote it",
             )  # fmt: skip
-    if not np.any(mass.data):
-        raise MethodError("mass", "is zero", "give the mass matrix of the model")
+    for key, matrix in (("mass", mass), ("stiffness", stiffness)):
+        if not np.any(matrix.data):
+            raise MethodError(key, "is zero", f"give the {key} matrix of the model")
 
 
 def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
@@ -327,7 +369,11 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: Base
     if not held.size:
         return influence
     if not influence[held].any():
-        raise MethodError("base", f"moves in {motion.direction}, but none of its nodes has that direction")
+        there = sorted({matrices.table.dofs[row][1] for row in held})
+        raise MethodError(
+            "base", f"moves in {motion.direction}, but none of its nodes has that direction",
+            f"they have {', '.join(there)}: choose one of these, or name other nodes",
+        )  # fmt: skip
     # Where the named directions already move without force, solving would only add round-off.
     if lu is not None and np.abs(matrices.stiffness @ influence).max() > GROUNDED * _force_size(matrices, influence):
         influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))

@@ -46,6 +46,8 @@ _MOST_STATIONS = 200
 _RIGID, _GAP = 1e-9, 1e-5
 # Smallest pivot of a stiffness with a unit diagonal above which no motion is rigid; round-off leaves some 1e-13.
 _FIRM = 1e-9
+NOT_HELD = "the base does not hold it"
+"""How the remark about motions that have no stiffness although the base is held begins."""
 _INACCURATE = 1e-11  # backward error of factors
 _ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
@@ -301,6 +303,17 @@ class MatricesStructure(BodyStructure):
         """Largest absolute displacement of a node."""
         return float(np.abs(self.deflections(field)).max())
 
+    def largest_at(self, field: Floats) -> str:
+        """Node and direction of the largest displacement of a field (N,), or rotation where nothing is displaced."""
+        return _largest_at(self.table, self.expansion @ field)
+
+    def point_of(self, place: Place) -> Floats | None:
+        """(3,) coordinates of the node, m, where the table gives them."""
+        number = self.row_number(place)
+        if number is None or self.table.coordinates is None or not np.all(np.isfinite(self.table.coordinates[number])):
+            return None
+        return np.asarray(self.table.coordinates[number])
+
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """None: the scenario refuses it."""
         raise ValueError("imported matrices take no shape to start from")
@@ -351,9 +364,13 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     )
     rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
+    if held.size and rigid.shape[1]:
+        places = dict.fromkeys(_largest_at(given.table.part(free), motion) for motion in (expansion @ rigid).T)
+        motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
+        remarks.append(f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}")
     lu = None
     if held.size and not rigid.shape[1]:
-        lu = symmetric_lu(stiffness, definite=True) if factors is None or massless.shape[1] else factors
+        lu = _held_factors(stiffness) if factors is None or massless.shape[1] else factors
     influence = base_influence(given, held, free, _default_motion(given, held), lu)
     inertia, ground = _base_forces(given, held, free, influence)
     viscous = None if given.damping is None else given.damping[free][:, free].tocsc()
@@ -385,6 +402,22 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         factors=factors,
         notes=tuple(remarks),
     )
+
+
+def _largest_at(table: DofTable, motion: Floats) -> str:
+    """Node and direction of the largest displacement of a motion (N,), or rotation where nothing is displaced."""
+    motion = np.abs(motion)
+    shifts = np.where([direction in TRANSLATIONS for _, direction in table.dofs], motion, 0.0)
+    row = int(np.argmax(shifts if shifts.max() > _RIGID * motion.max() else motion))
+    return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
+
+
+def _held_factors(stiffness: Any) -> SymmetricLU:
+    """Factors of the stiffness of a structure that the base holds."""
+    try:
+        return symmetric_lu(stiffness, definite=True)
+    except RuntimeError:  # exactly singular, yet no motion was found to be rigid
+        raise MethodError("stiffness", "is singular although the base holds the structure", _SOFT) from None
 
 
 def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
@@ -457,7 +490,8 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
         squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=shift, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
         order = np.argsort(squared)
         squared, vectors = squared[order], vectors[:, order]
-    force = np.abs(stiffness @ vectors).max(axis=0) / (abs(stiffness) @ np.abs(vectors)).max(axis=0)
+    one_by_one = (abs(stiffness) @ np.abs(vectors)).max(axis=0)
+    force = np.abs(stiffness @ vectors).max(axis=0) / np.where(one_by_one > 0, one_by_one, 1.0)
     rigid = 0
     for k in range(1, min(count, 7)):
         if force[:k].max() <= _RIGID and (k == size or abs(squared[k - 1]) <= _GAP * squared[min(k, count - 1)]):

@@ -76,6 +76,10 @@ class PlateModel(BodyStructure, ABC):
         places = np.column_stack([self.mesh.node_points[nodes] * (length, width), np.zeros(nodes.size)])
         return NamedDofs(DofTable(names, places), scales[kinds], np.where(kinds == 0, 1.0, 0.0))
 
+    def point_of(self, place: Place) -> Floats | None:
+        """(3,) x and y from the left and bottom edges, m."""
+        return None if place.across is None else np.array([place.coordinate, place.across, 0.0])
+
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Single places."""
         return separated(sites)

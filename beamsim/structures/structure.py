@@ -319,6 +319,20 @@ class BodyStructure(Structure, ABC):
             return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"
         return None
 
+    def largest_at(self, field: Floats) -> str:
+        """Where a field (N,) has its largest deflection, for people."""
+        named = self.named_dofs
+        shifts = np.where([each == DEFLECTION for _, each in named.table.dofs], np.abs(named.scale * field), 0.0)
+        row = int(np.argmax(shifts))
+        if named.table.coordinates is None:
+            return f"mass {named.table.dofs[row][0]}"
+        x, y, _ = named.table.coordinates[row].tolist()
+        return f"({x:g}, {y:g}) m" if np.any(named.table.coordinates[:, 1]) else f"{x:g} m"
+
+    def point_of(self, place: Place) -> Floats | None:
+        """(3,) coordinates of a place in axes of the body, m; None where it has none."""
+        return None
+
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base: here upwards alone."""
         return self.inertia, self.ground

@@ -30,7 +30,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import carried_start, constant_loads, sine_loads, time_dependent_loads
-from beamsim.system.mechanisms import check_mechanisms, held_problems
+from beamsim.system.mechanisms import check_mechanisms, distant_joints, held_problems
 from beamsim.system.moved_supports import check_places
 from beamsim.system.outputs import output_rows, output_sites
 from beamsim.system.parts import (
@@ -202,7 +202,13 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         cubic=cubic,
         springs=springs,
         outputs=output_rows(parts, recoveries, contact_sites, contacts, forcing) if recovered else (),
-        warnings=(*parts.structure.remarks, *free, *warnings, *(correction.warnings() if correction else ())),
+        warnings=(
+            *parts.structure.remarks,
+            *distant_joints(parts),
+            *free,
+            *warnings,
+            *(correction.warnings() if correction else ()),
+        ),
         base_correction=correction,
         sine=sine_loads(parts, forcing),
     )

@@ -12,6 +12,7 @@ from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.structures.projection import project
+from beamsim.system.mechanisms import floating_motions
 from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
 
@@ -42,7 +43,7 @@ def initial_state(
             raise ScenarioError(
                 Problem(
                     "run.start",
-                    f"= static_equilibrium does not exist: {equilibrium.reason}",
+                    f"= static_equilibrium does not exist: {_why(parts, equilibrium)}",
                     "start from rest, or hold the structure with a support, a preload or a load towards a snubber",
                 )
             )
@@ -60,7 +61,7 @@ def initial_state(
             raise ScenarioError(
                 Problem(
                     "run.start.released_force",
-                    f"holds no static shape: {held.reason}",
+                    f"holds no static shape: {_why(parts, held)}",
                     "let it push towards a snubber, or support the structure",
                 )
             )
@@ -73,6 +74,11 @@ def initial_state(
         q, v = (_given_field(parts, start.bodies, name, warnings) for name in _FIELDS)
     settled = contacts.settled_states(-contacts.gap - contacts.sign * (contacts.shape @ q))
     return np.concatenate([q, v, settled]), warnings
+
+
+def _why(parts: Parts, equilibrium: Equilibrium) -> str:
+    """Why there is no equilibrium; where something floats, what."""
+    return f"{equilibrium.reason} ({floating_motions(parts)})" if parts.basis.rigid else equilibrium.reason
 
 
 def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:

@@ -1,15 +1,16 @@
-"""Motions that joints leave free, and things that act where nothing can move."""
+"""Motions that nothing holds, joints whose points lie apart, and things that act where nothing can move."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text
-from beamsim.structures.places import SLOPE, LoadSite
+from beamsim.structures.places import SLOPE, LoadSite, ends_of, site_of
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 # A motion below this fraction of the largest possible one is round-off.
 _NOTHING = 1e-9
+# Distances of joined points that differ by less, relative to the larger, are those of rounded coordinates.
+_ROUNDED = 1e-4
 
 
 def held_problems(parts: Parts, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
@@ -33,6 +36,44 @@ def held_problems(parts: Parts, acting: Sequence[tuple[Path, LoadSite, str]]) ->
         for path, site, what in acting
         if np.abs(parts.structure.row(site)).max() <= _NOTHING
     ]
+
+
+def distant_joints(parts: Parts) -> Iterator[str]:
+    """Warnings about two joints between the same two bodies whose points lie further apart on one than on the other.
+
+    Beams among themselves lie along one axis: the scenario says where their joints do not fit.
+    """
+    scenario, structure = parts.scenario, parts.structure
+    members = {member.body.name: member.body for member in structure.members}
+    placed: dict[tuple[str, str], list[tuple[int, Floats, Floats]]] = {}
+    for index, joint in enumerate(scenario.joints):
+        ends = ends_of(site_of(joint, scenario.default_body))
+        if len(ends) != 2 or all(isinstance(place.position, float) for place in joint.places):
+            continue
+        first, second = sorted(ends, key=lambda end: end.body)
+        points = (members[first.body].point_of(first), members[second.body].point_of(second))
+        if first.body != second.body and points[0] is not None and points[1] is not None:
+            placed.setdefault((first.body, second.body), []).append((index, points[0], points[1]))
+    for (one, other), joints in placed.items():
+        for (i, a, b), (j, c, d) in combinations(joints, 2):
+            on_one, on_other = float(np.linalg.norm(a - c)), float(np.linalg.norm(b - d))
+            if abs(on_one - on_other) > _ROUNDED * max(on_one, on_other):
+                yield (
+                    f"joints[{j}] joins points that lie {1e3 * abs(on_one - on_other):.4g} mm apart where joints[{i}] "
+                    f"puts {other} on {one}: the two joints are {1e3 * on_one:.4g} mm from each other on {one} and "
+                    f"{1e3 * on_other:.4g} mm on {other}; they act as if they fitted, check their positions"
+                )
+
+
+def floating_motions(parts: Parts) -> str:
+    """Bodies that move without strain energy, and where most."""
+    field = parts.basis.vectors[:, : parts.basis.rigid]
+    largest: dict[str, dict[str, None]] = {}
+    for motion in field.T:
+        for name in _bodies(parts, motion):
+            member = parts.structure.member(name)
+            largest.setdefault(name, {})[member.body.largest_at(member.field(motion))] = None
+    return "; ".join(f"{name} moves freely, most at {' and '.join(places)}" for name, places in largest.items())
 
 
 def check_mechanisms(parts: Parts, stopping: Floats) -> list[str]:
@@ -53,6 +94,12 @@ def check_mechanisms(parts: Parts, stopping: Floats) -> list[str]:
     if not rigid or not couplings:
         return []
     opening = np.array([_opening(parts, coupling) for coupling in couplings])[:, :rigid]
+    names = {joint.name for joint in parts.scenario.joints}
+    without_slope = [
+        coupling
+        for coupling in couplings
+        if coupling.name in names and sum(each.name == coupling.name for each in couplings) == 1
+    ]
     size = np.linalg.norm(stopping, axis=1, keepdims=True)
     felt = (stopping / np.where(size > 0, size, 1.0))[:, :rigid]
     _, s, vt = np.linalg.svd(felt)
@@ -65,13 +112,47 @@ def check_mechanisms(parts: Parts, stopping: Floats) -> list[str]:
         )
         for index, coupling, bodies, verb, stiffness in _free(parts, couplings, opening, unstopped)
     ]
+    problems += [
+        Problem(
+            path_text(("joints", index)),
+            f"({name}) leaves {body} free to turn or slide there, most at {where}, and nothing stops that motion",
+            f"hold {body} by a support or further joints, or let a snubber meet it",
+        )
+        for index, name, body, where in _turning(parts, without_slope, unstopped)
+    ]
     if problems:
         raise ScenarioError(problems)
     return [
         f"joints[{index}] ({coupling.name}) leaves {bodies} free to {verb} there: snubbers or nonlinear springs alone "
         "stop that motion"
         for index, coupling, bodies, verb, _ in _free(parts, couplings, opening, np.eye(rigid))
+    ] + [
+        f"joints[{index}] ({name}) leaves {body} free to turn or slide there, most at {where}: snubbers or nonlinear "
+        "springs alone stop that motion"
+        for index, name, body, where in _turning(parts, without_slope, np.eye(rigid))
     ]
+
+
+def _turning(parts: Parts, couplings: Sequence[Coupling], motions: Floats) -> Iterator[tuple[int, str, str, str]]:
+    """Joints without slopes about which the rigid motions (rigid, k) turn a body while what it is joined to rests.
+
+    Number and name of the joint, the body, and where it moves most.
+    """
+    indices = {joint.name: index for index, joint in enumerate(parts.scenario.joints)}
+    fields = parts.basis.vectors[:, : motions.shape[0]] @ motions
+    fields = fields / np.maximum(np.linalg.norm(fields, axis=0), np.finfo(float).tiny)
+    for coupling in couplings:
+        ends = coupling.ends
+        for turning, resting in zip(ends, [*reversed(ends)] if len(ends) == 2 else [None], strict=True):
+            body = parts.structure.member(turning.body)
+            still = fields
+            if resting is not None:
+                _, s, vt = np.linalg.svd(parts.structure.member(resting.body).field(fields))
+                still = fields @ vt[int(np.sum(s > _NOTHING)) :].T
+            moved = body.field(still)
+            if moved.size and np.abs(moved).max() > _NOTHING:
+                k = int(np.argmax(np.abs(moved).max(axis=0)))
+                yield indices[coupling.name], coupling.name, turning.body, body.body.largest_at(moved[:, k])
 
 
 def _opening(parts: Parts, coupling: Coupling) -> Floats:
@@ -96,7 +177,7 @@ def _free(
             (
                 names.index(coupling.name),
                 coupling,
-                _bodies(parts, moving),
+                " and ".join(_bodies(parts, moving)),
                 "turn" if turns else "move",
                 "rotational_stiffness" if turns else "stiffness",
             )
@@ -104,8 +185,7 @@ def _free(
     return opened
 
 
-def _bodies(parts: Parts, field: Floats) -> str:
+def _bodies(parts: Parts, field: Floats) -> list[str]:
     """Names of the bodies that a field (N,) moves."""
     reach = [member.body.largest_deflection(member.field(field)) for member in parts.structure.members]
-    moved = [m.body.name for m, x in zip(parts.structure.members, reach, strict=True) if x > _NOTHING * max(reach)]
-    return " and ".join(moved)
+    return [m.body.name for m, x in zip(parts.structure.members, reach, strict=True) if x > _NOTHING * max(reach)]

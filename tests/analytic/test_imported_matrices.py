@@ -203,7 +203,11 @@ def test_a_spring_to_ground_in_the_matrices_is_refused_where_the_base_moves(tmp_
     ("change", "message"),
     [
         ({"base": "{nodes: [31], direction: z}"}, "base.nodes[0] = 31 is not a node of the matrices; the nearest"),
-        ({"base": "{nodes: [10], direction: x}"}, "bodies.panel.base moves in x, but none of its nodes"),
+        ({"base": "{nodes: [10], direction: x}"}, "none of its nodes has that direction; they have z"),
+        (
+            {"case": CASE + "joints: [{{kind: hinge, between: [{{node: 9}}, {{node: 8, direction: ry}}]}}]\n"},
+            "joints[0].between acts between z and ry, a displacement and a rotation",
+        ),
         ({"case": CASE.replace("{place}", "node: 24")}, "at.node = 24 is not a node of panel; the nearest nodes are"),
         ({"case": CASE.replace("{place}", "node: 9, direction: x")}, "= x is not a direction of node 9; node 9 has z"),
         ({"case": CASE.replace("{place}", "node: 10")}, "snubbers[0].at.node = 10 moves with the base"),
@@ -226,6 +230,44 @@ def test_negative_mass_and_stiffness_are_refused(tmp_path):
     shifted[:-1, :-1] -= 3e3 * model.mass.toarray()[:-1, :-1] * 1e3
     text = problems(tmp_path, model.mass, shifted, model.table)
     assert "not positive semidefinite" in text or "negative stiffness" in text
+
+
+def test_what_nothing_holds_is_named(tmp_path):
+    """A row that has mass and no stiffness, and a hinge within the matrices."""
+    model = exported()
+    mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+    loose = stiffness.copy()
+    loose[3], loose[:, 3] = 0.0, 0.0
+    text = problems(tmp_path, mass, loose, model.table)
+    assert "bodies.panel.stiffness is zero at node 3 ry, which has mass: nothing holds it" in text
+    assert "bodies.panel.stiffness is zero; give" in problems(tmp_path, mass, 0 * stiffness, model.table)
+    table = DofTable(tuple((node, direction) for node in (1, 2, 3, 4) for direction in ("z", "ry"))[:7])
+    beam_stiffness = 1e4 * np.array([[12, -6, -12, -6], [-6, 4, 6, 2], [-12, 6, 12, 6], [-6, 2, 6, 4]])
+    whole = np.zeros((7, 7))
+    for dofs in ([0, 1, 2, 3], [2, 4, 5, 6]):  # the second beam turns about node 2
+        whole[np.ix_(dofs, dofs)] += beam_stiffness
+    order = [(1, "z"), (1, "ry"), (2, "z"), (2, "ry"), (3, "ry"), (4, "z"), (4, "ry")]
+    table = DofTable(tuple(order))
+    case = imported(tmp_path, np.eye(7), whole, table, base="{nodes: [1], direction: z}",
+                    case=CASE.replace("{place}", "node: 4, direction: z"))  # fmt: skip
+    warnings = build_system(case).warnings
+    assert "panel: the base does not hold it: a motion without stiffness, largest at node 4 z" in warnings
+
+
+def test_rows_without_mass_and_stiffness_are_left_out(tmp_path):
+    model = exported()
+    wide = [np.zeros((19, 19)), np.zeros((19, 19))]
+    for matrix, of_model in zip(wide, (model.mass, model.stiffness), strict=True):
+        matrix[:17, :17] = of_model.toarray()
+    table = DofTable((*model.table.dofs, (9, "x"), (9, "rz")))
+    system = build_system(imported(tmp_path, *wide, table))
+    assert "panel: rows without mass and stiffness were left out: 2" in system.warnings
+    narrow = build_system(imported(tmp_path, model.mass, model.stiffness, DofTable(model.table.dofs)))
+    np.testing.assert_array_equal(system.modes.open_frequencies_hz, narrow.modes.open_frequencies_hz)
+    case = CASE.replace("{place}", "node: 9, direction: x")
+    assert "at.direction = x is not a direction of node 9; node 9 has z, ry" in problems(
+        tmp_path, *wide, table, case=case
+    )
 
 
 def test_structural_damping_is_refused_or_converted_at_a_frequency(tmp_path):

@@ -307,6 +307,59 @@ def test_points_that_do_not_lie_together_give_a_warning_with_their_distance():
     assert not load_scenario(joined(bodies, joints)).warnings
 
 
+PLATE = {
+    "kind": "plate", "length": 0.4, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9, "poissons_ratio": 0.3,
+    "density": 2700, "elements": [2, 2],
+}  # fmt: skip
+
+
+def test_a_plate_that_turns_about_its_joints_is_a_mechanism():
+    bodies = {"panel": PLATE, "arm": beam(0.4, left="clamped"), "strut": beam(0.4, left="clamped")}
+    ends = [at("panel", [0.0, 0.0]), at("panel", [0.0, 0.3])]
+    joints = [
+        {"kind": "hinge", "between": [end, at(body, 0.4)]} for end, body in zip(ends, ("arm", "strut"), strict=True)
+    ]
+    case = joined(bodies, joints)
+    with pytest.raises(ScenarioError) as caught:
+        build_system(load_scenario(case))
+    for text in ("joints[0] (joint_1)", "joints[1] (joint_2)"):
+        assert f"{text} leaves panel free to turn or slide there, most at (0.4, " in str(caught.value)
+    case["snubbers"] = [{"name": "end", "at": at("panel", [0.4, 0.15]), "side": "both", "stiffness": 1e4, "preload": 1}]
+    assert any(
+        "snubbers or nonlinear springs alone stop" in text for text in build_system(load_scenario(case)).warnings
+    )
+    case["joints"].append({"kind": "hinge", "between": [at("panel", [0.4, 0.15]), "base"]})
+    case["snubbers"] = []
+    assert not any("free to turn" in text for text in build_system(load_scenario(case)).warnings)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "where"),
+    [
+        ({"panel": {**PLATE, "supports": {"left": "pinned"}}}, "panel moves freely, most at (0.4, "),
+        ({"arm": beam(0.4, left="pinned")}, "arm moves freely, most at 0.4 m"),
+        ({"arm": beam(0.4, left="clamped"), "masses": {"kind": "chain", "masses": [1.0, 2.0], "springs": [0.0, 1e4]}},
+         "masses moves freely, most at mass "),
+    ],
+)  # fmt: skip
+def test_a_structure_without_equilibrium_names_what_moves(bodies, where):
+    case = joined(bodies, [])
+    case["excitation"], case["run"] = {"kind": "none"}, {"duration": 0.1, "start": "static_equilibrium"}
+    with pytest.raises(ScenarioError, match="the structure floats") as caught:
+        build_system(load_scenario(case))
+    assert where in str(caught.value)
+
+
+def test_distances_on_plates_are_compared_too():
+    bodies = {"panel": {**PLATE, "supports": {"left": "clamped"}}, "arm": beam(0.4)}
+    joints = [{"kind": "hinge", "between": [at("panel", [0.4, y]), at("arm", x)]} for x, y in ((0.0, 0.0), (0.32, 0.3))]
+    (warning,) = build_system(load_scenario(joined(bodies, joints))).warnings
+    assert "joints[1] joins points that lie 20 mm apart where joints[0] puts panel on arm" in warning
+    assert "320 mm from each other on arm and 300 mm on panel" in warning
+    joints[1]["between"][1] = at("arm", 0.3)
+    assert not build_system(load_scenario(joined(bodies, joints))).warnings
+
+
 @pytest.mark.parametrize(
     ("joint", "message"),
     [

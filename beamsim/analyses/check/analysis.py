@@ -12,7 +12,7 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
-from beamsim.structures.matrices import MatricesStructure, structure_of
+from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.symmetric_lu import symmetric_lu
@@ -147,7 +147,9 @@ def _frequencies(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[C
         del free, modes  # factors of a large model
         fixed, modes = _modes(replace(given, damping=None))
         omega = modes.omega * fixed.frequency_scale
-        yield CheckRow("fixed_frequencies_hz", _hertz(omega), f"{_listed(omega)}; with the base held", OK)
+        unheld = [note for note in fixed.notes if note.startswith(NOT_HELD)]
+        text = "; ".join([f"{_listed(omega)}; with the base held", *unheld])
+        yield CheckRow("fixed_frequencies_hz", _hertz(omega), text, NOTE if unheld else OK)
         yield _effective_masses(given, fixed, modes)
         yield _worst_rows(fixed)
     except MethodError as error:
