@@ -91,7 +91,7 @@ def run(
     """Simulate a case. Writes a result file and plots, prints a summary."""
     from beamsim.cli.conclusion import Reporting, finish, prepared
     from beamsim.cli.interruption import interruptible
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
 
     if against is not None:
         from beamsim.analyses.run.against import Stepper
@@ -100,7 +100,9 @@ def run(
         stepper = Stepper.parse(against)
     scenario, target = prepared("run", case, set_, output, check=check)
     reporting = Reporting(not no_plots, json, quiet, check)
-    bar = progress_bar(f"simulating {case.name}", shown=reporting.progress)
+    bar = progress_of(
+        f"simulating {case.name}", shown=reporting.progress, afterwards=f"evaluating the motion of {case.name}"
+    )
     with interruptible() as interrupted, bar as progress:
         from beamsim.analyses.run.analysis import run as simulate
 
@@ -203,9 +205,12 @@ def plot(
     """Plot a result file again without recomputing it."""
     from beamsim.cli.output import output_folder
     from beamsim.cli.printing import print_files
+    from beamsim.cli.progress import progress_of
     from beamsim.cli.stored import plot_stored
 
-    print_files(plot_stored(result, output_folder(output, result.stem), form.value), as_json=json)
+    with progress_of(f"plotting {result.name}", shown=not json):
+        files = plot_stored(result, output_folder(output, result.stem), form.value)
+    print_files(files, as_json=json)
 
 
 @app.command()
@@ -219,9 +224,12 @@ def export(
 ) -> None:
     """Write a result file in another format."""
     from beamsim.cli.printing import print_files
+    from beamsim.cli.progress import progress_of
     from beamsim.cli.stored import export_stored
 
-    print_files(export_stored(result, output, form.value), as_json=json)
+    with progress_of(f"exporting {result.name}", shown=not json):
+        files = export_stored(result, output, form.value)
+    print_files(files, as_json=json)
 
 
 for module in dict.fromkeys(

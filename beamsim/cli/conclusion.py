@@ -38,8 +38,8 @@ class Reporting:
 
     @property
     def progress(self) -> bool:
-        """Whether a progress bar may be shown."""
-        return not (self.json or self.quiet)
+        """Whether the command says how far it is."""
+        return not self.quiet
 
 
 def prepared(
@@ -88,13 +88,14 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
         See `conclude`.
     """
     from beamsim.cli.interruption import interruptible
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
     from beamsim.store.results import has_long_histories, open_result, write_result, write_until
 
     if signal or not has_long_histories(result):
-        write_result(result, target)
+        with progress_of(f"writing {target.name}", shown=reporting.progress):
+            write_result(result, target)
     else:
-        bar = progress_bar(f"writing {target.name}", shown=reporting.progress)
+        bar = progress_of(f"writing {target.name}", shown=reporting.progress)
         with interruptible() as interrupted, bar as progress:
             write_until(result, target, interrupted, progress)
         result, signal = open_result(target, kind), interrupted.signal
@@ -131,9 +132,11 @@ def chosen_units(scenario: Scenario) -> dict[str, tuple[float, str]]:
 def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int) -> None:
     files = [target]
     if reporting.plots and not signal:
+        from beamsim.cli.progress import progress_of
         from beamsim.plots.save import save_figures
 
-        files += save_figures(named(KINDS[kind].figures)(result), target.parent, target.stem)
+        with progress_of(f"plotting {target.name}", shown=reporting.progress):
+            files += save_figures(named(KINDS[kind].figures)(result), target.parent, target.stem)
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if reporting.json or not reporting.quiet:

@@ -27,11 +27,11 @@ def continue_response(
     """
     from beamsim.cli.conclusion import finish
     from beamsim.cli.interruption import interruptible
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
     from beamsim.store.results import open_sweep
 
     stored = [(path, open_sweep(path)) for path in overlay]
-    bar = progress_bar("following the response", shown=reporting.progress)
+    bar = progress_of("following the response", shown=reporting.progress)
     with interruptible() as interrupted, bar as progress:
         from beamsim.analyses.response.analysis import frequency_response
 

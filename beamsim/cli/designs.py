@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamsim.cli.conclusion import Reporting, conclude
 from beamsim.cli.failures import say
-from beamsim.cli.progress import progress_bar
+from beamsim.cli.progress import progress_of
 from beamsim.errors import ExitCode, StoppedEarlyError
 
 if TYPE_CHECKING:
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
-REPORTED_EVERY_S = 30.0  # interval between progress messages if there is no terminal
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
                 saved = clock.monotonic()
 
         try:
-            with _progress(table.count, cases, reporting) as progress, raised_again() as stop_if_asked:
+            with progress_of(f"{cases} cases", shown=reporting.progress) as progress, raised_again() as stop_if_asked:
                 result = design_study(
                     plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
                     progress=progress,
@@ -118,30 +115,3 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
         write_designs(result, target)
         journal.remove()
     conclude("designs", result, target, reporting)
-
-
-@contextmanager
-def _progress(known: int, cases: int, reporting: Reporting) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on terminals; elsewhere a message at intervals."""
-    with progress_bar(f"{cases} cases", shown=reporting.progress) as bar:
-        if bar is not None:
-            yield bar
-            return
-        begin = reported = clock.monotonic()
-
-        def report(fraction: float) -> None:
-            nonlocal reported
-            now, done = clock.monotonic(), round(fraction * cases)
-            if reporting.quiet or now - reported < REPORTED_EVERY_S or done <= known:
-                return
-            reported = now
-            remaining = (now - begin) * (cases - done) / (done - known)
-            say(f"beamsim: {done} of {cases} cases, about {_duration(remaining)} remain")
-
-        yield report
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

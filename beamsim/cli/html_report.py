@@ -84,7 +84,7 @@ def animate(
     from beamsim.cli.conclusion import chosen_units
     from beamsim.cli.output import output_file, output_folder
     from beamsim.cli.printing import print_files
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
     from beamsim.errors import ResultFileError
     from beamsim.files import replacing
     from beamsim.plots.animation import save_gif
@@ -106,7 +106,7 @@ def animate(
         raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
     for target in targets:
         if target.suffix.lower() == ".gif":
-            with progress_bar(f"drawing {target.name}", shown=shown) as progress:
+            with progress_of(f"drawing {target.name}", shown=shown) as progress:
                 save_gif(scene, target, progress)
         else:
             with replacing(target) as temporary:
@@ -143,12 +143,12 @@ def scene_of(result: Any, *, shown: bool) -> Scene | None:
     """The animation of a run or of a stored periodic motion; None of results without a motion."""
     from beamsim.analyses.animate.frames import frames_of_orbit, frames_of_run
     from beamsim.analyses.run.result import RunResult
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
     from beamsim.plots.animation import scene_of as scene_of_frames
     from beamsim.system.build import build_system
 
     if isinstance(result, RunResult):
-        with progress_bar("computing the motion again", shown=shown) as progress:
+        with progress_of("computing the motion again", shown=shown) as progress:
             frames = frames_of_run(result, progress)
         return scene_of_frames(frames, result.scenario, result.modes.stations, result.snubbers, result.title)
     motion = next((b.motion for b in getattr(result, "branches", ()) if getattr(b, "motion", None) is not None), None)

@@ -29,12 +29,12 @@ def identify_stiffness(
 ) -> None:
     """Find a snubber's stiffness, damping and the beam's own parameters from measurements."""
     from beamsim.cli.conclusion import Reporting, finish, prepared
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
     from beamsim.store.measurement import read_tests
 
     scenario, target = prepared("identify-stiffness", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
-    with progress_bar("identifying", shown=reporting.progress) as progress:
+    with progress_of(f"identifying {case.name}", shown=reporting.progress) as progress:
         from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
         result = identify(scenario, read_tests(scenario, case.parent), progress)
@@ -67,6 +67,7 @@ def compare(
     from beamsim.analyses.compare.analysis import compare as compare_with
     from beamsim.cli.conclusion import Reporting, finish
     from beamsim.cli.output import output_file
+    from beamsim.cli.progress import progress_of
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_run
     from beamsim.store.stored import damage_of
@@ -76,6 +77,6 @@ def compare(
     pairs = pair_channels(
         stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit, axis_unit=axis_unit
     )
-    with damage_of(result):
+    with damage_of(result), progress_of(f"comparing with {measured.name}", shown=not json):
         comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
     finish("compare", comparison, target, Reporting(not no_plots, json))

@@ -41,11 +41,11 @@ def nnm(
     """Follow a nonlinear normal mode in stiffness factor, energy or frequency. Writes a result file and plots."""
     from beamsim.cli.conclusion import Reporting, finish, located, prepared
     from beamsim.cli.interruption import interruptible
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
 
     scenario, target = prepared("nnm", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
-    bar = progress_bar(f"following the mode of {case.name}", shown=reporting.progress)
+    bar = progress_of(f"following the mode of {case.name}", shown=reporting.progress)
     with interruptible() as interrupted, bar as progress, located(scenario):
         from beamsim.analyses.nnm.analysis import nnm as follow
 

@@ -33,6 +33,6 @@ Output = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only one JSON object on standard output.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress report and no summary.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

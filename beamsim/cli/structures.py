@@ -23,11 +23,12 @@ def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug =
     from beamsim.analyses.check.analysis import check as check_bodies
     from beamsim.cli.conclusion import located
     from beamsim.cli.printing import print_json, print_table
+    from beamsim.cli.progress import progress_of
     from beamsim.errors import ExitCode
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, set_ or ())
-    with located(scenario):
+    with located(scenario), progress_of(f"checking {case.name}", shown=not json):
         bodies = check_bodies(scenario)
     failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
     if json:
@@ -69,13 +70,14 @@ def export_structure(
     from beamsim.cli.conclusion import located
     from beamsim.cli.output import output_file
     from beamsim.cli.printing import print_json
+    from beamsim.cli.progress import progress_of
     from beamsim.cli.structure_export import exported
     from beamsim.matrix_files.write import ENDINGS
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
-    with located(scenario):
+    with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not json):
         files, text = exported(scenario, body, target, binary=binary, modes=modes)
     if json:
         print_json({"files": [str(file) for file in files], "body": text})

@@ -115,9 +115,9 @@ def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resum
     """Compute a swept or stepped sine, saving partial results."""
     from beamsim.cli.conclusion import finish
     from beamsim.cli.interruption import interruptible
-    from beamsim.cli.progress import progress_bar
+    from beamsim.cli.progress import progress_of
 
-    with interruptible() as interrupted, progress_bar("sweeping", shown=reporting.progress) as progress:
+    with interruptible() as interrupted, progress_of("sweeping", shown=reporting.progress) as progress:
         from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep

@@ -140,7 +140,7 @@ def test_command_prints_and_draws(tmp_path):
     assert "shock response" in done.output
     assert (tmp_path / "case_srs.png").exists()
     printed = CliRunner().invoke(app, ["run", str(case), "-o", str(tmp_path / "case.h5"), "--no-plots", "--json"])
-    assert json.loads(printed.output)["srs"]["middle absolute_acceleration"]["maximax_g"] > 20.0
+    assert json.loads(printed.stdout)["srs"]["middle absolute_acceleration"]["maximax_g"] > 20.0
 
 
 def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():

@@ -46,7 +46,9 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def call(here):
+def call(here, monkeypatch):
+    monkeypatch.setattr("beamsim.cli.progress.SHOWN_AFTER_S", 1e6)  # nothing but what the tests are about
+
     def run(*arguments):
         return CliRunner().invoke(app, [str(a) for a in arguments])
 

@@ -174,7 +174,7 @@ import beamsim.cli
 import beamsim.cli.progress
 
 @contextmanager
-def telling(label, *, shown):
+def telling(label, *, shown, afterwards=""):
     reports = 0
     def tell(fraction):
         nonlocal reports
@@ -185,7 +185,7 @@ def telling(label, *, shown):
     yield tell
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where it is ignored
-beamsim.cli.progress.progress_bar = telling
+beamsim.cli.progress.progress_of = telling
 beamsim.cli.main()
 """
 
