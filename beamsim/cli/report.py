@@ -197,9 +197,9 @@ def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterat
     for name, of in snubbers.items():
         verb, past = ("opens", "opened") if of["closed_at_rest"] else ("touches", "touched")
         reached = of["share_of_level"] <= 1.0
-        level = level_text(of["level"], unit).removeprefix("level ")
-        text = f"{verb} from {level} at {of['frequency_hz']:.4g} Hz (steady linear motion)"
-        yield "", f"{name:<{width}}  {text}{'' if reached else ', which is not reached'}"
+        level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "at any level"
+        text = f"{verb} {level} at {of['frequency_hz']:.4g} Hz in steady linear motion"
+        yield "", f"{name:<{width}}  {text}{'' if reached else ', above the level here'}"
         happened = list(_happened(of, past))
         if happened:
             yield "", f"{'':<{width}}  {'; '.join(happened)}"
@@ -214,7 +214,7 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
         yield f"{curve} {f'{past} first at {frequency:.4g} Hz' if is_known(frequency) else 'never ' + past}"
     if "first_change_s" in of:
         time = of["first_change_s"]
-        yield f"{past} first at {amount(time, 's')}" if is_known(time) else f"never {past} in this run"
+        yield f"this motion {past} first at {amount(time, 's')}" if is_known(time) else f"this motion never {past}"
     if of["closed_at_rest"] and of.get("largest_gap_m"):
         yield f"largest opening {amount(of['largest_gap_m'], 'm')}"
 

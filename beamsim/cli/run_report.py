@@ -207,10 +207,15 @@ def _impacts(_: RunResult, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterato
                 ("time", "mean_contact_time_s", "s"),
                 ("approach", "mean_approach_speed_m_s", "m/s"),
                 ("loss", "mean_energy_lost_j", "J"),
-                ("restitution", "restitution", "1"),
+                (_speed_ratio(s["restitution"]), "restitution", "1"),
             )
-            means = ", ".join(f"{label} {amount(s[key], unit)}" for label, key, unit in units)
+            means = ", ".join(f"{label} {amount(s[key], unit)}" for label, key, unit in units if is_known(s[key]))
             yield "", f"{'':<{width}}  mean {means}"
+
+
+def _speed_ratio(value: Any) -> str:
+    """What separation over approach speed is called: above 1 the structure drives the parting, no restitution does."""
+    return "separation / approach speed" if is_known(value) and value > 1.0 else "restitution"
 
 
 def _fatigue(_: RunResult, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

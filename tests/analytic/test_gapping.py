@@ -10,6 +10,7 @@ import beamsim
 from beamsim.analyses.gapping import contact_levels
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.cli.app import app
+from beamsim.cli.report import table_rows
 from beamsim.scenario import load_scenario
 
 G = 9.80665
@@ -204,3 +205,21 @@ def test_the_table_reads(tmp_path):
         assert done.exit_code == 0, done.output
         assert "stop  opens from" in done.output
         assert "preload that keeps contact:" in done.output
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        # on the way to the steady motion the mass goes further than there
+        ({"level": "2.424 N", "frequency": "2.2 Hz", "gap": "2 cm"},
+         ["steady linear motion, above the level here", "this motion touched first at 824.7 ms", "restitution 0.99"]),
+        ({"level": "20 N", "frequency": "3.5 Hz", "gap": "-1 mm"},
+         ["in steady linear motion", "this motion opened first at", "separation / approach speed 1.02"]),
+        ({"level": "20 N", "frequency": "3.5 Hz", "gap": 0.0}, ["touches at any level"]),
+    ],
+)  # fmt: skip
+def test_the_table_of_a_run_does_not_contradict_itself(given, said):
+    run = {"run.duration": 2.0, "run.impacts": {}, "run.convergence": "off"}
+    text = "\n".join(text for _, text in table_rows("run", beamsim.run(load_scenario(mass(**given).to_yaml(), run))))
+    for part in said:
+        assert part in text
