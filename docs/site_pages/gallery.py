@@ -28,7 +28,7 @@ ENTRIES = [
     Entry("run", "random_vibration", "random", "Random vibration of a panel with a stop: densities and levels."),
     Entry("run", "two_panels", "assembly_contact", "Two folded panels with a snubber between them, at a contact."),
     Entry("run", "two_panels", "contact_force", "The contact force between the two panels."),
-    Entry("run", "plate_panel", "plate_modes", "Modes of a plate on point supports, with its snubbers."),
+    Entry("run", "plate_panel", "plate_modes", "Modes of a plate that is clamped along its left edge."),
     Entry("run", "snubber_rubber", "force_deflection", "A rubber snubber: measured curve and loops of its impacts."),
     Entry("sweep", "chain_two_dof", "response_first", "Response curve of two masses with a stop, by continuation."),
     Entry("sweep", "continuation_60_120hz", "response_tip", "First resonance of the beam, with its unstable part."),

@@ -111,3 +111,13 @@ def test_below_published_upper_bounds(edges: str, published: list[float]) -> Non
     found = finite_elements(edges, 12, len(published))
     assert np.all(found < published)
     assert np.all(found > 0.985 * np.array(published))
+
+
+def test_free_plate_meets_published_converged_values_to_five_digits() -> None:
+    """Y. Narita, EPI Int. J. Engineering 5 (2022) 26-36, table 1 (twelve by twelve terms), as quoted by others.
+
+    For the plate clamped along one edge the reference is Ritz's method above, with 25 terms along each axis.
+    """
+    published = [13.468, 19.596, 24.270, 34.801, 34.801, 61.093]
+    np.testing.assert_allclose(finite_elements("FFFF", 16, 6), published, rtol=6e-5)
+    np.testing.assert_allclose(finite_elements("CFFF", 16, 6, grading=2.0), ritz("CFFF", 6, 24), rtol=6e-5)
