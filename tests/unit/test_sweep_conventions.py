@@ -93,3 +93,28 @@ def test_order_one_half_covers_two_cycles_that_end_with_the_row():
         weight = 2 * np.pi * (1 + t[inside]) / rate / (2 * np.pi)
         expected = np.sum(weight * history.displacement["first"][inside] * np.exp(-1j * np.pi * cycles[inside]))
         assert half[row] == pytest.approx(expected, abs=2e-3 * abs(whole[row]))
+
+
+def test_the_last_row_takes_up_the_incomplete_cycle_at_the_end():
+    """A contact in the last part of a cycle had no row: no force, no count, no larger displacement."""
+    free = {"name": "stop", "mass": 1, "side": "above", "stiffness": 5000, "gap": 1.0}
+    case = {
+        "chain": {"masses": [1.0], "springs": [1421.0, 0.0], "dashpots": [0.5, 0.0], "snubbers": [free]},
+        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "1 N", "frequency": 5.0},
+        "probes": [{"name": "mass", "mass": 1}],
+        "sweep": {"kind": "swept_sine", "from": 5.0, "to": 5.9, "rate": "0.5 Hz/s", "history_rate": 2e4},
+    }
+    result = sweep(load_scenario(case))
+    (history,), (row,) = result.histories.values(), (curve for curve in result.curves.values())
+    moved = history.displacement["mass"]
+    values = row.displacement["mass"]
+    assert values.maximum[-1] == pytest.approx(moved.max(), rel=1e-6)
+    assert values.maximum[:-1].max() < 0.99 * moved.max()
+    last = moved[history.time >= row.time[-1]]
+    assert values.mean[-1] == pytest.approx(last.mean(), abs=2e-3 * moved.max())
+    assert values.rms[-1] == pytest.approx(np.sqrt(np.mean(last**2)), rel=2e-3)
+    case["chain"]["snubbers"] = [{**free, "gap": 0.995 * moved.max()}]
+    touched = sweep(load_scenario(case)).curves["up_0"]
+    assert touched.contacts["stop"].sum() == touched.contacts["stop"][-1] == 1
+    assert touched.force["stop"].maximum[-1] > 0.0
+    assert touched.contact_share["stop"][-1] > 0.0

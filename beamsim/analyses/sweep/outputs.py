@@ -38,7 +38,7 @@ class CycleValues:
     harmonics: Complexes  # (R, C, K) zero to peak
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
-    period: Floats  # (C,) s, of a cycle
+    period: Floats  # (C,) s, of the time that each covers: a cycle
     cycles: Ints | int = 1  # (C,) over which the values are taken at each frequency
 
     def columns(self, which: slice) -> CycleValues:
@@ -47,6 +47,26 @@ class CycleValues:
             self, high=self.high[:, which], low=self.low[:, which], mean_square=self.mean_square[:, which],
             mean=self.mean[:, which], harmonics=self.harmonics[:, :, which],
         )  # fmt: skip
+
+    def with_rest_in_last(self) -> CycleValues:
+        """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
+        *_, one, rest = self.period
+        weight = np.array([one, rest]) / (one + rest)
+
+        def merged(values: Floats, last: Floats) -> Floats:
+            return np.concatenate([values[:-2], last[None]])
+
+        return replace(
+            self,
+            high=merged(self.high, self.high[-2:].max(axis=0)),
+            low=merged(self.low, self.low[-2:].min(axis=0)),
+            mean_square=merged(self.mean_square, weight @ self.mean_square[-2:]),
+            mean=merged(self.mean, weight @ self.mean[-2:]),
+            harmonics=self.harmonics[:, :-1],
+            contact_share=merged(self.contact_share, weight @ self.contact_share[-2:]),
+            closings=merged(self.closings, self.closings[-2:].sum(axis=0)),
+            period=merged(self.period, np.asarray(one + rest)),
+        )
 
 
 @dataclass(frozen=True)

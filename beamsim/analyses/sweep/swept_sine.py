@@ -140,9 +140,11 @@ def _curves(
         if not cycles.size:
             continue
         values = CycleValues(
-            record.high[cycles], record.low[cycles], record.mean_square[cycles], tracked[0, cycles].real,
-            tracked[1:, cycles], record.contact_share[cycles], record.closings[cycles], period[cycles],
+            record.high[computed], record.low[computed], record.mean_square[computed], tracked[0, computed].real,
+            tracked[1:, computed], record.contact_share[computed], record.closings[computed], period[computed],
         )  # fmt: skip
+        if not complete[-1]:
+            values = values.with_rest_in_last()
         frequency = windows.frequency_hz[cycles]
         curve = outputs.curve(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
