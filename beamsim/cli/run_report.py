@@ -250,7 +250,8 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
         sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
         finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
         largest = percent(max(sizes, default=0.0), 2)
-        yield "", f"changes with {finer} and twice the elements of every mesh: at most {largest}"
+        where = f" of the first {amount(model['compared_s'], 's')}" if is_known(model.get("compared_s")) else ""
+        yield "", f"changes{where} with {finer} and twice the elements of every mesh: at most {largest}"
         if is_known(model["sequences_part_s"]):
             yield "", f"the sequences of contacts part at {amount(model['sequences_part_s'], 's')}"
     small, round_off = (

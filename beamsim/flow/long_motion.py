@@ -183,6 +183,11 @@ class LongMotion:
         return self.events.event_contact
 
     @property
+    def event_phase(self) -> Ints:
+        """(E,) of the contact after the event."""
+        return self.events.event_phase
+
+    @property
     def event_closing(self) -> Bools:
         """(E,) whether contact is made at the event."""
         return np.asarray(self.touch_changes > 0)

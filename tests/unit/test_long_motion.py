@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis, stretches
+from beamsim.analyses.run import analysis, parting, stretches
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, long_motion
@@ -154,6 +154,17 @@ def test_a_finer_model_is_compared_on_the_first_part():
     result = beamsim.run(scenario(convergence="on", memory=128e6))
     assert result.summary["convergence"]["peak_displacement_m"]["tip"] > 0.0
     assert any("finer model is compared on the first" in warning for warning in result.warnings)
+
+
+def test_a_disturbance_is_followed_to_the_end(monkeypatch):
+    """Only the first part was disturbed: what parts later was reported without a mark."""
+    monkeypatch.setattr(parting, "SMALL", 0.05)
+    result = beamsim.run(scenario(convergence="on", memory=64e6, duration=0.4))
+    model = result.summary["convergence_model"]
+    assert 0.0 < model["compared_s"] < model["disturbance_parts_s"] < 0.4
+    assert {"peak_force_n.tip", "contacts.tip", "peak_displacement_m.tip"} <= set(result.summary["after_parting"])
+    assert not any("frequencies" in name for name in result.summary["after_parting"])
+    assert any("rms_*" in warning for warning in result.warnings)
 
 
 def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):

@@ -17,6 +17,7 @@ from beamsim.analyses.run.convergence import (
     Convergence,
     Solution,
     check_convergence,
+    followed_to_the_end,
     march_again,
     solve_exactly,
     with_convergence,
@@ -195,7 +196,7 @@ def run(
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
     if in_stretches:
-        checked = _checked_on_first_part(scenario, motion, stop)
+        checked = _checked_on_first_part(scenario, system, motion, stop)
     else:
         sampled_at = np.zeros(0) if result.random is None else result.time
         of_probes = {key: spectra[key] for key in spectra if key[0] in result.probes}
@@ -345,7 +346,7 @@ class _RunMotion:
     few: Histories | None = None  # evenly spaced samples, where all take as long as the march
     finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
-    contact_events: ContactEvents | None = None  # of a motion that is kept as a whole
+    contact_events: ContactEvents | None = None
 
     def column(self, group: str, index: int) -> Floats:
         """(nt,) one output, computed when it is read."""
@@ -381,8 +382,7 @@ def _checked(
     first = Solution(system, settings, kept, motion.contact_events, motion.trajectory)
 
     def disturbed(share: float, end: float) -> ContactEvents:
-        dynamics = replace(system.dynamics, stiffness=(1.0 + share) * system.dynamics.stiffness)
-        again = march_again(replace(system, dynamics=dynamics), settings, end, motion.work, stop)
+        again = march_again(_disturbed(system, share), settings, end, motion.work, stop)
         return ContactEvents.of(again, len(system.snubbers))
 
     try:
@@ -394,6 +394,12 @@ def _checked(
             )  # fmt: skip
     except Stopped:
         return Convergence({}, reason="interrupted")
+
+
+def _disturbed(system: StructuralSystem, share: float) -> StructuralSystem:
+    """The system with its stiffness changed by a share of itself."""
+    dynamics = replace(system.dynamics, stiffness=(1.0 + share) * system.dynamics.stiffness)
+    return replace(system, dynamics=dynamics)
 
 
 def _steps_in_time(system: StructuralSystem, settings: Run) -> bool:
@@ -521,6 +527,14 @@ def _check_stretches(system: StructuralSystem, settings: Run) -> None:
         raise ScenarioError(problems)
 
 
+def _long_flow(system: StructuralSystem, settings: Run) -> tuple[ExactFlow, int]:
+    """The flow on the first pieces of a long input, and how many pieces are taken at once."""
+    at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
+    pieces = (0, min(at_once, pieces_of(system)))
+    most_states = settings.most_contact_states
+    return exact_flow(system, settings.duration, most_states, memory=settings.memory, pieces=pieces), at_once
+
+
 def _exact_in_stretches(
     system: StructuralSystem,
     settings: Run,
@@ -529,9 +543,7 @@ def _exact_in_stretches(
     stop: Callable[[], bool],
 ) -> _RunMotion:
     """A motion of more pieces of the input than fit into the memory."""
-    at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
-    pieces = (0, min(at_once, pieces_of(system)))
-    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory, pieces=pieces)
+    flow, at_once = _long_flow(system, settings)
     most, limit = _most_events(flow, settings)
     motion = LongMotion(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     groups, grace = output_groups(system, flow), Grace(stop)
@@ -566,6 +578,7 @@ def _exact_in_stretches(
         histories=histories,
         balance=figures.balance,
         events=_events(system, motion),
+        contact_events=ContactEvents.of(motion, len(system.snubbers)),
         breakpoints=_breakpoints(system, motion),
         extremes=extremes,
         station_extremes=of_stations,
@@ -584,7 +597,7 @@ def _exact_in_stretches(
         trajectory=None if outcome.interrupted else last,
         memory=_memory(flow, settings),
         few=figures.few,
-        warnings=(f"{kept}; spectra are those of the last {seen:.3g} s{compared}",),
+        warnings=(f"{kept}; spectra and rms_* are those of the last {seen:.3g} s{compared}",),
     )
 
 
@@ -599,8 +612,11 @@ def _compared_s(settings: Run, step: float) -> float:
     return COMPARED_SHARE * settings.memory / BYTES_A_PIECE * step
 
 
-def _checked_on_first_part(scenario: Scenario, motion: _RunMotion, stop: Callable[[], bool]) -> Convergence | None:
-    """What a finer model changes in the first part of a motion that is not kept as a whole."""
+def _checked_on_first_part(
+    scenario: Scenario, system: StructuralSystem, motion: _RunMotion, stop: Callable[[], bool]
+) -> Convergence | None:
+    """What a finer model changes in the first part of a motion that is not kept as a whole, and when a disturbance
+    changes the contacts of the whole."""
     settings, excitation = scenario.run, scenario.excitation
     assert settings is not None
     assert excitation.kind == "random"
@@ -616,20 +632,42 @@ def _checked_on_first_part(scenario: Scenario, motion: _RunMotion, stop: Callabl
         update={"excitation": same, "run": settings.model_copy(update={"duration": duration, "convergence": "on"})}
     )
     assert first.run is not None
-    system = build_system(first)
-    part = _exact(system, first.run, _output_times(first.run), None, stop)
+    of_part = build_system(first)
+    part = _exact(of_part, first.run, _output_times(first.run), None, stop)
     if not part.outcome.complete:
         return Convergence({}, reason="interrupted" if part.outcome.interrupted else part.outcome.text)
     try:
         with heeding(stop):
-            spectra = _spectra(first, system, part)
+            spectra = _spectra(first, of_part, part)
     except Stopped:
         return Convergence({}, reason="interrupted")
-    probes = {probe.name for probe in system.probes}
+    probes = {probe.name for probe in of_part.probes}
     of_probes = {key: spectra[key] for key in spectra if key[0] in probes}
     derived = DerivedFigures(first, of_probes, None, np.zeros(0), None)
-    checked = _checked(first, system, part, _figures(system, part), derived, stop)
-    return None if checked is None else replace(checked, lines={})
+    checked = _checked(first, of_part, part, _figures(of_part, part), derived, stop)
+    if checked is None:
+        return None
+    assert motion.contact_events is not None
+
+    def disturbed(share: float, end: float) -> ContactEvents:
+        again = _disturbed(system, share)
+        flow, at_once = _long_flow(again, settings)
+        most = 4 * motion.work.events + 1000
+        long = LongMotion(flow, again.initial_state, at_once, max_events=most, stop=stop)
+        for stretch in long.stretches():
+            check_stop()
+            if stretch.end >= end:
+                break
+        return ContactEvents.of(long, len(again.snubbers)).until(min(end, long.end))
+
+    known = static_figures(system)
+    figures = {name: value for name, value in _figures(system, motion).items() if name not in known}
+    try:
+        with heeding(stop):
+            whole = followed_to_the_end(checked, duration, motion.contact_events, disturbed, figures)
+    except Stopped:
+        return replace(checked, reason="interrupted")
+    return replace(whole, lines={})
 
 
 def _memory(flow: ExactFlow, settings: Run) -> dict[str, int]:

@@ -99,6 +99,7 @@ class Convergence:
     processor_time_s: float = 0.0
     reason: str = field(default="")  # why there is no comparison
     lines: Mapping[SpectrumKey, tuple[float, ...]] = field(default_factory=dict)  # of each line of each spectrum
+    compared_s: float = math.inf  # length of the first part that is compared, where the motion is not kept as a whole
 
     @property
     def largest_displacement_change(self) -> float:
@@ -112,12 +113,14 @@ class Convergence:
         def finite(time: float) -> float | None:
             return time if math.isfinite(time) else None
 
-        model = {
+        model: dict[str, Any] = {
             "modes": self.modes, "sequences_part_s": finite(self.parted_s),
             "disturbance_parts_s": finite(self.sensitivity.small_s),
             "round_off_parts_s": finite(self.sensitivity.round_off_s),
             "processor_time_s": self.processor_time_s, "reason": self.reason,
         }  # fmt: skip
+        if math.isfinite(self.compared_s):
+            model["compared_s"] = self.compared_s
         doubtful, after = list(self.doubtful), list(self.after_parting)
         return {"convergence": self.changes, "doubtful": doubtful, "after_parting": after, "convergence_model": model}
 
@@ -203,6 +206,38 @@ def _disturbed_alone(
     after = tuple(_after_parting(first, early, windows, derived))
     spent = clock.process_time() - begin
     return replace(checked, parted_s=felt.small_s, after_parting=after, sensitivity=felt, processor_time_s=spent)
+
+
+def followed_to_the_end(
+    checked: Convergence,
+    compared_s: float,
+    events: ContactEvents,
+    disturbed: Callable[[float, float], ContactEvents],
+    figures: Mapping[str, Any],
+) -> Convergence:
+    """A comparison of the first part of a motion with the sensitivity of the whole.
+
+    The motion goes on long after the parting, with higher extremes by chance: each of its figures depends on that.
+
+    Parameters
+    ----------
+    compared_s : s, length of the first part.
+    events, figures : of the whole motion; no figures of the model itself.
+    disturbed : see `sensitivity`.
+    """
+    felt = checked.sensitivity
+    if not felt.sensitive:
+        felt = sensitivity(events, compared_s, disturbed)
+    checked = replace(checked, compared_s=compared_s)
+    if not felt.sensitive:
+        return replace(checked, after_parting=())
+    after = [
+        f"{name}.{place}" if place else name
+        for name, value in _compared(figures).items()
+        for place, _ in _places(value)
+    ]
+    parted = min(checked.parted_s, felt.small_s)
+    return replace(checked, parted_s=parted, after_parting=tuple(after), sensitivity=felt)
 
 
 def _until(parted: float, solution: Solution) -> Changes | None:

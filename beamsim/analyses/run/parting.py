@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Floats, Ints
@@ -32,7 +33,7 @@ class ContactEvents:
     phase: Ints  # of the contact after the event
 
     @classmethod
-    def of(cls, motion: Trajectory | ReferenceTrajectory, snubbers: int) -> Self:
+    def of(cls, motion: Trajectory | LongMotion | ReferenceTrajectory, snubbers: int) -> Self:
         """Those of a motion whose first ``snubbers`` contacts are snubbers."""
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])

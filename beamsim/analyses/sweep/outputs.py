@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamsim.analyses.run.outputs import accelerations, asked_for, bending_stress, displacements, stack
 from beamsim.analyses.sweep.peaks import bent
@@ -53,7 +54,7 @@ class CycleValues:
         *_, one, rest = self.period
         weight = np.array([one, rest]) / (one + rest)
 
-        def merged(values: Floats, last: Floats) -> Floats:
+        def merged(values: NDArray[Any], last: NDArray[Any]) -> NDArray[Any]:
             return np.concatenate([values[:-2], last[None]])
 
         return replace(
