@@ -178,7 +178,8 @@ class MatricesStructure(BodyStructure):
             Support(
                 f"node {given.table.dofs[row][0]}", given.table.dofs[row][1], stiffness, mass, damping,
                 inertia=float(inertia[k]), base_motion=float(motion[row]), body=self.name,
-                under=partial(self._force_on_row, row),
+                under=partial(self._force_on_row, row), forces={self.name: np.array([stiffness, mass, damping])},
+                beside=partial(self._between_rows, row),
             )
             for k, (row, stiffness, mass, damping) in enumerate(zip(held, *rows, strict=True))
         )  # fmt: skip
@@ -186,6 +187,24 @@ class MatricesStructure(BodyStructure):
     def _force_on_row(self, row: int, base: BaseDirection) -> tuple[float, float]:
         """Force on a row of the files for a unit acceleration of the base, kg, and none for its displacement."""
         return float((self.given.mass[[row]] @ self._whole_influence(base))[0]), 0.0
+
+    def _between_rows(self, row: int, other: Support) -> Floats:
+        """(3,) force on a row of the files for a unit motion of another row that the base holds, or of itself."""
+        if self.expansion.shape[0] != self.size:
+            raise MethodError(
+                "outputs", f"ask for forces of supports that move, but degrees of freedom of {self.name} without mass "
+                "were condensed", "leave out the reactions and energies, or give these degrees of freedom a mass",
+            )  # fmt: skip
+        given = (self.given.stiffness, self.given.mass, self.given.damping)
+        return np.array([0.0 if matrix is None else matrix[row, self._row_of(other)] for matrix in given])
+
+    def _row_of(self, support: Support) -> int:
+        """Which row of the files a support holds."""
+        return self.given.table.dofs.index((int(support.name.removeprefix("node ")), support.direction))
+
+    def recovered_by(self, number: int, support: Support) -> float:
+        """A row of the recovery matrix for a unit motion of what the base holds."""
+        return float(self.given.recovery[number, self._row_of(support)])
 
     def recovered(self, number: int, motion: BaseDirection) -> tuple[Floats, float]:
         """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion."""

@@ -345,6 +345,10 @@ class BodyStructure(Structure, ABC):
         """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base."""
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
+    def recovered_by(self, number: int, support: Support) -> float:
+        """The same for a unit motion of a support of the body."""
+        raise ValueError(f"{self.name} gives no other quantities")
+
     @abstractmethod
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None

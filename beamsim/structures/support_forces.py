@@ -9,7 +9,8 @@ with :math:`u_a` the absolute motion, D the dashpots and viscous damping, f the 
 dashpot of the support itself. The share of a force that s carries is the value of :math:`\psi` where it acts. Elastic
 forces drop out, so that R converges as the accelerations do, and all of them together balance loads and inertia
 exactly whatever modes are kept. Modal and Rayleigh damping act on the deformation relative to :math:`\psi` and drop out
-with the elastic forces that they accompany.
+with the elastic forces that they accompany. Supports that move add to it by their own displacement, velocity and
+acceleration: the force on s while they move and the degrees of freedom do not, and what they do along :math:`\psi`.
 """
 
 from __future__ import annotations
@@ -65,6 +66,11 @@ class SupportForce:
             own_inertia + self.whole.mass_scale * float(inertia @ self.shape),
             own_ground - float(ground @ self.shape),
         )
+
+    def moved(self, other: Support) -> Floats:
+        """(3,) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of another support, or of itself."""
+        by_shape = np.array([other.stiffness, other.mass, other.damping]) @ self.shape
+        return np.asarray(self.support.between(other) + by_shape)
 
     def share(self, site: LoadSite) -> float:
         """Share of a unit load that the support carries; its force is minus that."""
@@ -130,8 +136,13 @@ def _coupling_supports(structure: Structure, base: BaseDirection) -> list[Suppor
         )  # fmt: skip
         pulled = partial(_ground_pull, structure, coupling) if coupling.to_ground else None
         moved = _base_motion(structure, coupling, base)
-        supports.append(replace(spring, at=coupling.site, base_motion=moved, under=pulled))
+        itself = {_spring_key(coupling): (coupling.stiffness, coupling.dashpot, -1.0)}
+        supports.append(replace(spring, at=coupling.site, base_motion=moved, under=pulled, stretches=itself))
     return supports
+
+
+def _spring_key(spring: Coupling) -> str:
+    return f"{spring.name} {_direction(spring)}"
 
 
 def _direction(coupling: Coupling) -> str:
@@ -177,18 +188,27 @@ def _constraint(
 ) -> Support:
     moved = list(zip(structure.members, motion, strict=True))
     by_name = {member.body.name: u for member, u in moved}
-    stiffness, mass, damping = (np.zeros(structure.size) for _ in range(3))
-    for member, u in moved:
-        body = member.body
-        stiffness += member.on_whole(body.factor.T @ (body.factor @ u)) * body.stiffness_scale
-        mass += member.on_whole(body.mass @ u) * body.mass_scale
-        if body.damping is not None:
-            damping += member.on_whole(body.damping @ u)
+    forces = {
+        member.body.name: np.array(
+            [
+                (body := member.body).factor.T @ (body.factor @ u) * body.stiffness_scale,
+                body.mass @ u * body.mass_scale,
+                np.zeros(u.size) if body.damping is None else body.damping @ u,
+            ]
+        )
+        for member, u in moved
+    }
+    stiffness, mass, damping = (
+        sum((member.on_whole(forces[member.body.name][k]) for member, _ in moved), np.zeros(structure.size))
+        for k in range(3)
+    )
+    stretches = {}
     grounded: list[tuple[Coupling, float]] = []
     for other in structure.couplings:
         if other.stiffness is None:
             continue
         stretch = sum(float(_apart(member, other) @ u) for member, u in moved)
+        stretches[_spring_key(other)] = (other.stiffness, other.dashpot, stretch)
         row = structure.row(other.site)
         stiffness += other.stiffness * stretch * row
         damping += other.dashpot * stretch * row
@@ -211,5 +231,5 @@ def _constraint(
     return Support(
         coupling.name, _direction(coupling), stiffness, mass, damping, inertia=inertia, direct=direct,
         base_motion=_base_motion(structure, coupling, base), at=coupling.site, base_displacement=ground,
-        determined=determined, motions=by_name, under=under,
+        determined=determined, motions=by_name, under=under, forces=forces, stretches=stretches,
     )  # fmt: skip

@@ -23,6 +23,10 @@ def _none(place: Place | Distributed) -> float:
     return 0.0
 
 
+def _no_force(other: Support) -> Floats:
+    return np.zeros(3)
+
+
 @dataclass(frozen=True)
 class Support:
     """What a unit motion of the place that holds a structure does to its degrees of freedom while they stay at zero."""
@@ -44,6 +48,35 @@ class Support:
     motions: Mapping[str, Floats] = field(default_factory=dict)
     # kg and N/m, `inertia` and `base_displacement` for another motion of the base; None where both are zero
     under: Callable[[BaseDirection], tuple[float, float]] | None = None
+    # by body (3, N of the body): N/m, kg and N s/m, what holds the dofs of the body alone
+    forces: Mapping[str, Floats] = field(default_factory=dict)
+    # (3,) force on it per displacement, acceleration and velocity of another support of the body, or of itself
+    beside: Callable[[Support], Floats] = field(default=_no_force)
+    # by name of a joint's spring its stiffness, N/m, dashpot, N s/m, and stretch for a unit motion
+    stretches: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+    def on_body(self, body: str, other: Support) -> Floats:
+        """(3,) force on it per displacement (N/m), acceleration and velocity of another one, by what one body resists.
+
+        All degrees of freedom stay at zero.
+        """
+        for moved, held in ((other, self), (self, other)):
+            if moved.is_constraint and body in moved.motions:
+                return np.asarray(held.forces[body] @ moved.motions[body]) if body in held.forces else np.zeros(3)
+        return self.beside(other) if self.body == other.body == body else np.zeros(3)
+
+    def between(self, other: Support) -> Floats:
+        """(3,) the same by all bodies and the springs between them."""
+        total = sum((self.on_body(body, other) for body in self.forces), np.zeros(3))
+        for name, (stiffness, dashpot, stretch) in self.stretches.items():
+            if name in other.stretches:
+                total += np.array([stiffness, 0.0, dashpot]) * stretch * other.stretches[name][2]
+        return total
+
+    @property
+    def is_constraint(self) -> bool:
+        """Whether it is a joint that holds without a spring."""
+        return self.at is not None and bool(self.motions)
 
     def base_forces(self, motion: BaseDirection) -> tuple[float, float]:
         """Forces on the support itself for a unit acceleration, kg, and a unit displacement of the base, N/m."""
@@ -87,11 +120,16 @@ class HeldMatrices:
         def direct(place: Place | Distributed) -> float:
             return float(self.row(place) @ motion)
 
+        def beside(other: Support) -> Floats:
+            return whole @ other.motions[body] if body in other.motions else np.zeros(3)
+
+        whole = np.array([force, moved, damping])
         return Support(
             name, direction, force[self.free], moved[self.free], damping[self.free],
             inertia=float(moved @ self.rigid(UPWARDS)), direct=direct,
             base_motion=1.0 if direction == DEFLECTION else 0.0, body=body, motions={body: motion},
-            under=lambda base: (float(moved @ self.rigid(base)), 0.0),
+            under=lambda base: (float(moved @ self.rigid(base)), 0.0), forces={body: whole[:, self.free]},
+            beside=beside,
         )  # fmt: skip
 
 
@@ -99,8 +137,15 @@ def spring_support(
     name: str, direction: str, motion: Floats, stiffness: float, dashpot: float, body: str, *, to_ground: bool = False
 ) -> Support:
     """A spring and dashpot (N/m, N s/m) that stretch by the motion (N,) for a unit of each degree of freedom."""
+
+    def beside(other: Support) -> Floats:
+        same = (other.name, other.direction, other.body) == (name, direction, body)
+        return np.array([stiffness, 0.0, dashpot]) if same else np.zeros(3)
+
+    held, none, dragged = rows = np.array([-stiffness * motion, np.zeros(motion.size), -dashpot * motion])
     return Support(
-        name, direction, -stiffness * motion, np.zeros(motion.size), -dashpot * motion,
+        name, direction, held, none, dragged,
         base_motion=1.0 if direction == DEFLECTION and not to_ground else 0.0, body=body,
         to_ground=to_ground, base_displacement=-stiffness if to_ground else 0.0,
+        forces={body: rows} if body else {}, beside=beside,
     )  # fmt: skip

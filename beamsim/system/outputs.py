@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from beamsim.scenario.base import Path
     from beamsim.structures.stations import Recovery
     from beamsim.system.equations import Forcing
+    from beamsim.system.moved_supports import Moved
 
 UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "rotation": "rad", "bending_moment": "N m",
@@ -99,6 +100,7 @@ def output_sites(parts: Parts) -> list[Site]:
     return [site_in(parts.scenario, each) for _, each in parts.scenario.requested_outputs if each.kind in _BENDING]
 
 
+_SIGNALS = ("acceleration", "velocity", "displacement")  # of a support that moves, in their order
 _BENDING = ("bending_moment", "stress", "strain")
 
 
@@ -124,6 +126,12 @@ class _Asked:
             load_site_in(self.parts.scenario, force.applied_to) for _, force in exciting_forces(self.parts.scenario)
         ]
 
+    @property
+    def moved_signals(self) -> list[tuple[slice, Moved]]:
+        """Supports that move, each with its three signals: acceleration, velocity and displacement."""
+        first, moved = len(self.force_sites), self.parts.moved
+        return [(slice(first + 3 * k, first + 3 * k + 3), each) for k, each in enumerate(moved)]
+
     @cached_property
     def cubic_sites(self) -> list[Site]:
         """Where cubic springs act."""
@@ -132,8 +140,6 @@ class _Asked:
     def rows(self, path: Path, output: Any) -> OutputRows:
         """Those of one output."""
         kind = output.kind
-        if kind.startswith(("reaction", "joint")):
-            self._check_supports(path, kind)
         if kind.startswith("reaction"):
             return self._reaction(path, output)
         if kind.startswith("joint"):
@@ -146,17 +152,16 @@ class _Asked:
         assert isinstance(place, Place)
         if kind in _BENDING:
             return self._bending(output, place)
-        shape: Any = self.parts.shapes([replace(place, direction=SLOPE) if kind == "rotation" else place])
+        if kind == "rotation":
+            place = replace(place, direction=SLOPE)
+        shape: Any = self.parts.shapes([place])
         motion = base_direction(self.parts.scenario) or UPWARDS
         moved = self.parts.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
-        return self._zero(output, place.label, base_acceleration=np.array([moved]), **{quantity: shape})
-
-    def _check_supports(self, path: Path, kind: str) -> None:
-        """Forces of supports are known where none moves by itself."""
-        if self.parts.moved:
-            where = path_text((*self.parts.moved[0].path, "applied_to"))
-            raise _refused((*path, "kind"), f"= {kind} is not known where a support moves ({where})", "leave it out")
+        load = np.zeros((1, len(self.forcing.signal)))
+        for signals, each in self.moved_signals:  # what moves with a support has its motion beside that of free dofs
+            load[0, signals][_SIGNALS.index(quantity)] = each.support.direct(place)
+        return self._zero(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
     def _zero(self, output: Any, at: str, count: int = 1, **given: Any) -> OutputRows:
         n = self.parts.basis.size
@@ -176,7 +181,14 @@ class _Asked:
         row, of_base = member.body.recovered(names.index(output.row), base_direction(self.parts.scenario) or UPWARDS)
         shape = member.on_whole(row) @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
-        return self._zero(output, name, base_acceleration=base, **{output.motion: shape[None]})
+        load = np.zeros((1, len(self.forcing.signal)))
+        for signals, each in self.moved_signals:
+            support, number = each.support, names.index(output.row)
+            if support.body == name:
+                load[0, signals][_SIGNALS.index(output.motion)] = member.body.recovered_by(number, support)
+            elif support.is_constraint and name in support.motions:
+                load[0, signals][_SIGNALS.index(output.motion)] = row @ support.motions[name]
+        return self._zero(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> OutputRows:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
@@ -263,8 +275,10 @@ class _Asked:
             inertia, _ = total(partial(_base_forces, direction))
             weight -= inertia * gravity
         load = np.zeros(len(self.forcing.signal))
-        if self.force_sites:
-            load = -shares(self.force_sites)
+        if self.force_sites or self.parts.moved:
+            load[: len(self.force_sites)] = -shares(self.force_sites)
+            for signals, moved in self.moved_signals:
+                load[signals] = total(partial(_forces_of_motion, moved.support))[[1, 2, 0]]
         elif load.size > 1:  # beside the base's acceleration its displacement, which springs to the ground feel
             load[1] = displaced
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
@@ -280,23 +294,42 @@ class _Asked:
         )  # fmt: skip
 
     def _energy(self, output: Any) -> OutputRows:
+        """Half the sum of squares of rows: the form of the coordinates and of supports that move the body."""
         member = self.parts.structure.member(output.body or self.parts.scenario.default_body)
-        body, whole = member.body, member.whole
-        fields = member.field(self.parts.basis.vectors)
-        if output.kind == "kinetic_energy":
-            form = fields.T @ (body.mass @ fields) * member.mass_ratio
+        body, whole, kinetic = member.body, member.whole, output.kind == "kinetic_energy"
+        fields = member.field(self.parts.basis.vectors) / np.sqrt(whole.mass_scale)
+        moved = [each.support for _, each in self.moved_signals]
+        part = 1 if kinetic else 0  # of the forces of a support: by mass or stiffness
+        n = fields.shape[1]
+        form = np.zeros((n + len(moved), n + len(moved)))
+        if kinetic:
+            form[:n, :n] = fields.T @ (body.mass @ fields) * body.mass_scale
         else:
             stretched = np.asarray(body.factor @ fields)
-            form = stretched.T @ stretched * (body.stiffness_scale / whole.mass_scale)
-        values, vectors = np.linalg.eigh((form + form.T) / 2)
+            form[:n, :n] = stretched.T @ stretched * body.stiffness_scale
+        for k, one in enumerate(moved):
+            if body.name in one.forces:
+                form[:n, n + k] = form[n + k, :n] = fields.T @ one.forces[body.name][part]
+                form[n + k, n:] = [one.on_body(body.name, other)[part] for other in moved]
+        scale = np.ones(n + len(moved))  # of supports metres beside sqrt(kg) m
+        scale[n:] = np.sqrt(np.diag(form)[n:] / max(np.diag(form)[:n].max(), np.finfo(float).tiny))
+        scale[scale == 0.0] = 1.0
+        values, vectors = np.linalg.eigh((form + form.T) / (2 * np.outer(scale, scale)))
         kept = values > NEGLIGIBLE * values[-1]
-        rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-        quantity = "velocity" if output.kind == "kinetic_energy" else "displacement"
-        return self._zero(output, body.name, rows.shape[0], squared=True, **{quantity: rows})
+        rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scale
+        quantity = "velocity" if kinetic else "displacement"
+        load = np.zeros((rows.shape[0], len(self.forcing.signal)))
+        for k, (signals, _) in enumerate(self.moved_signals):
+            load[:, signals][:, _SIGNALS.index(quantity)] = rows[:, n + k]
+        return self._zero(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})
 
 
 def _base_forces(motion: BaseDirection, force: SupportForce) -> Floats:
     return np.array(force.base_forces(motion))
+
+
+def _forces_of_motion(moved: Support, force: SupportForce) -> Floats:
+    return force.moved(moved)
 
 
 def _refused(path: Path, message: str, remedy: str) -> ScenarioError:
