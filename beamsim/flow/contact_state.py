@@ -123,10 +123,11 @@ class ContactState:
         part of each input in turn, and of each number of the state."""
         F, N = self.basis_of_source.size, self.term_vector.shape[1]
         forced = self.forced_at_start
-        state = np.concatenate([-np.stack([forced.real, -forced.imag], axis=1).reshape(2 * F, N), np.eye(N)])
-        given = np.zeros((2 * F + N, F), dtype=complex)
-        given[np.arange(2 * F), np.arange(2 * F) // 2] = np.tile([1.0, 1j], F)
-        return np.concatenate([given, state @ self.projector.T], axis=1)
+        state = -np.stack([forced.real, -forced.imag], axis=1).reshape(2 * F, N)
+        out = np.zeros((2 * F + N, F + self.projector.shape[0]), dtype=complex)
+        out[np.arange(2 * F), np.arange(2 * F) // 2] = np.tile([1.0, 1j], F)
+        out[: 2 * F, F:], out[2 * F :, F:] = state @ self.projector.T, self.projector.T
+        return out
 
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
         """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""

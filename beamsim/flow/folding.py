@@ -12,6 +12,7 @@ only the jumps of the inputs count.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import comb, pi
 
@@ -36,8 +37,11 @@ class _Derivatives:
     amplitudes in turn, and the state."""
 
     amplitude: Complexes  # (X, F + Z)
-    jets: Floats  # (2 (F + Z), ORDERS k) derivatives, exponentials too fast for the series left out
-    beyond: list[tuple[Ints, Complexes]]  # of each exponential: its amplitudes, and (., k) what bounds the terms beyond
+    source: Ints  # (T,) amplitude of each term
+    order: Complexes  # (ORDERS, T) derivatives at the start of a segment, exponentials too fast for the series left out
+    table: Floats  # (2 T, k) real and imaginary parts of the coefficients, see `as_real`
+    alone: tuple[Ints, Floats]  # amplitudes, and (., k) bounds on the terms beyond, of exponentials of one term each
+    beyond: list[tuple[Ints, Complexes]]  # the same of each other exponential before its terms add up
     fast: Ints  # (D,) free motions left out of the samples
     decay: Floats  # (D,) 1/s, theirs
     left_out: Floats  # (D, k) bounds on their integrals but for what they grow over a segment
@@ -45,33 +49,34 @@ class _Derivatives:
     @classmethod
     def of(cls, state: ContactState, table: Complexes, dropped: Complexes, step: float, reach: float) -> _Derivatives:
         """``table`` and ``dropped`` (T, k) as in `folded_by_products`."""
-        of_term = state.term_basis
+        of_term, source = state.term_basis, state.term_source
         ratio = (np.abs(state.exponent) + reach) * step / (2.0 * pi)
         slow = ratio < CONVERGENT
-        jets = [
-            state.of_amplitudes(np.where(slow, of_order, 0.0)[of_term, None] * table)
-            for of_order in basis_derivatives(state.exponent, state.power, 0.0, ORDERS)
-        ]
-        doubt = np.where(slow, ratio**ORDERS / np.where(slow, 1.0 - ratio, 1.0) / 3.0, 1.2)[of_term, None] * table
-        starts = (np.flatnonzero(of_term == b) for b in np.flatnonzero(state.power == 0))
-        beyond = [(state.term_source[terms], doubt[terms]) for terms in starts]
+        orders = np.where(slow, basis_derivatives(state.exponent, state.power, 0.0, ORDERS), 0.0)[:, of_term]
+        doubt = np.where(slow, ratio**ORDERS / np.where(slow, 1.0 - ratio, 1.0) / 3.0, 1.2)[of_term]
+        start, single = state.power[of_term] == 0, np.bincount(of_term)[of_term] == 1
+        alone = np.flatnonzero(start & single)
+        together = [np.flatnonzero(of_term == b) for b in np.unique(of_term[start & ~single])]
         terms = np.flatnonzero(np.any(dropped != 0.0, axis=1))
         exponent = state.exponent[of_term[terms]]
         return cls(
-            state.amplitude_map(), np.hstack(jets), beyond, state.term_source[terms], -exponent.real,
-            np.abs(dropped[terms]) / (np.abs(exponent) - reach)[:, None],
+            state.amplitude_map(), source, orders, np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1]),
+            (source[alone], doubt[alone, None] * np.abs(table[alone])),
+            [(source[some], doubt[some, None] * table[some]) for some in together],
+            source[terms], -exponent.real, np.abs(dropped[terms]) / (np.abs(exponent) - reach)[:, None],
         )  # fmt: skip
+
+    def jets(self, zeta: Complexes) -> Floats:
+        """(n, ORDERS, k) derivatives where the amplitudes are zeta (n, F + Z)."""
+        terms = zeta[:, None, self.source] * self.order
+        return (as_real(terms.reshape(-1, self.source.size)) @ self.table).reshape(-1, ORDERS, self.table.shape[1])
 
     def sizes_beyond(self, zeta: Complexes) -> Floats:
         """(k,) sum over amplitudes (n, F + Z) of the bounds on the terms beyond."""
-        total = np.zeros(self.left_out.shape[1])
-        alone = [(source[0], np.abs(weight[0])) for source, weight in self.beyond if source.size == 1]
-        if alone:
-            sources, weights = zip(*alone, strict=True)
-            total += np.abs(zeta[:, sources]).sum(axis=0) @ np.array(weights)
+        sources, weights = self.alone
+        total = np.asarray(np.abs(zeta[:, sources]).sum(axis=0) @ weights)
         for source, weight in self.beyond:
-            if source.size > 1:
-                total += np.abs(zeta[:, source] @ weight).sum(axis=0)
+            total += np.abs(zeta[:, source] @ weight).sum(axis=0)
         return total
 
 
@@ -83,11 +88,6 @@ def folded_by_products(
     Joint g is where segment g begins; the last one is the end of the motion.
     """
     count, k, inputs = motion.time.size, table.shape[2], 2 * motion.flow.sources.count
-    of_state = {}
-    for s in np.unique(motion.state):
-        state = motion.flow.states[s]
-        terms = slice(0, state.term_basis.size)
-        of_state[int(s)] = _Derivatives.of(state, table[s, terms], dropped[s, terms], step, reach)
 
     def given(segments: Ints, time: Floats) -> Floats:
         """(n, 2 F) amplitudes of the inputs in the pieces of segments, about times."""
@@ -97,37 +97,46 @@ def folded_by_products(
         """(n, F + Z) amplitudes about times at which the states are y."""
         return np.asarray(np.hstack([given(segments, time), y]) @ of.amplitude)
 
-    bound, jumps, at_ends = np.zeros(k), np.zeros((ORDERS, k)), np.zeros((ORDERS, k))
-    for begin in range(0, count, AT_ONCE):
-        check_stop()
-        part = slice(begin, min(begin + AT_ONCE, count))
-        for s in np.unique(motion.state[part]):
-            of = of_state[int(s)]
-            segments = begin + np.flatnonzero(motion.state[part] == s)
+    changes = 1 + np.flatnonzero(np.diff(motion.state))
+    of_joints = [(joints, np.zeros((joints.size, ORDERS, k))) for joints in (changes, np.array([0, count]))]
+    bound, jumps = np.zeros(k), np.zeros((ORDERS, k))
+    for s in np.unique(motion.state):
+        state = motion.flow.states[s]
+        terms = slice(0, state.term_basis.size)
+        of = _Derivatives.of(state, table[s, terms], dropped[s, terms], step, reach)
+        of_inputs = of.jets(of.amplitude[:inputs])
+        for segments in _some(np.flatnonzero(motion.state == s), AT_ONCE):
             loads = given(segments, motion.time[segments])
             free = np.abs(loads @ of.amplitude[:inputs, of.fast] + motion.y[segments] @ of.amplitude[inputs:, of.fast])
             grown = 1.0 + np.exp(-of.decay * motion.length[segments, None])
             bound += (free * grown).sum(axis=0) @ of.left_out
             on = (segments > 0) & (motion.state[segments - 1] == s)
             jump = loads[on] - given(segments[on] - 1, motion.time[segments[on]])
-            jumped = np.asarray(jump @ of.amplitude[:inputs])
-            jumps += np.abs(as_real(jumped) @ of.jets).sum(axis=0).reshape(ORDERS, k)
-    inside = 1 + np.flatnonzero(np.diff(motion.state))
-    for joints, total in ((inside, jumps), (np.array([0, count]) if open_ends else inside[:0], at_ends)):
-        difference = np.zeros((joints.size, ORDERS * k))
-        for s, of in of_state.items():
-            after = np.flatnonzero((joints < count) & (motion.state[np.minimum(joints, count - 1)] == s))
-            before = np.flatnonzero((joints > 0) & (motion.state[joints - 1] == s))
-            began, ended = joints[after], joints[before] - 1
-            start = amplitudes(of, began, motion.time[began], motion.y[began])
-            at_start = amplitudes(of, ended, motion.time[ended], motion.y[ended])
-            y = motion.flow.states[s].states_after(at_start, motion.length[ended])  # before what an event resets
-            end = amplitudes(of, ended, motion.time[ended] + motion.length[ended], y)
-            difference[after] += as_real(start) @ of.jets
-            difference[before] -= as_real(end) @ of.jets
-            bound += step * (of.sizes_beyond(start) + of.sizes_beyond(end))
-        total += np.abs(difference).sum(axis=0).reshape(ORDERS, k)
-    return bound + _factors(step, reach, 0) @ jumps + _factors(step, reach, 1) @ at_ends
+            jumps += np.abs(np.tensordot(jump, of_inputs, axes=1)).sum(axis=0)
+        for joints, difference in of_joints if open_ends else of_joints[:1]:
+            begins = np.flatnonzero((joints < count) & (motion.state[np.minimum(joints, count - 1)] == s))
+            for after in _some(begins, AT_ONCE // ORDERS):
+                began = joints[after]
+                start = amplitudes(of, began, motion.time[began], motion.y[began])
+                difference[after] += of.jets(start)
+                bound += step * of.sizes_beyond(start)
+            ends = np.flatnonzero((joints > 0) & (motion.state[joints - 1] == s))
+            for before in _some(ends, AT_ONCE // ORDERS):
+                ended = joints[before] - 1
+                at_start = amplitudes(of, ended, motion.time[ended], motion.y[ended])
+                y = state.states_after(at_start, motion.length[ended])  # before what an event resets
+                end = amplitudes(of, ended, motion.time[ended] + motion.length[ended], y)
+                difference[before] -= of.jets(end)
+                bound += step * of.sizes_beyond(end)
+    jumps, at_ends = (total + np.abs(d).sum(axis=0) for total, (_, d) in zip((jumps, 0.0), of_joints, strict=True))
+    return bound + np.asarray(_factors(step, reach, 0) @ jumps + _factors(step, reach, 1) @ at_ends)
+
+
+def _some(numbers: Ints, at_once: int) -> Iterator[Ints]:
+    """Numbers of segments or joints, some at a time."""
+    for first in range(0, numbers.size, at_once):
+        check_stop()
+        yield numbers[first : first + at_once]
 
 
 def _factors(step: float, reach: float, lowest: int) -> Floats:
