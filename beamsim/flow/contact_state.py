@@ -58,6 +58,10 @@ class LinearOutput:
         """Some of the outputs."""
         return LinearOutput(self.row[rows], self.direct[rows], self.direct_slope[rows])
 
+    def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
+        """(n, k) outputs at states y (n, N), with the inputs and their time derivatives (n, F)."""
+        return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)
+
     def __neg__(self) -> LinearOutput:
         return LinearOutput(-self.row, -self.direct, -self.direct_slope)
 
@@ -89,10 +93,20 @@ class ContactState:
         right = self.term_vector[terms].T / np.where(value.imag > 0.0, 2.0, 1.0)
         return SimpleModes(right, self.projector[: self.simple_count], value)
 
-    def coefficients(self, output: LinearOutput, sources: Sources) -> Complexes:
-        """(T, k) factor of ``zeta * basis`` of every term in every output."""
-        table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
-        table.real, table.imag = self.term_vector.real @ output.row.T, self.term_vector.imag @ output.row.T
+    def coefficients(self, output: LinearOutput, sources: Sources, table: Complexes | None = None) -> Complexes:
+        """(T, k) factor of ``zeta * basis`` of every term in every output, in an array that is made or given."""
+        if table is None:
+            table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
+        n = (self.term_vector.shape[1] - self.internal_states) // 2
+        moving = np.any(output.row[:, n:], axis=1)
+        if np.all(moving):
+            table.real, table.imag = self.term_vector.real @ output.row.T, self.term_vector.imag @ output.row.T
+        else:
+            placed, rest = output.row[:, :n].T, output.row[moving, n:].T
+            table.real, table.imag = self.term_vector[:, :n].real @ placed, self.term_vector[:, :n].imag @ placed
+            if rest.size:
+                table.real[:, moving] += self.term_vector[:, n:].real @ rest
+                table.imag[:, moving] += self.term_vector[:, n:].imag @ rest
         driven, lowered = self.terms_of_sources
         table[driven] += (output.direct + sources.exponent * output.direct_slope).T
         rising = sources.power > 0

@@ -249,7 +249,7 @@ class ExactFlow:
         count = output_of(self.states[0].phases).row.shape[0] if self.states else 0
         table = np.zeros((len(self.states), max((s.term_basis.size for s in self.states), default=0), count), complex)
         for row, state in zip(table, self.states, strict=True):
-            row[: state.term_basis.size] = state.coefficients(output_of(state.phases), self.sources)
+            state.coefficients(output_of(state.phases), self.sources, row[: state.term_basis.size])
         return table
 
     def empty_output(self, count: int) -> LinearOutput:

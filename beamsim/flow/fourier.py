@@ -117,15 +117,16 @@ class MotionPart:
     def integrals(self, omega: Floats) -> Complexes:
         r"""(k, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt` over the part, t_0 its beginning; omega in rad/s.
 
-        Frequencies that a second output asks for too are worked out for all of them.
+        They are worked out for all outputs at once: of motions with powers of time, whose cost grows with the outputs,
+        when a second output asks for the same frequencies.
         """
         if self.whole is None:
             return self._integrals(omega)
         known, asked = self.whole.transforms, omega.tobytes()
-        if asked not in known:
+        if asked not in known and not self.motion.exponentials:
             known[asked] = None
             return self._integrals(omega)
-        transforms = known[asked]
+        transforms = known.get(asked)
         if transforms is None:
             transforms = known[asked] = self.whole._integrals(omega)
         return transforms[self.index : self.index + 1]

@@ -49,6 +49,13 @@ class Sources:
             out *= np.exp(self.exponent * shift)
         return out
 
+    def values_after(self, amplitude: Complexes, tau: Floats) -> tuple[Floats, Floats]:
+        """(n, F) inputs and their time derivatives at times tau (n,) after those of the amplitudes (n, F)."""
+        grown = amplitude * np.exp(tau[:, None] * self.exponent)
+        basis = tau[:, None] ** self.power
+        lowered = self.power * tau[:, None] ** np.maximum(self.power - 1, 0)
+        return (grown * basis).real, (grown * (self.exponent * basis + lowered)).real
+
     def group_last(self) -> Ints:
         """Index of the last source of the run (same channel and exponent) that each source belongs to."""
         last = np.arange(self.count)

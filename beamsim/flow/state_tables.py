@@ -15,6 +15,7 @@ from beamsim.typing import Complexes, Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
 
+GROWTH = 4  # of the rows that there is room for; memory is taken when a row is written
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -109,7 +110,7 @@ class StateTables:
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
             if any(map(lt, old.shape, need)):
-                count = 2 * need[0] if old.shape[0] < need[0] else old.shape[0]
+                count = GROWTH * need[0] if old.shape[0] < need[0] else old.shape[0]
                 count = count if self.most is None else min(count, self.most)
                 grown = np.zeros(tuple(map(max, old.shape, (count, *row.shape))), dtype=row.dtype)
                 grown[tuple(map(slice, old.shape))] = old

@@ -28,6 +28,7 @@ PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output c
 BELOW_SAMPLED = 1e-8  # relative distance below a sampled largest value from which the search starts
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
+FEW_TIMES = 8  # for each contact state, below which no tables of outputs are made to sample them
 VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
 # rule's error on exp(i 2 turn t), the product's fastest part, is then below 2e-13
@@ -88,6 +89,8 @@ class Trajectory:
     def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
         if not self.flow.dropped:
+            if times.size < FEW_TIMES * len(self.flow.states):
+                return self._sample_few(times, output_of)
             return self.sample_table(times, self.flow.output_table(output_of))
         parts, first = [], 0
         for part in self.parts():
@@ -95,6 +98,19 @@ class Trajectory:
             parts.append(part.sample_table(times[first:last], part.flow.output_table(output_of)))
             first = last
         return np.concatenate(parts)
+
+    def _sample_few(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
+        """The same from the states at these times, which are fewer than a table of each contact state pays for."""
+        sources, segment = self.flow.sources, np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
+        out = np.empty((times.size, output_of(self.flow.states[0].phases).row.shape[0]))
+        for number in np.unique(self.state[segment]):
+            check_stop()
+            state, at = self.flow.states[number], np.flatnonzero(self.state[segment] == number)
+            begun, tau = segment[at], times[at] - self.time[segment[at]]
+            given = sources.amplitudes_at(self.time[begun], self.piece[begun])
+            y = state.states_after(state.amplitudes(given, self.y[begun]), tau)
+            out[at] = output_of(state.phases).values(y, *sources.values_after(given, tau))
+        return out
 
     def sample_table(self, times: Floats, table: Complexes) -> Floats:
         """The same from the coefficients (S, T, k) of the outputs, all states being kept."""
@@ -366,7 +382,9 @@ class Trajectory:
             visits, at = np.unique(segment[entries], return_inverse=True)
             begin = self.amplitudes(state, visits)
             left, right = np.split(table[number, : state.term_basis.size], 2, axis=1)
-            of_sums = forms([(left * weight.T[:, None], np.broadcast_to(right, (weight.shape[1], *right.shape)))])
+            acting = np.any(left, axis=0) & np.any(right, axis=0)  # open contacts have no force
+            left, right = left[:, acting] * weight.T[:, None, acting], right[:, acting]
+            of_sums = forms([(left, np.broadcast_to(right, left.shape))])
             longest = float(tau[entries].max())
             form = IntegratedForm.of(state.exponent[state.term_basis], *of_sums, longest)
             out[entries] = form(begin, at, tau[entries])

@@ -128,7 +128,7 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         return energy_history(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
     with np.errstate(over="ignore", invalid="ignore"):
         left, right, weight = power_factors(flow)
-        table = np.concatenate([flow.output_table(left), flow.output_table(right)], axis=2)
+        table = flow.output_table(lambda phases: stack(left(phases), right(phases)))
         integrals = trajectory.segment_integrals(table, weight)
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         events = np.cumsum(trajectory.event_losses().sum(axis=1))
@@ -189,16 +189,19 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     for index in range(loads.shape[0]):
         signals.direct[index + 1, sources.channel == index] = 1.0
     loaded = velocities(flow, np.vstack([system.constant_load, loads]))
-    base_rate = _base_rate(flow) or flow.empty_output(m)
+    base_rate = _base_rate(flow)
+    driven = 0 if base_rate is None else m
 
     def left(phases: Ints) -> LinearOutput:
-        return stack(moving, contact_losses(flow, phases)[0], signals, flow.contact_forces(phases))
+        forces = () if base_rate is None else (flow.contact_forces(phases),)
+        return stack(moving, contact_losses(flow, phases)[0], signals, *forces)
 
     def right(phases: Ints) -> LinearOutput:
-        return stack(moving, contact_losses(flow, phases)[1], loaded, base_rate)
+        rates = () if base_rate is None else (base_rate,)
+        return stack(moving, contact_losses(flow, phases)[1], loaded, *rates)
 
     inside = m + contacts.internal_states
-    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + m, 2))
+    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + driven, 2))
     weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
-    weight[used.size + inside :, 1] = np.concatenate([np.ones(loads.shape[0] + 1), -contacts.sign])
+    weight[used.size + inside :, 1] = np.concatenate([np.ones(loads.shape[0] + 1), -contacts.sign[:driven]])
     return left, right, weight

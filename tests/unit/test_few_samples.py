@@ -1,0 +1,49 @@
+"""Samples at few times, from the states there, against those from tables of outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamsim import load_scenario
+from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.flow.trajectory import FEW_TIMES, Trajectory
+from beamsim.flow.transient import simulate
+from beamsim.system.build import build_system
+
+
+def motion(path: str, **changes: object) -> tuple[Trajectory, object]:
+    """A short motion of a config and all of its outputs."""
+    system = build_system(load_scenario(path, changes))
+    flow = exact_flow(system, 0.05)
+    return simulate(flow, system.initial_state), output_groups(system, flow)
+
+
+def tables(flow: object, monkeypatch: object) -> list[int]:
+    """Numbers of outputs of the tables that are made from now on."""
+    made: list[int] = []
+    original = type(flow).output_table
+
+    def counted(self, output_of):  # type: ignore[no-untyped-def]
+        table = original(self, output_of)
+        made.append(table.shape[2])
+        return table
+
+    monkeypatch.setattr(type(flow), "output_table", counted)  # type: ignore[attr-defined]
+    return made
+
+
+def test_few_samples_are_those_of_tables(monkeypatch):  # type: ignore[no-untyped-def]
+    """A sine, a pulse that is a polynomial, and a snubber on the ground, which feels the motion of the base."""
+    pulse = {"kind": "half_sine", "applied_to": "base", "level": "5 g", "duration": "11 ms"}
+    saw = {"kind": "sawtooth", "applied_to": "base", "level": "5 g", "duration": "11 ms"}
+    for changes in ({}, {"excitation": pulse}, {"excitation": saw}, {"snubbers.tip.mounted_on": "ground"}):
+        whole, outputs = motion("configs/one_sided_65hz.yaml", **changes)
+        made = tables(whole.flow, monkeypatch)
+        count = FEW_TIMES * len(whole.flow.states)
+        times = np.linspace(0.0, whole.end, 4 * count)
+        many = whole.sample(times, outputs)
+        assert len(made) == 1, changes
+        few = np.concatenate([whole.sample(part, outputs) for part in np.split(times, 8)])
+        assert len(made) == 1, changes
+        scale = np.abs(many).max(axis=0)
+        assert np.all(np.abs(few - many).max(axis=0) <= 1e-11 * scale), changes
