@@ -59,8 +59,9 @@ class _Derivatives:
         together = [np.flatnonzero(of_term == b) for b in np.unique(of_term[start & ~single])]
         terms = np.flatnonzero(np.any(dropped != 0.0, axis=1))
         exponent = state.exponent[of_term[terms]]
+        parts = np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1])
         return cls(
-            state.amplitude_map(), source, orders, np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1]),
+            state.amplitude_map(), source, orders, parts,
             (source[alone], doubt[alone, None] * np.abs(table[alone])),
             [(source[some], doubt[some, None] * table[some]) for some in together],
             source[terms], -exponent.real, np.abs(dropped[terms]) / (np.abs(exponent) - reach)[:, None],
