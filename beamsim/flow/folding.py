@@ -130,7 +130,7 @@ def folded_by_products(
                 difference[before] -= of.jets(end)
                 bound += step * of.sizes_beyond(end)
     jumps, at_ends = (total + np.abs(d).sum(axis=0) for total, (_, d) in zip((jumps, 0.0), of_joints, strict=True))
-    return bound + np.asarray(_factors(step, reach, 0) @ jumps + _factors(step, reach, 1) @ at_ends)
+    return np.asarray(bound + _factors(step, reach, 0) @ jumps + _factors(step, reach, 1) @ at_ends)
 
 
 def _some(numbers: Ints, at_once: int) -> Iterator[Ints]:
