@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import inner, kernel, summing
 from beamsim.flow.kernels import (
     PATIENCE,
     _clear_ahead,
@@ -55,6 +55,7 @@ from beamsim.flow.sweep_kernels import (
 
 DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 RESTART = 256  # even samples, after which the exponentials are evaluated anew
+IN_A_ROW = 16  # of them, each of which follows from the one before
 
 
 class PieceSteps(NamedTuple):
@@ -381,7 +382,8 @@ def sample_evenly(  # type: ignore[no-untyped-def]
     zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     gamma = np.zeros((B, k), dtype=np.complex128)
-    real, imag = np.zeros(k), np.zeros(k)
+    real, imag = np.zeros(RESTART), np.zeros(RESTART)
+    sums = np.zeros((k, RESTART))
     i = 0
     last = seg_time.size - 1
     for g in range(seg_time.size):
@@ -393,26 +395,44 @@ def sample_evenly(  # type: ignore[no-untyped-def]
         s = seg_state[g]
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         _coefficients(tables, s, table, zeta, k, gamma)
-        for n in range(i, stop):
-            for j in range(k):
-                out[n, j] = 0.0
-        for b in range(tables.n_basis[s]):
-            largest = 0.0
-            for j in range(k):
-                real[j], imag[j] = gamma[b, j].real, gamma[b, j].imag
-                largest = max(largest, abs(real[j]), abs(imag[j]))
-            if largest == 0.0:
-                continue
-            lam, p = tables.exponent[s, b], tables.power[s, b]
-            ratio = _exp(lam.real, lam.imag, step)
-            value = 0.0j
-            for n in range(i, stop):
-                tau = time[n] - seg_time[g]
-                if (n - i) % RESTART == 0:
-                    value = _exp(lam.real, lam.imag, tau)
-                else:
-                    value *= ratio
-                e = value * tau**p if p > 0 else value
+        while i < stop:
+            count = min(RESTART, stop - i)
+            sums[:, :count] = 0.0
+            for b in range(tables.n_basis[s]):
+                lam, p = tables.exponent[s, b], tables.power[s, b]
+                _fill_evenly(lam, time[i] - seg_time[g], step, count, real, imag)
+                if p > 0:
+                    for n in range(count):
+                        factor = (time[i + n] - seg_time[g]) ** p
+                        real[n] *= factor
+                        imag[n] *= factor
                 for j in range(k):
-                    out[n, j] += real[j] * e.real - imag[j] * e.imag
-        i = stop
+                    if gamma[b, j] != 0.0:
+                        _add_real_part(gamma[b, j].real, gamma[b, j].imag, real[:count], imag[:count], sums[j])
+            for n in range(count):
+                for j in range(k):
+                    out[i + n, j] = sums[j, n]
+            i += count
+
+
+@summing
+def _fill_evenly(lam, tau, step, count, real, imag):  # type: ignore[no-untyped-def]
+    """Exponentials at ``count`` equal steps from tau: some by products in a row, all others from those ones."""
+    value, ratio = _exp(lam.real, lam.imag, tau), _exp(lam.real, lam.imag, step)
+    for n in range(min(IN_A_ROW, count)):
+        real[n], imag[n] = value.real, value.imag
+        value *= ratio
+    ratio = _exp(lam.real, lam.imag, IN_A_ROW * step)
+    re, im = ratio.real, ratio.imag
+    for first in range(IN_A_ROW, count, IN_A_ROW):
+        for n in range(first, min(first + IN_A_ROW, count)):
+            before = n - IN_A_ROW
+            real[n] = real[before] * re - imag[before] * im
+            imag[n] = real[before] * im + imag[before] * re
+
+
+@summing
+def _add_real_part(re, im, real, imag, sums):  # type: ignore[no-untyped-def]
+    """Add the real part of a coefficient times exponentials."""
+    for n in range(real.size):
+        sums[n] += re * real[n] - im * imag[n]

@@ -59,8 +59,23 @@ class Parameters(NamedTuple):
     force: Any  # (P, H, n) complex amplitudes
 
 
-@kernel
-def force_terms(  # type: ignore[no-untyped-def]
+class PeriodicLoads(NamedTuple):
+    """H loads (see :class:`beamsim.flow.passage.PeriodicForcing`), and arrays for derivatives of their responses."""
+
+    force: Any  # (H, n) complex
+    force_power: Any  # (H,)
+    base: Any  # (H,) complex
+    base_power: Any  # (H,)
+    reference: float  # rad/s
+    first_basis: Any  # (S,) basis function of the first load's response
+    stiffness: Any  # (S, n, n) of the contact states
+    damping: Any  # (S, n, n)
+    derivative: Any  # (2, S, H, N) complex, by frequency and level
+    base_derivative: Any  # (2, H) complex
+
+
+@inner
+def _force_terms(  # type: ignore[no-untyped-def]
     tables, inputs, contacts, first_forced, first_basis, K, C, omega, multiple, force, base, dforce, dbase, level_force,
     level_base, out,
 ):  # fmt: skip
@@ -129,6 +144,34 @@ def force_terms(  # type: ignore[no-untyped-def]
                     rows = contacts.reset[j, tables.phase[s, j], _guard_of_contact(tables, s, g)]
                     for i in range(tables.states[j]):
                         tables.watch[s, t, tables.reset[s, g] + i] = complex(rows[i, 0], w * rows[i, 1]) * delta
+
+
+@kernel
+def set_loads(tables, inputs, contacts, variation, loads, omega, level):  # type: ignore[no-untyped-def]
+    """Rewrite the loads' responses in the tables at a frequency and level; False where the loads are not finite."""
+    H, n = loads.force.shape
+    ratio = omega / loads.reference
+    unit = np.empty((H, n), dtype=np.complex128)
+    force, dforce = np.empty((H, n), dtype=np.complex128), np.empty((H, n), dtype=np.complex128)
+    finite = True
+    for h in range(H):
+        factor, power = ratio ** loads.force_power[h], loads.force_power[h] / omega
+        for i in range(n):
+            unit[h, i] = loads.force[h, i] * factor
+            force[h, i] = level * unit[h, i]
+            dforce[h, i] = force[h, i] * power
+            finite = finite and math.isfinite(force[h, i].real) and math.isfinite(force[h, i].imag)
+        moved = loads.base[h] * ratio ** loads.base_power[h]
+        variation.base[h] = level * moved
+        loads.base_derivative[0, h] = level * moved * (loads.base_power[h] / omega)
+        loads.base_derivative[1, h] = moved
+    if finite:
+        _force_terms(
+            tables, inputs, contacts, variation.first_forced, loads.first_basis, loads.stiffness, loads.damping,
+            omega, variation.multiple, force, variation.base, dforce, loads.base_derivative[0], unit,
+            loads.base_derivative[1], loads.derivative,
+        )  # fmt: skip
+    return finite
 
 
 @inner

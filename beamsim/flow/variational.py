@@ -28,6 +28,7 @@ from beamsim.flow.passage import (
     Direction,
     Frequency,
     Level,
+    NotFinite,
     Parameter,
     Passage,
     PeriodicForcing,
@@ -155,7 +156,7 @@ class VariationalFlow(SeriesFlow):
 
     def _prepare(self) -> None:
         """Tables of all states so far, and what the sensitivities need beside them."""
-        from beamsim.flow.orbit_kernels import Variation
+        from beamsim.flow.orbit_kernels import PeriodicLoads, Variation
 
         S, H = len(self._states), self.loads.count
         free = [np.flatnonzero(s.term_source >= 1) for s in self._states]
@@ -180,6 +181,11 @@ class VariationalFlow(SeriesFlow):
         self._K, self._C = (np.array(each) for each in zip(*matrices, strict=True))
         self._derivative = np.zeros((2, S, H, self.size), dtype=complex)
         self._base_derivative = np.zeros((2, H), dtype=complex)
+        loads = self.loads
+        self._periodic_loads = PeriodicLoads(
+            np.ascontiguousarray(loads.force, dtype=complex), loads.force_power, loads.base, loads.base_power,
+            loads.reference, self._first_basis, self._K, self._C, self._derivative, self._base_derivative,
+        )  # fmt: skip
         self._known_parameters.clear()
         self._force()
 
@@ -214,21 +220,16 @@ class VariationalFlow(SeriesFlow):
         self._resonant = self._coupled
         if self.loads.count == 0 or self._coupled:
             return
-        from beamsim.flow.orbit_kernels import force_terms
+        from beamsim.flow.orbit_kernels import set_loads
 
         self._resonant = self._lightly_damped and is_resonant(self._states, self.loads.multiple, self.omega)
         if self._resonant:  # the particular solution has no bound: see carry
             return
-        level = self.level
-        unit, unit_base, dforce, dbase = self.loads.at(self.omega, 1.0)
-        check_finite(level * unit)
-        self._base_derivative[0], self._base_derivative[1] = level * dbase, unit_base
-        np.multiply(level, unit_base, out=self._variation.base)
-        force_terms(
-            self._tables, self._inputs, self.system.contacts.arrays, self._variation.first_forced, self._first_basis,
-            self._K, self._C, self.omega, self._variation.multiple, level * unit, self._variation.base, level * dforce,
-            self._base_derivative[0], unit, unit_base, self._derivative,
-        )  # fmt: skip
+        contacts = self.system.contacts.arrays
+        if not set_loads(
+            self._tables, self._inputs, contacts, self._variation, self._periodic_loads, self.omega, self.level
+        ):
+            raise NotFinite("the loads leave the range of floating-point numbers")
 
     def set(self, omega: float | None = None, level: float | None = None) -> None:
         """Change frequency and level; contact states are kept."""
@@ -240,6 +241,11 @@ class VariationalFlow(SeriesFlow):
         self._series = None
         if self._tables is not None:
             self._force()
+
+    def note_loads(self, omega: float, level: float) -> None:
+        """Frequency and level at which a kernel has left the responses to the loads."""
+        self.omega, self.level = float(omega), float(level)
+        self._series = None
 
     def under(self, omega: float, level: float) -> VariationalFlow:
         """A flow of the same structure at another frequency and level."""
@@ -277,6 +283,18 @@ class VariationalFlow(SeriesFlow):
 
     def equal_steps(self) -> None:
         """None: the loads have no pieces."""
+
+    def shooting_tables(self, kind: Frequency | Level) -> tuple[Any, ...] | None:
+        """What :func:`beamsim.orbits.newton_kernels.solve_periodic` takes, which rewrites the loads' responses; None
+        where these may have no bound."""
+        if not self._states:
+            self.state_index(self.system.contacts.start)
+        if self._tables is None:
+            self._prepare()
+        if self._coupled or self._lightly_damped:
+            return None
+        contacts, parameters = self.system.contacts.arrays, self._parameters((kind,))
+        return self._tables, self._inputs, contacts, self._variation, parameters, self._periodic_loads
 
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""

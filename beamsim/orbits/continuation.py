@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any, Protocol
+from functools import cache, partial
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -115,21 +115,28 @@ def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats | None:
     return None if info else np.asarray(solve(lu, pivots, b)[0])
 
 
-def correct(
+class Converged(NamedTuple):
+    """Where Newton's method ended."""
+
+    u: Floats
+    jacobian: Floats  # of the residual, scaled
+    residual: float  # largest, against its scale
+    iterations: int
+    data: Any
+
+
+def newton(
     problem: ContinuationProblem,
     guess: Floats,
     row: Floats,
     target: float,
     scale: Floats,
     settings: Settings,
-    reference: Floats | None = None,
-    orient: float = 0.0,
     furthest: float = np.inf,
-) -> BranchPoint | None:
+) -> Converged | None:
     """Newton's method on ``R(u) = 0, row . (u / scale) = target``; None where it does not converge.
 
-    ``reference`` (scaled) orients the tangent; with ``orient`` not zero the determinant does. ``furthest`` limits the
-    distance from the guess.
+    ``furthest`` limits the distance from the guess.
     """
     w = guess / scale
     start = w.copy()
@@ -153,14 +160,7 @@ def correct(
         # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
         good = good or (moved <= SETTLED and size <= STIFF * settings.tolerance)
         if good and abs(off) <= 1e-9 + settings.tolerance:
-            tangent, sign = _null_vector(Jw, reference)
-            if reference is not None and orient == 0.0:
-                flip = float(tangent @ reference) < 0
-            else:
-                flip = orient != 0.0 and sign * orient < 0
-            if flip:
-                tangent, sign = -tangent, -sign
-            return BranchPoint(u, tangent, scale, size, sign, iteration, data)
+            return Converged(u, Jw, size, iteration, data)
         if iteration == settings.iterations or (
             iteration > 2 and size > 2.0 * last and size > 1e3 * settings.tolerance
         ):
@@ -176,6 +176,38 @@ def correct(
             return None
         last = size
     return None
+
+
+def correct(
+    problem: ContinuationProblem,
+    guess: Floats,
+    row: Floats,
+    target: float,
+    scale: Floats,
+    settings: Settings,
+    reference: Floats | None = None,
+    orient: float = 0.0,
+    furthest: float = np.inf,
+) -> BranchPoint | None:
+    """The point of the branch with ``row . (u / scale) = target``; None where Newton's method does not converge.
+
+    A problem may have its own ``newton`` with the same meaning. ``reference`` (scaled) orients the tangent; with
+    ``orient`` not zero the determinant does. ``furthest`` limits the distance from the guess.
+    """
+    method = getattr(problem, "newton", None) or partial(newton, problem)
+    converged: Converged | None = method(guess, row, target, scale, settings, furthest)
+    if converged is None:
+        return None
+    tangent, sign = _null_vector(converged.jacobian, reference)
+    if reference is not None and orient == 0.0:
+        flip = float(tangent @ reference) < 0
+    else:
+        flip = orient != 0.0 and sign * orient < 0
+    if flip:
+        tangent, sign = -tangent, -sign
+    return BranchPoint(
+        converged.u, tangent, scale, converged.residual, sign, converged.iterations, converged.data
+    )  # fmt: skip
 
 
 def solve_at(

@@ -17,15 +17,18 @@ import numpy as np
 
 from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.variational import floquet_multipliers
+from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, FailedSearch, Orbit, SpecialPoint, recorded
+from beamsim.orbits.compiled_newton import NotCompiled, compiled_newton
 from beamsim.orbits.continuation import (
+    Converged,
     Settings,
     between,
     branch_point_between,
     correct,
     follow_orbits,
     locate,
+    newton,
     solve_at,
 )
 from beamsim.orbits.grazing import cyclic, grazings
@@ -107,6 +110,22 @@ class ForcedOrbits:
         if self.parameter == "frequency":
             J[:, -1] -= passage.slope * (period / flow.omega)
         return passage.end - z, J, passage
+
+    def newton(
+        self, guess: Floats, row: Floats, target: float, scale: Floats, settings: Settings, furthest: float
+    ) -> Converged | None:
+        """Newton's method, see :func:`beamsim.orbits.continuation.newton`: compiled where the flow allows that."""
+        flow = self.flow
+        if not isinstance(self.parameter, str) or not isinstance(flow, VariationalFlow):
+            return newton(self, guess, row, target, scale, settings, furthest)
+        kind = Frequency() if self.parameter == "frequency" else Level()
+        try:
+            return compiled_newton(
+                flow, kind, self.omega, self.level, self.multiple, self._smallest, guess, row, target, scale, settings,
+                furthest,
+            )  # fmt: skip
+        except NotCompiled:
+            return newton(self, guess, row, target, scale, settings, furthest)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Displacements by the largest amplitude of the state, velocities by it times omega."""

@@ -182,23 +182,25 @@ def measure(
     x = motion.q(shapes)
     carried = np.zeros(motion.times.size) if base is None else base.at(motion)[:, 0]
     acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
-    columns = [x, -x, acceleration, -acceleration, motion.force]
+    parts = {"x": x, "acceleration": acceleration, "force": motion.force}
     if "gap" in limited:
-        columns.append(-motion.penetration)
+        parts["penetration"] = motion.penetration
     if "bending_stress" in limited and system.stress is not None:
-        bending = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
-        columns += [bending, -bending]
-    outputs = _outputs(system, loads, motion, carried, signals.at(motion))
-    columns += [outputs, -outputs]
-    tops = np.split(_top(np.hstack(columns)), np.cumsum([c.shape[1] for c in columns])[:-1])
-    high, below, up, down, force = tops[:5]
-    gap = {snubber.name: float(tops[5][j]) for j, snubber in enumerate(system.snubbers)} if "gap" in limited else {}
-    stress = float(max(tops[-4].max(), tops[-3].max())) if "bending_stress" in limited and system.stress else None
-    spectrum = 2.0 * np.fft.rfft(x[:SAMPLES], axis=0)[: harmonics + 1] / SAMPLES
-    spectrum[0] *= 0.5
+        parts["bending"] = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
+    if system.outputs:
+        parts["outputs"] = _outputs(system, loads, motion, carried, signals.at(motion))
+    rows = np.concatenate([part.T for part in parts.values()])
+    ends = np.cumsum([part.shape[1] for part in parts.values()])[:-1]
+    high, low = (dict(zip(parts, np.split(top, ends), strict=True)) for top in (_top(rows), -_top(-rows)))
+    gap = {s.name: -float(low["penetration"][j]) for j, s in enumerate(system.snubbers)} if "gap" in limited else {}
+    stress = float(max(high["bending"].max(), -low["bending"].min())) if "bending" in parts else None
+    spectrum = 2.0 * np.fft.rfft(rows[: x.shape[1], :SAMPLES])[:, : harmonics + 1] / SAMPLES
+    spectrum[:, 0] *= 0.5
+    none = np.zeros(0)
     return MeasuredMotion(
-        high, -below, spectrum.T, np.maximum(up, down), np.maximum(force, 0.0), motion.contact_share, gap, stress,
-        tops[-2], -tops[-1],
+        high["x"], low["x"], spectrum, np.maximum(high["acceleration"], -low["acceleration"]),
+        np.maximum(high["force"], 0.0), motion.contact_share, gap, stress, high.get("outputs", none),
+        low.get("outputs", none),
     )  # fmt: skip
 
 
@@ -243,13 +245,13 @@ def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: Sam
 
 
 def _top(x: Floats) -> Floats:
-    """(k,) largest values of columns: of the samples, refined by a parabola, and of the edges behind them."""
-    even = x[:SAMPLES]
-    k = np.argmax(even, axis=0)
-    column = np.arange(x.shape[1])
-    a, b, c = even[k - 1, column], even[k, column], even[(k + 1) % SAMPLES, column]
+    """(k,) largest values of rows (k, S + E): of the samples, refined by a parabola, and of the edges behind them."""
+    even = x[:, :SAMPLES]
+    k = np.argmax(even, axis=1)
+    row = np.arange(x.shape[0])
+    a, b, c = even[row, k - 1], even[row, k], even[row, (k + 1) % SAMPLES]
     bend = a - 2 * b + c
     refined = np.where(bend < 0, b - (c - a) ** 2 / (8 * np.where(bend < 0, bend, -1.0)), b)
     # a corner between two samples is no parabola
     refined = np.where(refined - b > np.abs(bend), b, refined)
-    return np.asarray(np.maximum(refined, x[SAMPLES:].max(axis=0, initial=-np.inf)))
+    return np.asarray(np.maximum(refined, x[:, SAMPLES:].max(axis=1, initial=-np.inf)))
