@@ -257,3 +257,67 @@ def test_a_bound_above_one_percent_is_a_warning():
     system = build_system(load_scenario(WEAK, ["chain.masses=[5, 1]", "chain.springs=[1e6, 1e3, 0]"]))
     assert 0.01 < system.modes.reduction_bound < 0.1
     assert any("may not be accurate" in text for text in system.warnings)
+
+
+EDGES = st.sampled_from(["clamped", "pinned", "free"])
+SHARE = st.floats(0.1, 1.0)
+PLATE_DAMPING = DAMPING.filter(lambda stated: stated["kind"] != "viscous")
+
+
+@st.composite
+def plates(draw, damping=PLATE_DAMPING):
+    """A plate with any edges, a point mass and a stiffener, snubbers anywhere, alone or hinged to a beam."""
+    edges = {edge: draw(EDGES) for edge in ("left", "bottom")}
+    length, width = draw(st.floats(0.4, 1.0)), draw(st.floats(0.3, 0.8))
+    stated = draw(damping)
+    plate = {
+        "kind": "plate", "length": length, "width": width, "thickness": 0.004, "youngs_modulus": 7e10,
+        "poissons_ratio": 0.33, "density": 2700, "elements": [draw(st.integers(3, 5)), draw(st.integers(3, 5))],
+        "supports": edges, "damping": stated,
+        "point_masses": [{"position": [draw(SHARE) * length, draw(SHARE) * width], "mass": draw(st.floats(0.01, 1.0))}],
+    }  # fmt: skip
+    if draw(st.booleans()):
+        plate["stiffeners"] = [
+            {"from": [0, width], "to": [length, width], "bending_stiffness": 30.0, "mass_per_length": 0.3}
+        ]
+    points = [[draw(SHARE) * length, draw(SHARE) * width] for _ in range(draw(st.integers(1, 2)))]
+    case = {
+        "bodies": {"panel": plate},
+        "snubbers": [
+            {
+                "name": f"s{k}",
+                "at": {"body": "panel", "position": point},
+                "side": "below",
+                "stiffness": 1e5,
+                "gap": 1e-3,
+            }
+            for k, point in enumerate(points)
+        ],
+        "reduction": {"modes": draw(st.integers(4, 10))},
+    }
+    if stated["kind"] != "modal" or stated == UNDAMPED:
+        support = {"left": "clamped", "right": "free"}
+        arm = {**BEAM, "kind": "beam", "elements": 6, "supports": support, "damping": stated}
+        case["bodies"]["arm"] = arm
+        corner, tip = {"body": "panel", "position": [length, width]}, {"body": "arm", "position": 1.0}
+        joint = {"name": "strut", "kind": "hinge", "between": [corner, tip]}
+        case["joints"] = [joint]
+    return case
+
+
+@settings(max_examples=25, deadline=None)
+@given(plates())
+def test_it_bounds_the_error_of_plates_alone_and_joined(case):
+    assert_bounded(truncation(case))
+
+
+@settings(max_examples=25, deadline=None)
+@given(plates(st.just(UNDAMPED)))
+def test_undamped_at_one_place_of_plates_it_is_within_a_factor_of_three(case):
+    t = truncation(case)
+    contacts = slice(0, len(case["snubbers"]))
+    for s in frequencies(t):
+        full, reduced = full_receptance(t, s), t.receptance(s)
+        true = np.diag(np.abs(full - reduced))[contacts]
+        measurable = true > 1e-8 * np.abs(full).max()
+        assert np.all(np.diag(t.errors(s))[contacts][measurable] <= 3 * true[measurable])
