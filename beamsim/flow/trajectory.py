@@ -54,6 +54,11 @@ class Trajectory:
     outcome: Outcome
     processor_time_s: float
 
+    @property
+    def segments(self) -> int:
+        """S, between events, breakpoints of the inputs and horizons."""
+        return int(self.time.size)
+
     @cached_property
     def touch_changes(self) -> Ints:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""

@@ -93,7 +93,6 @@ def cut_into_windows(
     phase: float = 0.0,
     corrections: Sequence[Correction] | None = None,
     tolerance: float = TOLERANCE,
-    degree: int = LARGEST_DEGREE,
 ) -> SweepWindows:
     """Windows of a swept sine with continuous phase from leg to leg.
 
@@ -102,7 +101,6 @@ def cut_into_windows(
     phase : of the sine at the start, rad.
     corrections : of a base's acceleration, see `beamsim.inputs.drift.jumps`; None for a force.
     tolerance : bound on the truncation of the polynomials on a window, over the amplitude.
-    degree : highest degree of the polynomials.
 
     Raises
     ------
@@ -114,7 +112,7 @@ def cut_into_windows(
     for leg in legs:
         if leg.cycles > MOST_WINDOWS:
             raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
-        expansion = _LegExpansion(leg, profile, phase, corrections, turns_before, time_before, degree)
+        expansion = _LegExpansion(leg, profile, phase, corrections, turns_before, time_before)
         parts.append(_windows(expansion, tolerance))
         turns_before += leg.cycles
         time_before += leg.duration
@@ -165,7 +163,6 @@ class _LegExpansion:
     corrections: Sequence[Correction] | None
     turns_before: float
     time_before: float
-    degree: int
 
     def cuts(self) -> Floats:
         """Boundaries of windows in cycles since the start of the leg; no window crosses one."""
@@ -183,7 +180,7 @@ class _LegExpansion:
 
     def between(self, first: Floats, last: Floats) -> dict[str, NDArray[Any]]:
         """Columns of `SweepWindows` for windows between turns ``first`` and ``last``, and the bounds."""
-        leg, powers = self.leg, np.arange(self.degree + 1)
+        leg, powers = self.leg, np.arange(LARGEST_DEGREE + 1)
         f = leg.frequency(first)
         length = leg.time_between(f, last - first)
         start = self.time_before + leg.time_at(first)
@@ -196,7 +193,7 @@ class _LegExpansion:
         piece = self.profile.piece(middle)
         amplitude = self.profile(middle)
         turn = np.exp(1j * (self.phase - 0.5 * np.pi + 2 * np.pi * fraction))  # Re[-i e^{i phi}] = sin phi
-        product, deviation, remainder = _series(leg, middle, self.profile.power[piece], radius, self.degree)
+        product, deviation, remainder = _series(leg, middle, self.profile.power[piece], radius, LARGEST_DEGREE)
         series = product * (turn * amplitude)[:, None]
         windows: dict[str, NDArray[Any]] = {
             "start": start, "length": length, "omega": omega, "cycle": cycle, "fraction": fraction,
@@ -211,7 +208,7 @@ class _LegExpansion:
                 if np.any(np.abs(start + radius - correction.time) < correction.half_width):
                     pulse += correction.displacement_about(start + radius)
             curvature = pulse[:, 2:] * (np.arange(2, 9) * np.arange(1, 8))
-            pulse_series, pulse_remainder = _modulated(curvature, omega, radius, self.degree)
+            pulse_series, pulse_remainder = _modulated(curvature, omega, radius, LARGEST_DEGREE)
             series = series + pulse_series
             motion = _twice_integrated(series, omega, displacement + pulse[:, 0], velocity + pulse[:, 1])
             scale = np.maximum(amplitude, np.sum(np.abs(curvature) * radius[:, None] ** np.arange(7), axis=1))

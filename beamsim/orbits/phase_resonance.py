@@ -135,9 +135,7 @@ def quadrature(problem: ForcedOrbits, point: BranchPoint) -> tuple[float, float]
     return float(conjugate.real) / max(abs(conjugate), 1e-300), abs(conjugate)
 
 
-def find_phase_resonance(
-    problem: ForcedOrbits, start: Floats, omega: float, settings: Settings | None = None
-) -> BranchPoint | None:
+def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> BranchPoint | None:
     """The exact forced motion at phase resonance near a guess; None where none is found.
 
     Parameters
@@ -146,7 +144,7 @@ def find_phase_resonance(
     start : (2n,) state at t = 0, where the force has phase zero.
     omega : rad/s.
     """
-    settings = Settings(iterations=25) if settings is None else settings
+    settings = Settings(iterations=25)
     z = np.zeros(problem.flow.size)
     z[: start.size] = start
     u = np.append(z, omega)

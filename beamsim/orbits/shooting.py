@@ -41,6 +41,7 @@ NEAR_MINUS_ONE = 0.1  # distance of a multiplier within which a step is looked i
 NEAR_CIRCLE = 0.02  # the same for complex multipliers and two Neimark–Sacker points
 EARLY = 30  # periods of a transient before the path of falling damping is tried
 MOST_DAMPED = 400  # points of that path
+FIRST_AMPLITUDE = 0.01  # of a motion of another branch beside the one that it leaves, over that one's size
 GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
 
 
@@ -381,16 +382,14 @@ def _hidden_turn(a: BranchPoint, b: BranchPoint) -> float | None:
     return x
 
 
-def switch_at_period_doubling(
-    problem: ForcedOrbits, special: SpecialPoint, settings: Settings | None = None, amplitude: float = 0.01
-) -> tuple[ForcedOrbits, BranchPoint] | None:
+def switch_at_period_doubling(problem: ForcedOrbits, special: SpecialPoint) -> tuple[ForcedOrbits, BranchPoint] | None:
     """The first motion of the branch of doubled period that leaves at a period doubling.
 
-    The eigenvector of the multiplier -1, ``amplitude`` times the motion's size, is added to the state; Newton then
+    The eigenvector of the multiplier -1, `FIRST_AMPLITUDE` times the motion's size, is added to the state; Newton then
     finds the parameter that belongs to this distance from the old branch. Its tangent points away from the old
     branch.
     """
-    settings = Settings(iterations=15) if settings is None else settings
+    settings = Settings(iterations=15)
     doubled = problem.with_multiple(2 * problem.multiple)
     M = problem.monodromy(special.point)
     mu, vectors = np.linalg.eig(M)
@@ -398,7 +397,8 @@ def switch_at_period_doubling(
     scale, _ = doubled.scale(special.point.u)
     row = np.append(v, 0.0) / scale
     row /= np.linalg.norm(row)
-    for size in (amplitude, 0.1 * amplitude, 0.01 * amplitude, 5.0 * amplitude):
+    for factor in (1.0, 0.1, 0.01, 5.0):
+        size = factor * FIRST_AMPLITUDE
         w = special.point.u / scale + size * row
         point = correct(doubled, w * scale, row, float(row @ w), scale, settings, reference=row, furthest=10.0 * size)
         if point is not None:
@@ -406,16 +406,13 @@ def switch_at_period_doubling(
     return None
 
 
-def switch_at_branch_point(
-    problem: ForcedOrbits, special: SpecialPoint, chord: Floats, settings: Settings | None = None,
-    amplitude: float = 0.01,
-) -> list[BranchPoint]:  # fmt: skip
+def switch_at_branch_point(problem: ForcedOrbits, special: SpecialPoint, chord: Floats) -> list[BranchPoint]:
     """The first motions to both sides of the branch that crosses at a branch point, with tangents that point away.
 
     There the Jacobian has a kernel of two dimensions: the tangent, and the direction in which the other branch leaves.
     No tangent is defined by the Jacobian alone; ``chord`` is the difference of the unknowns between the neighbours.
     """
-    settings = Settings(iterations=15) if settings is None else settings
+    settings = Settings(iterations=15)
     point = special.point
     J = problem.residual(point.u)[1]
     scale, residual_scale = problem.scale(point.u)
@@ -426,7 +423,8 @@ def switch_at_branch_point(
     starts = []
     w = point.u / scale
     for row in (across, -across):
-        for size in (amplitude, 0.1 * amplitude, 5.0 * amplitude):
+        for factor in (1.0, 0.1, 5.0):
+            size = factor * FIRST_AMPLITUDE
             guess = w + size * row
             first = correct(
                 problem, guess * scale, row, float(row @ guess), scale, settings, reference=row, furthest=10.0 * size

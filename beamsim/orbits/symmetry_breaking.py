@@ -23,6 +23,7 @@ from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 KERNEL = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
+LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)
 FURTHEST = 8.0  # the unknowns may move while the kick is held, in units of the kick
 AT_REST = 1e-4  # slowest speed over sqrt(2 E) that counts as rest
@@ -60,20 +61,20 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
 
 
 def breaking_between(
-    orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings, largest_ratio: int = 12
+    orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings
 ) -> SymmetryBreaking | None:
     """The point between two neighbours of a branch where non-brake orbits leave; None without one.
 
-    Resonances of a higher order than ``largest_ratio`` are left out.
+    Resonances of a higher order than `LARGEST_RATIO` are left out.
     """
     values = _determinant(orbits, a), _determinant(orbits, b)
-    if values[0] * values[1] > 0 or min(_kick(orbits, p)[2] for p in (a, b)) > largest_ratio:
+    if values[0] * values[1] > 0 or min(_kick(orbits, p)[2] for p in (a, b)) > LARGEST_RATIO:
         return None
     kernel = locate(orbits, a, b, lambda p: _determinant(orbits, p), settings, values)
     if kernel is None:
         return None
     kick, mode, ratio, smallness = _kick(orbits, kernel)
-    if smallness > KERNEL or not 1 <= ratio <= largest_ratio:
+    if smallness > KERNEL or not 1 <= ratio <= LARGEST_RATIO:
         return None
     return SymmetryBreaking(kernel, kernel.parameter, kick, mode, ratio)
 

@@ -31,14 +31,14 @@ LIMITING = {"largest_gap": "gap"}  # quantity -> limit, where the names differ
 _LIMIT = "#d1495b"
 
 
-def shown_quantities(result: DesignsResult, most: int = MOST_PANELS) -> list[str]:
+def shown_quantities(result: DesignsResult) -> list[str]:
     """The quantities to plot, by importance: those that vary."""
     known = dict.fromkeys(r.quantity for r in result.responses.values())
     ranked = [q for q in SHOWN if q in known]
     ranked += [q for q in known if q not in SHOWN and len(ranked) < 3]
     limited = [q for q in ranked if LIMITING.get(q, q) in result.limits]
     ranked = limited + [q for q in ranked if q not in limited]
-    return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:most] or ranked[:1]
+    return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
 
 def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:

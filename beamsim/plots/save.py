@@ -15,10 +15,10 @@ from beamsim.plots.png import write_png
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DOTS_PER_INCH = 150.0
 
-def save_figures(
-    figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png", dots_per_inch: float = 150.0
-) -> list[Path]:
+
+def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
     """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
 
     Raises
@@ -32,12 +32,12 @@ def save_figures(
     for name, figure in figures.items():
         path = Path(folder) / f"{stem}_{name}.{form}"
         with replacing(path) as temporary:
-            figure.set_dpi(dots_per_inch)
+            figure.set_dpi(DOTS_PER_INCH)
             canvas: Any = FigureCanvasAgg(figure)
             lay_out(figure, canvas.get_renderer())
             if form == "png":
                 canvas.draw()
-                write_png(temporary, np.asarray(canvas.buffer_rgba()), dots_per_inch)
+                write_png(temporary, np.asarray(canvas.buffer_rgba()), DOTS_PER_INCH)
             else:
                 figure.savefig(temporary, format=form)
         written.append(path)

@@ -365,13 +365,13 @@ def _filled(values: Any) -> Floats:
     return filled
 
 
-def thinning(ax: Axes, x: Floats, y: Floats, most: int = MOST_POINTS) -> Ints:
+def thinning(ax: Axes, x: Floats, y: Floats) -> Ints:
     """Numbers of the points that draw the same curve on a screen."""
-    if x.size <= most:
+    if x.size <= MOST_POINTS:
         return np.arange(x.size)
     finite = np.isfinite(x) & np.isfinite(y)
     if np.all(finite) and np.all(np.diff(x) >= 0.0):
-        length = -(-2 * x.size // most)
+        length = -(-2 * x.size // MOST_POINTS)
         whole = x.size // length * length
         blocks, first = y[:whole].reshape(-1, length), np.arange(whole // length) * length
         ends = np.append(0, np.arange(min(whole, x.size - 1), x.size))
@@ -380,7 +380,7 @@ def thinning(ax: Axes, x: Floats, y: Floats, most: int = MOST_POINTS) -> Ints:
     steps = np.hypot(np.diff(np.where(finite, x, 0.0)) / spans[0], np.diff(np.where(finite, y, 0.0)) / spans[1])
     steps = np.where(finite[1:] & finite[:-1], steps, 0.0)
     along = np.concatenate([[0.0], np.cumsum(steps)])
-    number = np.floor(along / (along[-1] or 1.0) * most)
+    number = np.floor(along / (along[-1] or 1.0) * MOST_POINTS)
     keep = np.concatenate([[True], np.diff(number) > 0])
     edge = np.concatenate([[False], finite[1:] != finite[:-1]])  # both sides of a gap
     keep |= edge | np.concatenate([edge[1:], [True]])

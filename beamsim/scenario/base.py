@@ -69,6 +69,7 @@ class _Unknown:
         raise UnknownValueError
 
 
+LONGEST_VALUE = 60  # characters of a value in a message
 UNKNOWN = _Unknown()
 
 
@@ -303,14 +304,14 @@ def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
     return f"did you mean {close[0]}?" if close else f"{otherwise} {', '.join(names)}"
 
 
-def single_line(value: object, limit: int = 60) -> str:
+def single_line(value: object) -> str:
     """Show a raw value as the user would write it, shortened.
 
     >>> single_line({"kind": "modal", "on": True})
     '{kind: modal, on: true}'
     """
     text = _flow(value)
-    return text if len(text) <= limit else text[: limit - 1] + "…"
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
 
 
 def _flow(value: object) -> str:

@@ -110,12 +110,12 @@ class UnitError(ValueError):
         self.remedy = remedy
 
 
-def read_number(value: object, example: str = NUMBER.example) -> float:
+def read_number(value: object) -> float:
     """Return a plain number: an int, a float, or a string that reads as one (``2e5``)."""
-    number, unit = _split(value, f"write for example {example}")
+    remedy = f"write for example {NUMBER.example}"
+    number, unit = _split(value, remedy)
     if unit:
-        raise UnitError("must be a plain number, without a unit", f"write for example {example}")
-    remedy = f"write for example {example}"
+        raise UnitError("must be a plain number, without a unit", remedy)
     return _physical(_finite(number, remedy), NUMBER, remedy)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from beamsim.analyses.run.records import project
 from beamsim.typing import Complexes, Floats, Ints
 
+REPEATS = 0.01  # of the rms: periods that differ by less are alike
 _PHASES = 720  # grid for the initial guess of Newton's method
 _MOST_HARMONICS = 60  # fitted to a signal; the residual counts as noise
 
@@ -101,7 +102,7 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
     return Harmonics(orders, value, np.full(orders.size, noise), complex_values)
 
 
-def settled_from(time: Floats, x: Floats, period: float, tolerance: float = 0.01) -> tuple[float, float]:
+def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     """Start of the longest last part of a history whose periods repeat, s, and the largest relative difference in it.
 
     Periods are compared with the last one or the last but one (a period-doubled motion), in the rms. Where the last
@@ -121,7 +122,7 @@ def settled_from(time: Floats, x: Floats, period: float, tolerance: float = 0.01
     rms[-1, 1] = rms[-2, 0] = np.inf  # not with themselves
     difference = np.minimum(rms[:, 0], rms[:, 1])
     difference[-1] = difference[-2] = min(float(rms[-1, 0]), float(difference[-4:-2].max()))
-    moving = np.flatnonzero(difference > tolerance)
+    moving = np.flatnonzero(difference > REPEATS)
     first = int(moving[-1]) + 1 if moving.size else 0
     if count - first < 4:
         half = count // 2

@@ -66,9 +66,9 @@ def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case
     return _Case(spring_family(structure), index, held_energy(structure, energy), -1.0 if away < 0 else 1.0)
 
 
-def default_factors(reach: float, most: float = 1.0, count: int = 7) -> Floats:
-    """(count,) falling by halves from a third of the expansion's reach."""
-    return np.asarray(min(most, reach / SAFELY) * 0.5 ** np.arange(count))
+def default_factors(reach: float, most: float = 1.0) -> Floats:
+    """(7,) falling by halves from a third of the expansion's reach."""
+    return np.asarray(min(most, reach / SAFELY) * 0.5 ** np.arange(7))
 
 
 def factors_from(largest: float, reach: float) -> Floats:

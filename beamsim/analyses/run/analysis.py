@@ -474,34 +474,51 @@ def _exact(
             extremes["energy"] = sampled_extremes(histories.time, energies)
     if filtered_acceleration is not None:
         extremes["acceleration"] = filtered_acceleration
-    extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
-    order = np.argsort(extreme_times)
+    whole = _exact_motion(system, settings, trajectory, histories, searched, extremes)
+    return replace(
+        whole,
+        outcome=outcome,
+        balance=balance,
+        low_passed=low_passed,
+        trajectory=None if outcome.interrupted else trajectory,
+        warnings=warnings,
+    )
+
+
+def _exact_motion(
+    system: StructuralSystem,
+    settings: Run,
+    motion: Trajectory | LongMotion,
+    histories: ExactHistories,
+    searched: Mapping[str, Any],
+    extremes: Extremes,
+) -> _RunMotion:
+    """What a motion that is kept and one that is marched in stretches have in common."""
+    times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
+    order = np.argsort(times)
     return _RunMotion(
         method="exact",
-        outcome=outcome,
+        outcome=motion.outcome,
         histories=histories,
-        balance=balance,
-        events=_events(system, trajectory),
-        contact_events=ContactEvents.of(trajectory, len(system.snubbers)),
-        breakpoints=_breakpoints(system, trajectory),
+        balance=EnergyBalance.unknown(),
+        events=_events(system, motion),
+        contact_events=ContactEvents.of(motion, len(system.snubbers)),
+        breakpoints=_breakpoints(system, motion),
         extremes=extremes,
         station_extremes=lambda: histories.station_extremes(searched["stress"]),
         von_mises=_von_mises(system, histories, searched),
-        extreme_times=extreme_times,
-        extreme_states=trajectory.states_at(extreme_times[order])[order],
-        state_at=lambda time: trajectory.states_at(np.array([time]))[0],
-        contact_share=trajectory.contact_share(),
+        extreme_times=times,
+        extreme_states=motion.states_at(times[order])[order],
+        state_at=lambda time: motion.states_at(np.array([time]))[0],
+        contact_share=motion.contact_share(),
         work=Work(
-            events=trajectory.event_time.size,
-            evaluations=trajectory.evaluations,
-            segments=trajectory.time.size,
-            states=len(flow.visited),
-            processor_time_s=trajectory.processor_time_s,
+            events=motion.event_time.size,
+            evaluations=motion.evaluations,
+            segments=motion.segments,
+            states=len(motion.flow.visited),
+            processor_time_s=motion.processor_time_s,
         ),
-        low_passed=low_passed,
-        trajectory=None if outcome.interrupted else trajectory,
-        memory=_memory(flow, settings),
-        warnings=warnings,
+        memory=_memory(motion.flow, settings),
     )
 
 
@@ -552,7 +569,6 @@ def _exact_in_stretches(
     outcome = figures.balance.checked(_with_limit(motion.outcome, limit))
     times = times if motion.outcome.complete else times.until(motion.end)
     whole = ExactHistories(motion, groups, times, grace)
-    histories: Histories = figures.few if outcome.interrupted else whole
     last = motion.within(max(motion.end - _analysed(settings, motion), 0.0), motion.end)
 
     def of_stations() -> Extreme:
@@ -565,37 +581,18 @@ def _exact_in_stretches(
                 pass
         return figures.extremes["stress"]
 
-    extremes = figures.extremes
-    extreme_times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     seen = motion.end - float(last.time[0])
     compared = "" if settings.convergence == "off" else (
         f", a finer model is compared on the first {_compared_s(settings, motion.record.step):.3g} s"
     )  # fmt: skip
-    return _RunMotion(
-        method="exact",
+    return replace(
+        _exact_motion(system, settings, motion, whole, searched, figures.extremes),
         outcome=outcome,
-        histories=histories,
+        histories=figures.few if outcome.interrupted else whole,
         balance=figures.balance,
-        events=_events(system, motion),
-        contact_events=ContactEvents.of(motion, len(system.snubbers)),
-        breakpoints=_breakpoints(system, motion),
-        extremes=extremes,
         station_extremes=of_stations,
-        von_mises=_von_mises(system, whole, searched),
-        extreme_times=extreme_times,
-        extreme_states=motion.states_at(extreme_times),
-        state_at=lambda time: motion.states_at(np.array([time]))[0],
-        contact_share=motion.contact_share(),
-        work=Work(
-            events=motion.event_time.size,
-            evaluations=motion.evaluations,
-            segments=motion.segments,
-            states=len(flow.visited),
-            processor_time_s=motion.processor_time_s,
-        ),
         trajectory=None if outcome.interrupted else last,
-        memory=_memory(flow, settings),
         few=figures.few,
         warnings=(f"{kept}; spectra and rms_* are those of the last {seen:.3g} s{compared}",),
     )

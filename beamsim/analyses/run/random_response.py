@@ -38,7 +38,6 @@ HISTORIES_SHARE = 0.2  # of the memory of a run, for the histories that are anal
 def random_response(
     result: RunResult,
     force: Floats | None = None,
-    skip: float = SKIPPED,
     *,
     stationary: bool = True,
     predicted: tuple[Deviations, Deviations] | None = None,
@@ -48,7 +47,6 @@ def random_response(
     Parameters
     ----------
     force : (nt,) N, the force where a force drives the structure, not the base.
-    skip : share of the run that is left out at its beginning.
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
     predicted : standard deviations with all snubbers open and with all closed, see `linear_deviations`.
 
@@ -58,7 +56,7 @@ def random_response(
         On a request to stop that is heeded, see `beamsim.flow.stopping`.
     """
     times = rows_of(result, "time")
-    first = int(skip * times.size)
+    first = int(SKIPPED * times.size)
     count = times.size - first
     if count < LEAST_SAMPLES:
         return None
