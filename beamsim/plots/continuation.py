@@ -11,6 +11,7 @@ import numpy as np
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
+from beamsim.plots.outputs import draw_limit, output_label, output_scale
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, level_text, scale_for
 from beamsim.typing import Floats
 
@@ -43,6 +44,17 @@ def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
     _overlay(result, ax, [(o, o.force[snubber].peak) for o in result.overlay.values() if snubber in o.force], scale)
     _curves(result, ax, lambda b: b.peak_force[snubber], scale, logarithmic=False)
     finish(ax, _axis(result), f"Peak contact force of {snubber} ({scale.unit})")
+    _legend(ax)
+    return ax
+
+
+def plot_output_curve(result: FrequencyResponse, ax: Axes, output: str) -> Axes:
+    """Largest magnitude of an output, as :func:`plot_response_curve`, with its limit."""
+    peaks = [b.outputs[output].peak for b in result.branches]
+    scale = output_scale(result.branches[0].outputs[output].unit, *peaks)
+    _curves(result, ax, lambda b: b.outputs[output].peak, scale)
+    draw_limit(ax, result.scenario.limits, output, scale)
+    finish(ax, _axis(result), output_label("Peak of", output, scale))
     _legend(ax)
     return ax
 
@@ -110,6 +122,9 @@ def frequency_response_figures(result: FrequencyResponse) -> dict[str, Figure]:
     drawn |= {
         f"force_{name}": partial(plot_force_curve, result, snubber=name)
         for name in list(first.peak_force)[:MOST_CURVES]
+    }
+    drawn |= {
+        f"output_{name}": partial(plot_output_curve, result, output=name) for name in list(first.outputs)[:MOST_CURVES]
     }
     probe = next(iter(first.harmonics), None)
     if probe is not None:

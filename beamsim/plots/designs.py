@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response
+from beamsim.plots.outputs import output_label, output_scale
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
+from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -28,15 +30,17 @@ NAMED = {
     "contact_share": "Share of time in contact",
 }
 LIMITING = {"largest_gap": "gap"}  # quantity -> limit, where the names differ
+_PEAK = "/peak_output"
 _LIMIT = "#d1495b"
 
 
 def shown_quantities(result: DesignsResult) -> list[str]:
     """The quantities to plot, by importance: those that vary."""
-    known = dict.fromkeys(r.quantity for r in result.responses.values())
-    ranked = [q for q in SHOWN if q in known]
-    ranked += [q for q in known if q not in SHOWN and len(ranked) < 3]
-    limited = [q for q in ranked if LIMITING.get(q, q) in result.limits]
+    known = dict.fromkeys(_quantity(r) for r in result.responses.values())
+    peaks = [q for q in known if q.endswith(_PEAK)]
+    ranked = [q for q in SHOWN if q in known] + peaks
+    ranked += [q for q in known if q not in (*SHOWN, *peaks) and not q.endswith("_output") and len(ranked) < 3]
+    limited = [q for q in ranked if _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
     return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
@@ -74,14 +78,15 @@ def plot_response_map(result: DesignsResult, ax: Axes, response: Response) -> Ax
     from matplotlib.ticker import MaxNLocator
 
     (x, xticks, xlabel), (y, yticks, ylabel) = (_axis(c) for c in result.coordinates[:2])
-    scale = _scale(result, response.quantity, [response.values])
+    quantity = _quantity(response)
+    scale = _scale(result, quantity, [response.values])
     values = np.ma.masked_invalid(response.values.T * scale.factor)
     mesh = ax.pcolormesh(_edges(x, result.coordinates[0]), _edges(y, result.coordinates[1]), values, cmap="cividis")
     where = f", {response.place}" if response.place else ""
     assert ax.figure is not None
     bar = ax.figure.colorbar(mesh, ax=ax)
-    bar.set_label(_label(result, response.quantity, scale) + where)
-    limit = _limit(result, response.quantity)
+    bar.set_label(_label(result, quantity, scale) + where)
+    limit = _limit(result, quantity)
     if limit is not None and min(values.shape) > 1:
         reached = limit * scale.factor
         if values.min() < reached < values.max():
@@ -166,8 +171,13 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
     return {"scatter": figure}
 
 
+def _quantity(response: Response) -> str:
+    """Of an output with its name, as each has a unit of its own."""
+    return "/".join(response.name.split("/")[-2:]) if response.quantity.endswith("_output") else response.quantity
+
+
 def _of(result: DesignsResult, quantity: str) -> list[Response]:
-    return [r for r in result.responses.values() if r.quantity == quantity]
+    return [r for r in result.responses.values() if _quantity(r) == quantity]
 
 
 def _varies(response: Response) -> bool:
@@ -241,16 +251,22 @@ def _edges(values: Floats, coordinate: Coordinate) -> Floats:
 
 
 def _limit(result: DesignsResult, quantity: str) -> float | None:
+    if quantity.endswith(_PEAK):
+        return result.limits.get(OF_OUTPUTS + quantity.removesuffix(_PEAK))
     return result.limits.get(LIMITING.get(quantity, quantity))
 
 
 def _scale(result: DesignsResult, quantity: str, values: Sequence[Any]) -> Scale:
     unit = _of(result, quantity)[0].unit
+    if unit == "m/s^2" and quantity.endswith(_PEAK):
+        return output_scale(unit)
     if unit in ("1", "Hz"):
         return Scale(1.0, "" if unit == "1" else unit)
     return scale_for(unit, *[np.asarray(v)[np.isfinite(v)] for v in values])
 
 
 def _label(result: DesignsResult, quantity: str, scale: Scale) -> str:
+    if quantity.endswith(_PEAK):
+        return output_label("Peak of", quantity.removesuffix(_PEAK), scale)
     words = NAMED.get(quantity) or quantity.removesuffix("_hz").replace("_", " ").capitalize()
     return f"{words} ({scale.unit})" if scale.unit else words

@@ -13,6 +13,7 @@ from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult,
 from beamsim.fields import rows_of
 from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.impacts import impact_figures
+from beamsim.plots.outputs import plot_output
 from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.shock_response import plot_shock_response
@@ -305,6 +306,14 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         figure, (ax,) = panels(1, height=4.4)
         plot_spring_force(result, ax)
         figures["spring_force"] = figure
+    if result.outputs:
+        names = list(result.outputs)[:MOST_CURVES]
+        figure, axes = panels(len(names), height=max(4.4, 1.9 * len(names)))
+        for ax, output in zip(axes, names, strict=True):
+            plot_output(result, ax, output)
+        for ax in axes[:-1]:
+            ax.set_xlabel("")
+        figures["outputs"] = figure
     figure, (above, below) = panels(2)
     plot_spectrum(result, above)
     plot_spectrum(result, below, "displacement")

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+from beamsim.plots.outputs import draw_limit, output_label, output_scale
 from beamsim.plots.style import (
+    MOST_CURVES,
     Scale,
     acceleration_scale,
     curve_style,
@@ -78,6 +80,23 @@ def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0
     _frequency_axis(result, ax)
     finish(ax, "Excitation frequency (Hz)", f"Peak contact force ({scale.unit})")
     legend(ax, min(len(drawn), 6), len(drawn), "curves")
+    return ax
+
+
+def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
+    """Peaks of an output over frequency, by direction and level, with its limit."""
+    curves = list(result.curves.values())
+    scale = output_scale(curves[0].outputs[name].unit, *(curve.outputs[name].peak for curve in curves))
+    several = len({curve.level_index for curve in curves}) > 1
+    for k, curve in enumerate(curves[:MOST_CURVES]):
+        f, peak = _envelope(curve, curve.outputs[name].peak)
+        level = f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
+        ax.plot(f, peak * scale.factor, label=f"{curve.direction}{level}", **curve_style(k))
+    draw_limit(ax, result.scenario.limits, name, scale)
+    _frequency_axis(result, ax)
+    finish(ax, "Excitation frequency (Hz)", output_label("Peak of", name, scale))
+    ax.set_ylim(bottom=0.0)
+    legend(ax, min(len(curves), MOST_CURVES), len(curves), "curves")
     return ax
 
 
@@ -249,6 +268,12 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         plot_contact_force_curve(result, above, last.level_index)
         plot_contact(result, below, direction)
         figures["contact"] = figure
+    if last.outputs:
+        names = list(last.outputs)[:MOST_CURVES]
+        figure, axes = page(max(4.8, 2.6 * len(names)), len(names))
+        for ax, name in zip(axes, names, strict=True):
+            plot_output_peaks(result, ax, name)
+        figures["outputs"] = figure
     if result.linear.contact:
         figure, (above, below) = page(6.4, 2)
         plot_contact_levels(result, above)

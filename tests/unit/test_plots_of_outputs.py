@@ -1,0 +1,57 @@
+"""Pictures of outputs: each has its own axes, in its own unit, with its limit."""
+
+import numpy as np
+
+import beamsim
+from beamsim.plots.continuation import frequency_response_figures
+from beamsim.plots.designs import design_figures
+from beamsim.plots.run import run_figures
+from beamsim.plots.sweep import sweep_figures
+from beamsim.scenario import load_scenario
+
+CASE = {
+    "chain": {"masses": [2.0], "springs": [800.0], "damping": {"kind": "modal", "ratio": 0.05}},
+    "outputs": [{"name": "wall", "kind": "reaction_force", "support": "left"},
+                {"name": "mass", "kind": "acceleration", "mass": 1}],
+    "limits": {"outputs": {"wall": "2 kN"}},
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": 400.0, "frequency": 2.0},
+}  # fmt: skip
+RUN = {"duration": 1.0, "convergence": "off"}
+
+
+def labels(figure):
+    return [ax.get_ylabel() for ax in figure.axes if ax.get_visible()]
+
+
+def test_of_a_run():
+    result = beamsim.run(load_scenario(CASE, {"run": RUN}))
+    figure = run_figures(result)["outputs"]
+    assert labels(figure) == ["wall (kN)", "mass (g)"]
+    drawn = figure.axes[0].lines[0].get_ydata()
+    assert np.abs(drawn).max() * 1e3 == np.abs(result.outputs["wall"].value).max()
+
+
+def test_of_a_sweep():
+    sweep = {"kind": "stepped", "from": 2.0, "to": 2.5, "points": 3}
+    result = beamsim.sweep(load_scenario(CASE, {"sweep": sweep}))
+    figure = sweep_figures(result)["outputs"]
+    assert labels(figure) == ["Peak of wall (kN)", "Peak of mass (g)"]
+    peaks, limit = (line.get_ydata() for line in figure.axes[0].lines)
+    np.testing.assert_allclose(np.asarray(peaks) * 1e3, result.curves["up_0"].outputs["wall"].peak, rtol=1e-15)
+    assert list(limit) == [2.0, 2.0]
+    assert len(figure.axes[1].lines) == 1
+
+
+def test_of_a_continuation():
+    sweep = {"kind": "continuation", "from": 2.0, "to": 2.5}
+    figures = frequency_response_figures(beamsim.frequency_response(load_scenario(CASE, {"sweep": sweep})))
+    assert labels(figures["output_wall"]) == ["Peak of wall (kN)"]
+    assert labels(figures["output_mass"]) == ["Peak of mass (g)"]
+
+
+def test_of_a_study():
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": [100.0, 200.0]}]}
+    result = beamsim.design_study(load_scenario(CASE, {"run": RUN, "vary": vary}))
+    shown = labels(design_figures(result)["curves"])
+    assert {"Peak of wall (N)", "Peak of mass (g)"} <= set(shown)
+    assert not any("output" in label for label in shown)
