@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -70,3 +71,25 @@ def test_segments_and_joined_pieces_have_the_same_frequencies_and_damping():
         one, other = getattr(segments.modes, name), getattr(pieces.modes, name)
         np.testing.assert_allclose(other[:12], one[:12], rtol=1e-9)
     np.testing.assert_allclose(pieces.modes.damping_ratios[:6], segments.modes.damping_ratios[:6], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_folds_and_peaks_do_not_depend_on_mesh_and_modes():
+    """As `docs/vibeams.md` states them: a mesh of twice the elements, and 24 instead of 12 modes."""
+    finer = [f"bodies.{name}.elements={count}" for name, count in (("left", 40), ("right", 40), ("leaf", 12))]
+    results = [
+        beamsim.frequency_response(load_scenario(CONFIG, overrides))
+        for overrides in ([], [*finer, "reduction.modes=24"])
+    ]
+    folds, peaks = (
+        [[each(branch) for branch in result.branches] for result in results]
+        for each in (
+            lambda branch: [point.parameter for point in branch.special if point.kind == "fold"],
+            lambda branch: [1e3 * np.nanmax(branch.peak_displacement["right"])],
+        )
+    )
+    assert [len(of_level) for of_level in folds[0]] == [0, 2, 2]
+    for coarse, fine in zip(folds[0] + peaks[0], folds[1] + peaks[1], strict=True):
+        np.testing.assert_allclose(coarse, fine, rtol=0, atol=2e-4)
+    np.testing.assert_allclose([of_level[0] for of_level in folds[0][1:]], [28.597, 28.654], atol=6e-4)
+    np.testing.assert_allclose(np.ravel(peaks[0]), [0.1508, 0.2031, 0.2147], atol=1e-4)
