@@ -19,6 +19,7 @@ from beamsim.analyses.run.convergence import (
     check_convergence,
     followed_to_the_end,
     march_again,
+    resting,
     solve_exactly,
     with_convergence,
 )
@@ -29,6 +30,7 @@ from beamsim.analyses.run.figures import (
     Extreme,
     Extremes,
     by_name,
+    deflection_size,
     energy_extremes,
     largest,
     largest_pulls,
@@ -181,6 +183,8 @@ def run(
         result = _with_statistics(result, system, stop)
     result = _with_impacts(result, system, motion, stop)
     summary = _summary(scenario, system, motion, spectra)
+    spectra = {key: changed(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
+    result = changed(result, spectra=spectra)
     if result.friction:
         summary["friction"] = {name: contact.summary() for name, contact in result.friction.items()}
     if result.impacts is not None:
@@ -955,7 +959,9 @@ def _spectra(scenario: Scenario, system: StructuralSystem, motion: _RunMotion) -
 def _figures(system: StructuralSystem, motion: _RunMotion) -> dict[str, Any]:
     closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(system.snubbers))
     return {
-        **motion_figures(system, motion.extremes, motion.contact_share, closings),
+        **motion_figures(
+            system, motion.extremes, motion.contact_share, closings, deflection_size(system, motion.extreme_states)
+        ),
         **static_figures(system),
     }
 

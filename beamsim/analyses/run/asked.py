@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.energy import energy_of_segments
-from beamsim.analyses.run.figures import SEEDS, by_name, static_figures
+from beamsim.analyses.run.figures import SEEDS, by_name, openings, static_figures
 from beamsim.analyses.run.outputs import (
     OutputOf,
     bending_stress,
@@ -127,6 +127,10 @@ def _evaluated(
         figures["contacts"] = dict(zip(snubbers, np.bincount(closings, minlength=len(snubbers)).tolist(), strict=False))
     if outcome.complete:
         figures |= _extremes(system, trajectory, asked)
+        if openings_of := figures.get("largest_gap_m"):
+            lowest = -np.array(list(openings_of.values()))
+            shares = trajectory.contact_share()[: len(snubbers)]
+            figures["largest_gap_m"] = by_name(snubbers, openings(lowest, shares))
         figures |= _root_mean_squares(system, settings, trajectory, asked)
     return figures, outcome
 

@@ -27,6 +27,7 @@ from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples,
 from beamsim.analyses.run.figures import (
     SEEDS,
     Extremes,
+    deflection_size,
     energy_extremes,
     motion_figures,
     refine_extremes,
@@ -183,9 +184,14 @@ def check_convergence(
             changes |= _changes([derived.reported()], derived.again(second.system, motion))
     check_stop()
     changes, lines = _with_lines(derived, changes)
+    for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
+        if isinstance(of_probes := changes.get(entry), dict):
+            moving = {probe: x for probe, x in of_probes.items() if not resting(probe, quantity, first.figures)}
+            changes[entry] = moving
+    doubtful = tuple(_doubtful(changes, scatter))
     return Convergence(
-        changes, tuple(_doubtful(changes, scatter)), second.system.modes.kept_modes, parted, after, felt,
-        clock.process_time() - begin, lines=lines,
+        changes, doubtful, second.system.modes.kept_modes, parted, after, felt, clock.process_time() - begin,
+        lines=lines,
     )  # fmt: skip
 
 
@@ -282,6 +288,12 @@ def _after_parting(
         yield from (f"{name}.{place}" for place, _ in _places(value))
 
 
+def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
+    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing."""
+    peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity)
+    return peak is not None and figures[peak].get(probe) == 0.0
+
+
 def _places(value: dict[str, float] | float) -> list[tuple[str, float]]:
     return list(value.items()) if isinstance(value, dict) else [("", value)]
 
@@ -341,7 +353,9 @@ def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajec
         _, extremes["acceleration"] = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
     if system.energy_outputs:
         extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
-    figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory))
+    _, lowest, _, highest = extremes["displacement"]
+    size = deflection_size(system, trajectory.states_at(np.sort([lowest[0], highest[0]])))
+    figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory), size)
     return {**figures, **static_figures(system)}
 
 

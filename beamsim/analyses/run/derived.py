@@ -61,7 +61,7 @@ class DerivedFigures:
     def reported(self) -> Figures:
         """The figures as they are in the result."""
         reported = {
-            key: (np.array([[line.frequency_hz, line.amplitude] for line in s.lines]).T, s.rms or 0.0)
+            key: (np.reshape([[line.frequency_hz, line.amplitude] for line in s.lines], (-1, 2)).T, s.rms or 0.0)
             for key, s in self.spectra.items()
         }
         figures = _by_name({key: (*lines, rms) for key, (lines, rms) in reported.items()})

@@ -19,6 +19,8 @@ Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, 
 Extremes = dict[str, Extreme]  # by output group
 SEEDS = 512  # evenly spaced times from which the search for extremes starts
 ENERGY_SAMPLES, REFINEMENTS = 4097, 8  # of the search for extremes of energies
+ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
+ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 
 
@@ -87,13 +89,28 @@ def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows
     return best[0], best[1], best[2], best[3]
 
 
+def deflection_size(system: StructuralSystem, states: Floats) -> float:
+    """Largest deflection of the bodies in some states (k, 2n or more), m."""
+    coordinates = states[:, : system.dynamics.size]
+    return max((float(np.abs(coordinates @ b.deflection.T).max(initial=0.0)) for b in system.bodies), default=0.0)
+
+
+def openings(penetration: Floats, contact_share: Floats) -> Floats:
+    """(m,) largest openings of contacts with given lowest penetrations, m; no round-off where a contact never opens."""
+    return np.where(contact_share < 1.0 - ALWAYS, np.maximum(-penetration, 0.0), 0.0)
+
+
 def motion_figures(
-    system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints
+    system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints, size: float = 0.0
 ) -> dict[str, Any]:
     """By entry of the summary the figures of a motion, by name of probe, snubber or spring.
 
+    A probe at a node of the motion moves by round-off: its displacement is 0, and its acceleration where that is no
+    larger than such a displacement makes it at the first natural frequency.
+
     Parameters
     ----------
+    size : m, a deflection of the motion, see `deflection_size`.
     contact_share : (m,) of each contact.
     closings : (m,) number of closings of each contact.
     """
@@ -101,14 +118,20 @@ def motion_figures(
     snubbers = [s.name for s in system.snubbers]
     count = len(snubbers)
     low, _, high, _ = extremes["displacement"]
+    acceleration = largest(extremes["acceleration"])
+    still = np.maximum(np.abs(low), np.abs(high)) <= ROUND_OFF * size
+    first_hz = min((f for f in system.modes.open_frequencies_hz if f > 0.0), default=0.0)
+    unmoved = still & (acceleration <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2)
+    low, high = np.where(still, 0.0, low), np.where(still, 0.0, high)
+    acceleration = np.where(unmoved, 0.0, acceleration)
     figures: dict[str, Any] = {
         "peak_displacement_m": by_name(probes, np.maximum(np.abs(low), np.abs(high))),
         "min_displacement_m": by_name(probes, low),
         "max_displacement_m": by_name(probes, high),
-        "peak_acceleration_g": by_name(probes, largest(extremes["acceleration"]) / STANDARD_GRAVITY),
+        "peak_acceleration_g": by_name(probes, acceleration / STANDARD_GRAVITY),
         "largest_pull_n": by_name(snubbers, largest_pulls(extremes["force"])[:count]),
         "peak_force_n": by_name(snubbers, extremes["force"][2][:count]),
-        "largest_gap_m": by_name(snubbers, np.maximum(-extremes["penetration"][0][:count], 0.0)),
+        "largest_gap_m": by_name(snubbers, openings(extremes["penetration"][0][:count], contact_share[:count])),
         "contact_share": by_name(snubbers, contact_share[:count]),
         "contacts": {name: int(number) for name, number in zip(snubbers, closings[:count], strict=True)},
     }

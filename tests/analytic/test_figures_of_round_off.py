@@ -1,0 +1,60 @@
+"""Figures that are zero but for round-off are not data: no number, no doubt, no lines."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.outcomes import OutcomeCode
+
+PINNED = {
+    "beam": {
+        "length": 0.27, "bending_stiffness": 2.77, "mass_per_length": 0.41,
+        "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.02},
+    },
+    "snubbers": [{"name": "far", "position": 0.1, "side": "below", "stiffness": 6e4, "gap": 0.01}],
+    "excitation": {"kind": "none"},
+    "probes": [{"name": "middle", "position": 0.135}, {"name": "quarter", "position": 0.0675}],
+    "run": {"duration": 0.05, "start": {"mode": 2, "amplitude": 1e-3}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("first", ["middle", "quarter"])
+def test_a_probe_at_a_node_does_not_move(first):
+    """Its 1e-17 m changed by half with the finer model, and the whole run was not to be trusted."""
+    probes = sorted(PINNED["probes"], key=lambda probe: probe["name"] != first)
+    result = beamsim.run(beamsim.load_scenario({**PINNED, "probes": probes}))
+    assert result.outcome.code is OutcomeCode.COMPLETE
+    assert result.summary["doubtful"] == []
+    for figure in ("peak_displacement_m", "min_displacement_m", "max_displacement_m", "peak_acceleration_g"):
+        assert result.summary[figure]["middle"] == 0.0
+        assert result.summary[figure]["quarter"] != 0.0
+    assert {line["probe"] for line in result.summary["spectral_lines"]} == {"quarter"}
+    assert set(result.summary["convergence"]["rms_displacement_m"]) == {"quarter"}
+
+
+def test_a_contact_throughout_has_no_opening():
+    """A free beam that falls on a stop: the opening was 4e-17 m, marked as changing by 50 %; the same in a study."""
+    case = {
+        "beam": {
+            "length": 3.4223425000871788, "width": 0.07060241215895702, "thickness": 0.16396808472049362,
+            "youngs_modulus": 52107674871.622955, "density": 1555.8323321474638, "elements": 5,
+            "supports": {"left": "free", "right": "free"},
+        },
+        "gravity": -1.774053192204638,
+        "snubbers": [{
+            "name": "stop", "position": 1.7111712500435894, "side": "above", "stiffness": 617.3713684565334, "gap": 0,
+            "damping": {"kind": "viscous", "coefficient": 3019.544148071633},
+        }],
+        "excitation": {"kind": "none"},
+        "probes": [{"name": "middle", "position": 1.7}],
+        "run": {"duration": 1.0, "start": "rest"},
+    }  # fmt: skip
+    result = beamsim.run(beamsim.load_scenario(case))
+    assert result.outcome.code is OutcomeCode.COMPLETE
+    assert result.summary["contact_share"]["stop"] == 1.0
+    assert result.summary["largest_gap_m"]["stop"] == 0.0
+    assert result.summary["doubtful"] == []
+    vary = {"kind": "grid", "parameters": [{"path": "snubbers.stop.stiffness", "values": [600.0, 700.0]}]}
+    study = design_study(beamsim.load_scenario({**case, "vary": vary}), workers=1)
+    np.testing.assert_array_equal(study.table["snubbers/stop/largest_gap"], 0.0)
