@@ -139,6 +139,15 @@ class LongMotion:
             self._latest = first, last, self._again(at, first, last)
         return self._latest[2].within(begin, end)
 
+    def again(self) -> Iterator[Trajectory]:
+        """The motion that was reached, stretch by stretch, marched again."""
+        for first in range(0, self.record.pieces - 1, self.pieces_at_once):
+            begin = float(self.record.start(first, first + 1)[0])
+            if begin >= self.end:
+                return
+            last = min(first + self.pieces_at_once, self.record.pieces - 1)
+            yield self.within(begin, min(float(self.record.start(last, last + 1)[0]), self.end))
+
     def _again(self, checkpoint: int, first: int, last: int) -> Trajectory:
         flow, motion = self.flow.on_pieces(first, last + 1), self._checkpoints[checkpoint].copy()
         motion.piece = 0

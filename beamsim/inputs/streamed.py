@@ -137,6 +137,20 @@ class StreamedSignal(Signal):
         return Signal(self.start, self.exponent, self.coefficient).antiderivative(initial)
 
 
+class KnownValues(Signal):
+    """A signal of which the values at some increasing times (n,) are known, and nothing else."""
+
+    def __init__(self, times: Floats, values: Floats) -> None:
+        self.__dict__.update(times=times, values=values)
+
+    times: Floats
+    values: Floats
+
+    def __call__(self, t: ArrayLike) -> Floats:
+        """Values at some of the times."""
+        return np.asarray(self.values[np.searchsorted(self.times, np.asarray(t, dtype=float))])
+
+
 def common_record(signals: tuple[Signal, ...]) -> CubicRecord | None:
     """The record of which all signals are made; None where they are not, or there is none."""
     records = {id(s.record): s.record for s in signals if isinstance(s, StreamedSignal)}

@@ -142,12 +142,83 @@ def test_an_interrupted_motion_keeps_what_it_reached(pieces_made):
     assert 0 < result.summary["events"] < whole.summary["events"]
 
 
-@pytest.mark.parametrize(
-    "asked", [{"low_pass": 1000.0}, {"impacts": {}}, {"srs": {"from": 20.0, "to": 500.0}}], ids=lambda a: next(iter(a))
-)
-def test_what_needs_the_whole_motion_is_refused(asked):
-    with pytest.raises(ScenarioError, match=rf"run.{next(iter(asked))}.*run.memory"):
-        beamsim.run(scenario(**asked))
+def test_what_needs_the_whole_motion_is_refused():
+    with pytest.raises(ScenarioError, match=r"run.srs.*run.memory"):
+        beamsim.run(scenario(srs={"from": 20.0, "to": 500.0}))
+
+
+@pytest.fixture(scope="module")
+def filtered_and_counted():
+    """The same run kept and in stretches, with accelerations behind a filter, impacts and fatigue."""
+    life = {"stress_range": 100e6, "cycles": 1e6, "exponent": 5.0}
+    asked = {"low_pass": 1000.0, "impacts": {"minimum_rest": 1e-3}, "fatigue": life, "sample_rate": 20000.0}
+    return beamsim.run(scenario(memory=1e9, **asked)), lambda: beamsim.run(scenario(**asked))
+
+
+def test_a_filter_impacts_and_fatigue_of_stretches_are_those_of_a_kept_motion(filtered_and_counted, pieces_made):
+    whole, again = filtered_and_counted
+    parts = again()
+    assert len(pieces_made) > 20
+    for name, probe in whole.probes.items():
+        values, scale = probe.low_passed_acceleration, np.abs(probe.low_passed_acceleration).max()
+        np.testing.assert_allclose(parts.probes[name].low_passed_acceleration, values, rtol=0, atol=1e-9 * scale)
+    assert parts.summary["peak_acceleration_g"] == pytest.approx(whole.summary["peak_acceleration_g"], rel=1e-9)
+    assert parts.impacts.begin.size == whole.impacts.begin.size > 10
+    for name in ("begin", "end", "contact_time", "peak_force", "impulse", "approach_speed", "energy_lost"):
+        values = getattr(whole.impacts, name)
+        np.testing.assert_allclose(
+            getattr(parts.impacts, name), values, rtol=1e-9, atol=1e-12 * np.nanmax(values), err_msg=name
+        )
+    np.testing.assert_array_equal(parts.impacts.contacts, whole.impacts.contacts)
+    for of_parts, of_whole in (
+        (parts.impacts.snubbers["tip"].rainflow, whole.impacts.snubbers["tip"].rainflow),
+        *((parts.fatigue[name].rainflow, body.rainflow) for name, body in whole.fatigue.items()),
+    ):
+        assert of_parts.count.sum() == of_whole.count.sum() > 10
+        order = [np.lexsort((np.round(x.mean, 3), np.round(x.range, 3))) for x in (of_parts, of_whole)]
+        values = of_whole.range[order[1]]
+        np.testing.assert_allclose(of_parts.range[order[0]], values, rtol=0, atol=1e-7 * values.max())
+    damage = {name: body.damage for name, body in whole.fatigue.items()}
+    assert {name: body.damage for name, body in parts.fatigue.items()} == pytest.approx(damage, rel=1e-6)
+
+
+def test_an_interruption_evaluates_nothing_again(monkeypatch, pieces_made):
+    """Inputs of the few samples were made again from the whole record, and the last part marched for spectra."""
+    reached = []
+    asked = scenario(low_pass=1000.0, impacts={})
+    after = []
+
+    def stop():
+        if len(reached) > 8 and not after:
+            pieces_made.clear()
+            after.append(True)
+        return bool(after)
+
+    blocks, make = [], streamed.CubicRecord._make
+
+    def counted(record, number):
+        blocks.append(number)
+        return make(record, number)
+
+    monkeypatch.setattr(streamed.CubicRecord, "_make", counted)
+    result = beamsim.run(asked, progress=reached.append, stop=stop)
+    assert result.outcome.code is OutcomeCode.INTERRUPTED
+    before = len(blocks)
+    assert np.isfinite(result.base_acceleration).all()
+    assert np.isfinite(result.probes["tip"].absolute_displacement).all()
+    assert len(blocks) == before
+    assert sum(pieces_made) <= 3 * 512  # of the stretch that was begun, and of the two extreme states
+    assert result.impacts.begin.size > 0
+    assert np.isfinite(result.probes["tip"].low_passed_acceleration).all()
+    assert not any("spectra" in warning for warning in result.warnings)
+
+
+def test_an_interruption_in_the_first_stretch_keeps_samples(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.run.histories.GRACE_S", 0.0)
+    result = beamsim.run(scenario(low_pass=1000.0), stop=lambda: True)
+    assert result.outcome.code is OutcomeCode.INTERRUPTED
+    assert result.time.size >= 1
+    assert np.isnan(result.summary["energy_error"])
 
 
 def test_a_finer_model_is_compared_on_the_first_part():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -41,6 +41,7 @@ from beamsim.analyses.run.figures import (
 )
 from beamsim.analyses.run.friction import friction_contacts, sliding_figures
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace, Histories, SampledHistories
+from beamsim.analyses.run.impacts import ImpactRecord, fatigue_of
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
 from beamsim.analyses.run.output_times import OutputTimes
@@ -83,6 +84,8 @@ from beamsim.analyses.run.stretches import (
     COMPARED_SHARE,
     SPECTRUM_SHARE,
     STRETCH_SHARE,
+    LowPassed,
+    StretchFigures,
     figures_of_stretches,
     station_extremes,
 )
@@ -92,6 +95,7 @@ from beamsim.fields import changed, later, rows_of
 from beamsim.flow.long_motion import CHECKPOINT_PIECES, LongMotion
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
+from beamsim.inputs.streamed import KnownValues
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import INTEGRALS
@@ -104,7 +108,9 @@ if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
+    from beamsim.inputs.signal import Signal
     from beamsim.scenario import Run, Scenario
+    from beamsim.scenario.impacts import ImpactSettings
     from beamsim.scenario.run import ShockSpectrumSettings
 
 MOST_SAMPLES = 50_000_000
@@ -158,6 +164,7 @@ def run(
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the spectra") if whole else motion.outcome
         motion = replace(motion, trajectory=None, outcome=outcome)
         spectra = _spectra(scenario, system, motion)  # of the samples
+    with_inputs = (motion.few_inputs if motion.outcome.interrupted else None) or system
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -166,7 +173,7 @@ def run(
         base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
         events=motion.events,
         spectra=spectra,
-        **_histories(scenario, system, motion),
+        **_histories(scenario, with_inputs, motion),
         **_bodies(scenario, system, motion),
         modes=system.modes,
         work=motion.work,
@@ -180,7 +187,7 @@ def run(
         ),
     )
     if scenario.excitation.kind in ("random", "sampled"):
-        result = _with_statistics(result, system, stop)
+        result = _with_statistics(result, with_inputs, stop)
     result = _with_impacts(result, system, motion, stop)
     summary = _summary(scenario, system, motion, spectra)
     spectra = {key: changed(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
@@ -237,6 +244,7 @@ def _with_few_samples(result: RunResult, system: StructuralSystem, motion: _RunM
         return result
     low_passed = None if motion.low_passed is None else motion.low_passed[::step]
     few = replace(motion, histories=motion.few or motion.histories.every(step), low_passed=low_passed)
+    system = motion.few_inputs or system
     outcome = result.outcome
     if outcome.complete:
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
@@ -252,27 +260,29 @@ def _with_impacts(
     assert settings is not None
     if settings.impacts is None and settings.fatigue is None:
         return result
-    from beamsim.analyses.run.impacts import fatigue_of, impact_statistics
-
     try:
         with heeding(stop):
-            if motion.trajectory is None:
-                raise Stopped
             if settings.impacts is not None:
-                stationary = result.scenario.excitation.kind == "random"
-                peaks = motion.extremes["force"][2]
-                impacts = impact_statistics(
-                    system, motion.trajectory, settings.impacts, peaks, stationary=stationary
-                )  # fmt: skip
+                record = motion.impacts or _impacts_of(system, motion, settings.impacts)
+                impacts = record.statistics(stationary=result.scenario.excitation.kind == "random")
                 result = changed(result, impacts=impacts)
             if settings.fatigue is not None and system.stress is not None:
+                if motion.trajectory is None:
+                    raise Stopped
                 stresses = largest(motion.station_extremes())
-                result = changed(
-                    result, fatigue=fatigue_of(motion.trajectory, system.stress, stresses, settings.fatigue)
-                )
+                of_bodies = fatigue_of(motion.parts, motion.trajectory.end, system.stress, stresses, settings.fatigue)
+                result = changed(result, fatigue=of_bodies)
     except Stopped:
         return _given_up(result, "statistics of impacts or the damage of stress")
     return result
+
+
+def _impacts_of(system: StructuralSystem, motion: _RunMotion, settings: ImpactSettings) -> ImpactRecord:
+    if motion.trajectory is None:
+        raise Stopped
+    record = ImpactRecord(system, settings)
+    record.add(motion.trajectory, motion.extremes["force"][2])
+    return record
 
 
 def _given_up(result: RunResult, figures: str) -> RunResult:
@@ -345,9 +355,12 @@ class _RunMotion:
     work: Work
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form
+    parts: Callable[[], Iterable[Trajectory]] = tuple  # the same, one after the other where it is not kept
     von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     few: Histories | None = None  # evenly spaced samples, where all take as long as the march
+    few_inputs: StructuralSystem | None = None  # with inputs that are known at their times alone
+    impacts: ImpactRecord | None = None  # of a motion that is not kept
     finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
     contact_events: ContactEvents | None = None
@@ -485,6 +498,7 @@ def _exact(
         balance=balance,
         low_passed=low_passed,
         trajectory=None if outcome.interrupted else trajectory,
+        parts=lambda: (trajectory,),
         warnings=warnings,
     )
 
@@ -500,6 +514,7 @@ def _exact_motion(
     """What a motion that is kept and one that is marched in stretches have in common."""
     times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     order = np.argsort(times)
+    interrupted = isinstance(motion, LongMotion) and motion.outcome.interrupted  # samples are as dear as the march
     return _RunMotion(
         method="exact",
         outcome=motion.outcome,
@@ -510,7 +525,7 @@ def _exact_motion(
         breakpoints=_breakpoints(system, motion),
         extremes=extremes,
         station_extremes=lambda: histories.station_extremes(searched["stress"]),
-        von_mises=_von_mises(system, histories, searched),
+        von_mises={} if interrupted else _von_mises(system, histories, searched),
         extreme_times=times,
         extreme_states=motion.states_at(times[order])[order],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
@@ -529,10 +544,7 @@ def _exact_motion(
 def _check_stretches(system: StructuralSystem, settings: Run) -> None:
     """Refuse what needs the whole motion, which does not fit into the memory."""
     needed = {
-        "run.low_pass": settings.low_pass,
         "run.srs": settings.srs,
-        "run.impacts": settings.impacts,
-        "run.fatigue": settings.fatigue,
         "friction": friction_contacts(system).tolist() or None,
     }
     problems = [
@@ -569,11 +581,21 @@ def _exact_in_stretches(
     motion = LongMotion(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     groups, grace = output_groups(system, flow), Grace(stop)
     searched = searched_outputs(system, flow, groups)
-    figures = figures_of_stretches(motion, searched, system.energy_outputs, groups, times, grace)
+    low_passed = impacts = None
+    if settings.low_pass is not None:
+        low_passed = LowPassed(searched.pop("acceleration"), settings.low_pass, times, len(system.probes))
+    if settings.impacts is not None:
+        impacts = ImpactRecord(system, settings.impacts)
+    inputs = [s for s in (system.base_acceleration, system.base_displacement, *system.forcing.signal) if s is not None]
+    figures = figures_of_stretches(
+        motion, searched, system.energy_outputs, groups, times, grace, inputs, low_passed, impacts
+    )
     outcome = figures.balance.checked(_with_limit(motion.outcome, limit))
     times = times if motion.outcome.complete else times.until(motion.end)
     whole = ExactHistories(motion, groups, times, grace)
-    last = motion.within(max(motion.end - _analysed(settings, motion), 0.0), motion.end)
+    last = None
+    if not outcome.interrupted:
+        last = motion.within(max(motion.end - _analysed(settings, motion), 0.0), motion.end)
 
     def of_stations() -> Extreme:
         """The extremes at every station; those of samples, but for the largest, after a request to stop."""
@@ -586,20 +608,49 @@ def _exact_in_stretches(
         return figures.extremes["stress"]
 
     kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
-    seen = motion.end - float(last.time[0])
-    compared = "" if settings.convergence == "off" else (
-        f", a finer model is compared on the first {_compared_s(settings, motion.record.step):.3g} s"
-    )  # fmt: skip
+    if last is not None:
+        kept += f"; spectra and rms_* are those of the last {motion.end - float(last.time[0]):.3g} s"
+        if settings.convergence != "off":
+            compared = _compared_s(settings, motion.record.step)
+            kept += f", a finer model is compared on the first {compared:.3g} s"
     return replace(
         _exact_motion(system, settings, motion, whole, searched, figures.extremes),
         outcome=outcome,
         histories=figures.few if outcome.interrupted else whole,
         balance=figures.balance,
         station_extremes=of_stations,
-        trajectory=None if outcome.interrupted else last,
+        low_passed=_at_few(figures, times) if outcome.interrupted else figures.low_passed,
+        trajectory=last,
+        parts=motion.again,
         few=figures.few,
-        warnings=(f"{kept}; spectra and rms_* are those of the last {seen:.3g} s{compared}",),
+        few_inputs=_known_inputs(system, inputs, figures),
+        impacts=impacts,
+        warnings=(kept,),
     )
+
+
+def _at_few(figures: StretchFigures, times: OutputTimes) -> Floats | None:
+    """(nt, probes) accelerations behind the filter at the few times that are kept, nan where it was not reached."""
+    if figures.low_passed is None:
+        return None
+    number = np.rint(figures.few.time * times.rate).astype(np.int64)
+    out = np.full((number.size, figures.low_passed.shape[1]), np.nan)
+    reached = number < figures.low_passed.shape[0]
+    out[reached] = figures.low_passed[number[reached]]
+    return out
+
+
+def _known_inputs(system: StructuralSystem, inputs: Sequence[Signal], figures: StretchFigures) -> StructuralSystem:
+    """The system with inputs of which the values at few times are known alone."""
+    known = {
+        id(signal): KnownValues(figures.few.time, values)
+        for signal, values in zip(inputs, figures.signals, strict=True)
+    }
+    acceleration, displacement = (
+        None if signal is None else known[id(signal)] for signal in (system.base_acceleration, system.base_displacement)
+    )
+    forcing = replace(system.forcing, signal=tuple(known[id(signal)] for signal in system.forcing.signal))
+    return replace(system, base_acceleration=acceleration, base_displacement=displacement, forcing=forcing)
 
 
 def _analysed(settings: Run, motion: LongMotion) -> float:

@@ -12,13 +12,13 @@ whose blocks are long against its memory, and blocks with many impacts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.rainflow import damage, rainflow
+from beamsim.analyses.rainflow import damage, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.impact_result import Fatigue, ImpactInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.outputs import OutputOf, accelerations, bending_stress, stack, velocities
@@ -36,41 +36,78 @@ SAME_PEAK = (
     1e-9  # relative distance of the highest turning point from the certified peak, above which the grid is refined
 )
 FINEST = 8  # times the grid
+LEAST_RANGE = 1e-11  # of the largest value, of a cycle
 BLOCKS = 20  # of a random run, for intervals
 LEAST_IMPACTS = 40  # in these, for an interval
 
 
-def impact_statistics(
-    system: StructuralSystem, trajectory: Trajectory, settings: ImpactSettings, peaks: Floats, *, stationary: bool
-) -> Impacts:
-    """Impacts at all snubbers.
+class ImpactRecord:
+    """Contacts of a motion that is given part by part, and the statistics of the impacts that they make up.
 
     Parameters
     ----------
-    peaks : (m,) largest force of each contact over the run, N, from a certified search.
-    stationary : whether the input is random, so that figures have intervals.
+    system : whose snubbers are looked at.
+    settings : what counts as an impact.
     """
-    each, statistics = [], {}
-    for j, snubber in enumerate(system.snubbers):
-        every, force = _impacts_at(trajectory, j, settings.minimum_rest, float(peaks[j]))
-        counted = every.taken(every.peak_force >= settings.force_threshold)
-        statistics[snubber.name] = _statistics(snubber.name, trajectory, every, counted, force, stationary=stationary)
-        each.append(counted)
-    snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
-    begin = np.concatenate([impacts.begin for impacts in each])
-    order = np.lexsort((snubber_of, begin))
 
-    def column(name: str) -> Any:
-        return np.concatenate([getattr(impacts, name) for impacts in each])[order]
+    def __init__(self, system: StructuralSystem, settings: ImpactSettings) -> None:
+        self._system, self._settings = system, settings
+        self._parts: list[list[_Contacts]] = [[] for _ in system.snubbers]
+        self.end = 0.0  # s
 
-    columns = (field.name for field in fields(_Impacts) if field.name != "square")
-    return Impacts(
-        minimum_rest_s=settings.minimum_rest,
-        force_threshold_n=settings.force_threshold,
-        snubber=snubber_of[order],
-        snubbers=statistics,
-        **{name: column(name) for name in columns},
-    )
+    def add(self, part: Trajectory, peaks: Floats) -> None:
+        """Include the next part, over which the largest forces (m,) are ``peaks``, N, from a certified search."""
+        contacts = [_contacts(part, j, float(peaks[j])) for j in range(len(self._parts))]
+        for of_snubber, new in zip(self._parts, contacts, strict=True):
+            of_snubber.append(new)
+        self.end = part.end
+
+    def statistics(self, *, stationary: bool) -> Impacts:
+        """Impacts at all snubbers; figures have intervals where the input is random, ``stationary``."""
+        settings, each, statistics = self._settings, [], {}
+        for snubber, parts in zip(self._system.snubbers, self._parts, strict=True):
+            contacts = _joined(parts)
+            every = _impacts(contacts, settings.minimum_rest)
+            counted = every.taken(every.peak_force >= settings.force_threshold)
+            statistics[snubber.name] = _statistics(
+                snubber.name, self.end, every, counted, contacts, stationary=stationary
+            )  # fmt: skip
+            each.append(counted)
+        snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
+        begin = np.concatenate([impacts.begin for impacts in each])
+        order = np.lexsort((snubber_of, begin))
+
+        def column(name: str) -> Any:
+            return np.concatenate([getattr(impacts, name) for impacts in each])[order]
+
+        columns = (field.name for field in fields(_Impacts) if field.name != "square")
+        return Impacts(
+            minimum_rest_s=settings.minimum_rest,
+            force_threshold_n=settings.force_threshold,
+            snubber=snubber_of[order],
+            snubbers=statistics,
+            **{name: column(name) for name in columns},
+        )
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """The contacts at one snubber in order of time, from closing to opening, arrays (n,)."""
+
+    begin: Floats  # s
+    end: Floats  # s
+    contact_time: Floats  # s
+    peak_force: Floats  # N
+    peak_time: Floats  # s
+    impulse: Floats  # N s
+    square: Floats  # N^2 s, integral of the squared force
+    begin_speed: Floats  # m/s, rate of penetration
+    end_speed: Floats  # m/s
+    energy_lost: Floats  # J, until the next contact begins
+    forces: tuple[Floats, ...]  # N, at the ends and the turning points of each
+    lost_before: float  # J, since a contact in an earlier part
+    goes_on: bool  # the first one began in an earlier part, or before the motion
+    lasts: bool  # the last one does not end in this part
 
 
 @dataclass(frozen=True)
@@ -95,42 +132,86 @@ class _Impacts:
         return _Impacts(*(values[which] for values in vars(self).values()))
 
 
-def _impacts_at(
-    trajectory: Trajectory, contact: int, minimum_rest: float, certified: float
-) -> tuple[_Impacts, TurningPoints]:
-    """Impacts at one snubber, and the turning points of its force in contact."""
+def _contacts(trajectory: Trajectory, contact: int, certified: float) -> _Contacts:
+    """Contacts at one snubber, whose largest force over the motion is ``certified``, N."""
     flow = trajectory.flow
     touching = flow.system.contacts.touching(trajectory.phases_of(trajectory.state))[:, contact]
-    closings = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
-    openings = np.flatnonzero(touching & ~np.append(touching[1:], False))  # last segments of contacts
-    start, end = trajectory.time[closings], trajectory.time[openings] + trajectory.length[openings]
-    first = np.flatnonzero(np.append(np.inf, start[1:] - end[:-1])[: start.size] >= max(minimum_rest, 0.0))
-    if minimum_rest == 0.0:
-        first = np.arange(start.size)
-    last = np.append(first[1:], start.size) - 1 if first.size else first
-    of_segment = np.cumsum(np.isin(np.arange(touching.size), closings[first])) - 1  # impact of each segment, -1 before
+    first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
+    last = np.flatnonzero(touching & ~np.append(touching[1:], False))
+    start, end = trajectory.time[first], trajectory.time[last] + trajectory.length[last]
+    of_segment = np.cumsum(np.isin(np.arange(touching.size), first)) - 1  # contact of each segment, -1 before the first
     square, impulse, lost = _integrals(trajectory, contact, touching).T
-    count = first.size
+    count, since = first.size, of_segment >= 0
 
     def summed(values: Floats, which: Bools) -> Floats:
         return np.asarray(np.bincount(of_segment[which], values[which], minlength=count), dtype=float)
 
-    since = of_segment >= 0
     force = _force(trajectory, contact, np.flatnonzero(touching), certified)
-    peak, peak_time = _largest(of_segment[force.segment], force, count)
-    speeds = _penetration_rates(trajectory, contact, np.concatenate([start[first], end[last]]))
-    approach, separation = speeds[:count], -speeds[count:]
-    begins_in_contact = count > 0 and closings[0] == 0 and not _closes_at_start(trajectory, contact)
-    ends_in_contact = count > 0 and bool(touching[-1])
-    cut = np.zeros(count, dtype=bool)
-    if begins_in_contact:
+    owner = of_segment[force.segment]
+    peak, peak_time = _largest(owner, force, count)
+    speeds = _penetration_rates(trajectory, contact, np.concatenate([start, end]))
+    forces = tuple(reversals(values) for values in np.split(force.value, np.flatnonzero(np.diff(owner)) + 1)[:count])
+    return _Contacts(
+        start, end, summed(trajectory.length, touching), peak, peak_time, summed(impulse, since),
+        summed(square, since), speeds[:count], speeds[count:], summed(lost, since), forces,
+        float(lost[~since].sum()), bool(touching[0]) and not _closes_at_start(trajectory, contact), bool(touching[-1]),
+    )  # fmt: skip
+
+
+def _joined(parts: list[_Contacts]) -> _Contacts:
+    """The contacts of all parts in a row; one that goes on in the next part is one contact."""
+    begin, end, contact_time, peak_force, peak_time, impulse, square, begin_speed, end_speed, energy_lost = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS
+    )
+    starts = np.cumsum([0, *(part.begin.size for part in parts)])[:-1]  # number of the first contact of each part
+    goes_on = np.zeros(begin.size, dtype=bool)
+    for number, before, part in zip(starts[1:], parts[:-1], parts[1:], strict=True):
+        if before.lasts and part.goes_on:
+            goes_on[number] = True
+        if number:
+            energy_lost[number - 1] += part.lost_before
+    first = np.flatnonzero(~goes_on)
+    last = np.append(first[1:], begin.size) - 1 if first.size else first
+    owner = np.cumsum(~goes_on) - 1
+    forces = [force for part in parts for force in part.forces]
+
+    def summed(values: Floats) -> Floats:
+        return np.asarray(np.bincount(owner, values, minlength=first.size), dtype=float)
+
+    return _Contacts(
+        begin[first], end[last], summed(contact_time), *_largest(owner, TurningPoints(owner, peak_time, peak_force),
+        first.size), summed(impulse), summed(square), begin_speed[first], end_speed[last], summed(energy_lost),
+        tuple(np.concatenate(forces[i : j + 1]) for i, j in zip(first, last, strict=True)),
+        0.0, parts[0].goes_on, parts[-1].lasts,
+    )  # fmt: skip
+
+
+_COLUMNS = tuple(field.name for field in fields(_Contacts))[:10]
+
+
+def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
+    """Contacts that follow each other within the minimum rest time are one impact."""
+    count = contacts.begin.size
+    rest = np.append(np.inf, contacts.begin[1:] - contacts.end[:-1])[:count]
+    first = np.flatnonzero((rest >= minimum_rest) | (minimum_rest == 0.0))
+    last = np.append(first[1:], count) - 1 if first.size else first
+    impact = np.cumsum(np.isin(np.arange(count), first)) - 1
+
+    def summed(values: Floats) -> Floats:
+        return np.asarray(np.bincount(impact, values, minlength=first.size), dtype=float)
+
+    points = TurningPoints(impact, contacts.peak_time, contacts.peak_force)
+    peak, peak_time = _largest(impact, points, first.size)
+    approach, separation = contacts.begin_speed[first], -contacts.end_speed[last]
+    cut = np.zeros(first.size, dtype=bool)
+    if contacts.goes_on:
         approach[0], cut[0] = np.nan, True
-    if ends_in_contact:
+    if contacts.lasts:
         separation[-1], cut[-1] = np.nan, True
     return _Impacts(
-        start[first], end[last], summed(trajectory.length, touching & since), last - first + 1, peak, peak_time,
-        summed(impulse, since), summed(square, since), approach, separation, summed(lost, since), cut,
-    ), force  # fmt: skip
+        contacts.begin[first], contacts.end[last], summed(contacts.contact_time), last - first + 1, peak, peak_time,
+        summed(contacts.impulse), summed(contacts.square), approach, separation, summed(contacts.energy_lost), cut,
+    )  # fmt: skip
 
 
 def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
@@ -233,9 +314,8 @@ def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> F
 
 
 def _statistics(
-    name: str, trajectory: Trajectory, every: _Impacts, counted: _Impacts, force: TurningPoints, *, stationary: bool
+    name: str, duration: float, every: _Impacts, counted: _Impacts, contacts: _Contacts, *, stationary: bool
 ) -> SnubberImpacts:
-    duration = trajectory.end
     contact = float(every.contact_time.sum())
     impulse, square = float(every.impulse.sum()), float(every.square.sum())
     return SnubberImpacts(
@@ -260,7 +340,7 @@ def _statistics(
         rms_force_n=float(np.sqrt(square / duration)) if duration > 0 else np.nan,
         mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
         rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
-        rainflow=_counted(_with_rests(force, every), "N"),
+        rainflow=_counted(_with_rests(contacts), "N"),
         intervals=_intervals(every, counted, duration) if stationary else (),
     )
 
@@ -277,17 +357,23 @@ def _mean(values: Floats) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def _with_rests(force: TurningPoints, every: _Impacts) -> Floats:
-    """Turning points of the force with zero before and after each contact."""
-    apart = np.flatnonzero(np.diff(force.segment) > 1) + 1
-    values = np.insert(force.value, apart, 0.0)
-    starts, ends = not every.cut[:1].any(), not every.cut[-1:].any()
-    return np.concatenate([np.zeros(int(starts)), values, np.zeros(int(ends))])
+def _with_rests(contacts: _Contacts) -> Floats:
+    """Forces with zero before and after each contact, where that is within the motion."""
+    rest = np.zeros(1)
+    parts = [each for force in contacts.forces for each in (rest, force)]
+    parts = parts[1:] if contacts.goes_on else parts
+    return np.concatenate([*parts, rest[:0] if contacts.lasts else rest])
 
 
 def _counted(values: Floats, unit: str) -> Rainflow:
-    span, mean, count = rainflow(values).T
+    span, mean, count = _cycles(values).T
     return Rainflow(unit, span, mean, count)
+
+
+def _cycles(values: Floats) -> Floats:
+    """Rainflow count without the cycles that round-off makes where segments join."""
+    cycles = rainflow(values)
+    return np.asarray(cycles[cycles[:, 0] > LEAST_RANGE * np.abs(values).max(initial=0.0)])
 
 
 Sums = dict[str, Floats]  # (BLOCKS,) by name
@@ -337,15 +423,19 @@ def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[Imp
     return tuple(rows)
 
 
-def fatigue_of(trajectory: Trajectory, stress: StressRows, largest: Floats, settings: StressLife) -> dict[str, Fatigue]:
+def fatigue_of(
+    parts: Callable[[], Iterable[Trajectory]], end: float, stress: StressRows, largest: Floats, settings: StressLife
+) -> dict[str, Fatigue]:
     """Fatigue of each body where its stress is largest.
 
     Parameters
     ----------
+    parts : the motion, part after part.
+    end : of the motion, s.
     largest : (nx,) largest magnitude of the stress at every station, Pa.
     """
     return {
-        name: _fatigue(name, trajectory, stress, max(_stations(stress, name), key=lambda k: largest[k]), settings)
+        name: _fatigue(name, parts(), end, stress, max(_stations(stress, name), key=lambda k: largest[k]), settings)
         for name in dict.fromkeys(stress.bodies)
     }
 
@@ -354,16 +444,11 @@ def _stations(stress: StressRows, body: str) -> list[int]:
     return [k for k, name in enumerate(stress.bodies) if name == body]
 
 
-def _fatigue(name: str, trajectory: Trajectory, stress: StressRows, station: int, settings: StressLife) -> Fatigue:
+def _fatigue(
+    name: str, parts: Iterable[Trajectory], end: float, stress: StressRows, station: int, settings: StressLife
+) -> Fatigue:
     one = StressRows(stress.stations, stress.row[[station]], stress.base[[station]], (name,))
-    flow = trajectory.flow
-    rate = velocities(flow, one.row)
-    if flow.observers:
-        base = flow.sources.channel == flow.first_observer
-        rate.direct_slope[:, base] += one.base[:, None]
-    both = stack(bending_stress(flow, one), rate)
-    points = turning_points(trajectory, lambda phases: both, np.arange(trajectory.time.size))
-    cycles = rainflow(points.value)
+    cycles = _cycles(np.concatenate([_stress_turns(part, one) for part in parts]))
     span, mean, count = cycles.T
     limit = settings.endurance_limit or 0.0
     done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
@@ -378,6 +463,17 @@ def _fatigue(name: str, trajectory: Trajectory, stress: StressRows, station: int
         largest_range_pa=float(span.max(initial=0.0)),
         equivalent_range_pa=float(equivalent),
         damage=done,
-        life_s=trajectory.end / done if done > 0.0 else float("inf"),
+        life_s=end / done if done > 0.0 else float("inf"),
         rainflow=Rainflow("Pa", span, mean, count),
     )
+
+
+def _stress_turns(part: Trajectory, stress: StressRows) -> Floats:
+    """Values between which the stress at one station rises and falls in a part of a motion."""
+    flow = part.flow
+    rate = velocities(flow, stress.row)
+    if flow.observers:
+        base = flow.sources.channel == flow.first_observer
+        rate.direct_slope[:, base] += stress.base[:, None]
+    both = stack(bending_stress(flow, stress), rate)
+    return reversals(turning_points(part, lambda phases: both, np.arange(part.time.size)).value)

@@ -45,14 +45,17 @@ class LowPassFilter:
 
 def filtered(trajectory: Trajectory, output_of: OutputOf, frequency_hz: float, times: Floats) -> tuple[Floats, Extreme]:
     """Outputs of a motion through the filter: (nt, k) at increasing ``times``, and the extremes of the whole motion."""
-    flow = trajectory.flow
-    fastest = flow.largest_exponent
-    known = np.unique(np.concatenate([trajectory.time, times[times <= trajectory.end], [trajectory.end]]))
-    count = output_of(flow.system.contacts.start).row.shape[0]
-    through = LowPassFilter(frequency_hz, count)
+    through = LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
+    return filtered_part(through, trajectory, output_of, times), through.extremes
+
+
+def filtered_part(through: LowPassFilter, part: Trajectory, output_of: OutputOf, times: Floats) -> Floats:
+    """(nt, k) the same at times in the next part of a motion, of which the filter knows what was before."""
+    fastest = part.flow.largest_exponent
+    known = np.unique(np.concatenate([part.time, times[times <= part.end], [part.end]]))
     longest = LONGEST_TURN / fastest if fastest > 0 else np.inf
-    history = through.through(known, lambda at: trajectory.sample(at, output_of), longest)
-    return history[np.searchsorted(known, times)], through.extremes
+    history = through.through(known, lambda at: part.sample(at, output_of), longest)
+    return history[np.searchsorted(known, times)]
 
 
 def _poles(frequency_hz: float) -> tuple[Complexes, Complexes]:

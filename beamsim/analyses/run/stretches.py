@@ -8,15 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance, energy_of_segments, unknown_energies
-from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, refine_extremes
+from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, refine_extremes, sampled_extremes
 from beamsim.analyses.run.histories import SampledHistories
+from beamsim.analyses.run.impacts import ImpactRecord
+from beamsim.analyses.run.low_pass import LowPassFilter, filtered_part
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputOf, OutputSet
+from beamsim.analyses.run.outputs import OutputOf, OutputSet, energies_of_rows
 from beamsim.flow.long_motion import LongMotion
-from beamsim.flow.stopping import Stopped, heeding
+from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.signal import Signal
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.outputs import OutputRows
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats
 
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
 STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
@@ -50,8 +54,10 @@ class _Balance:
 
     def whole(self) -> EnergyBalance:
         """That of all; it is lost by the end of a stretch."""
+        if not self.peaks:
+            return EnergyBalance.unknown()
         scale = max(self.largest_stored, self.exchanged)
-        if scale == 0.0 or not self.peaks:
+        if scale == 0.0:
             return EnergyBalance(unknown_energies(0), 0.0, None, self.exchanged)
         lost = (end for peak, end in self.peaks if not np.isfinite(peak) or peak > LARGEST_ERROR * scale)
         worst = float(np.max([peak for peak, _ in self.peaks])) / scale
@@ -65,6 +71,30 @@ class StretchFigures:
     balance: EnergyBalance
     extremes: Extremes
     few: SampledHistories  # evenly spaced samples
+    signals: tuple[Floats, ...]  # inputs at their times
+    low_passed: Floats | None  # (nt, probes) at all output times that were reached
+
+
+class LowPassed:
+    """Accelerations behind the filter at all output times, led through it stretch by stretch."""
+
+    def __init__(self, output_of: OutputOf, frequency_hz: float, times: OutputTimes, probes: int) -> None:
+        self._output_of, self._times, self._through = output_of, times, LowPassFilter(frequency_hz, probes)
+        self.values, self._reached = np.empty((times.size, probes)), 0
+        unknown = np.full(probes, np.nan)
+        self.extremes: Extreme = unknown, unknown, unknown, unknown
+
+    def add(self, stretch: Trajectory) -> None:
+        """Go on through the next stretch."""
+        upto = max(self._times.until(stretch.end).size, self._reached)
+        times = self._times.rows(self._reached, upto)
+        self.values[self._reached : upto] = filtered_part(self._through, stretch, self._output_of, times)
+        self._reached, self.extremes = upto, self._through.extremes
+
+    @property
+    def reached(self) -> Floats:
+        """(nt, probes) up to where the motion is evaluated."""
+        return self.values[: self._reached]
 
 
 def figures_of_stretches(
@@ -74,10 +104,14 @@ def figures_of_stretches(
     groups: OutputSet,
     times: OutputTimes,
     stop: Callable[[], bool],
+    signals: Sequence[Signal] = (),
+    low_passed: LowPassed | None = None,
+    impacts: ImpactRecord | None = None,
 ) -> StretchFigures:
     """March and evaluate stretch by stretch.
 
-    An interruption during the evaluation of a stretch cuts the motion at its beginning, but for the first.
+    An interruption during the evaluation of a stretch cuts the motion at its beginning; of the first one samples are
+    kept.
 
     Parameters
     ----------
@@ -85,35 +119,66 @@ def figures_of_stretches(
     energies : whose rows are the group ``energy`` of ``groups``, where there are any.
     times : of all output times, of which few are sampled.
     stop : says whether to give up an evaluation.
+    signals : inputs that are sampled with the motion, while what they are made of is at hand.
+    low_passed, impacts : gathered too, where they are asked for.
     """
     few = times.every(max(1, -(-times.size // FEW_SAMPLES)))
-    balance, extremes, parts = _Balance(), Extremes(), list[tuple[Floats, Floats, Bools]]()
+    balance, extremes, parts = _Balance(), Extremes(), list[tuple[Floats, ...]]()
     begin, sampled = 0.0, 0
     for stretch in motion.stretches():
+        upto = max(few.until(stretch.end).size, sampled)
+        at = few.rows(sampled, upto)
         try:
-            with heeding(stop if parts else _never):
-                of_stretch = refine_extremes(stretch, searched, np.linspace(begin, stretch.end, SEEDS_OF_A_STRETCH))
+            with heeding(stop):
+                check_stop()
+                seeds = np.linspace(begin, stretch.end, SEEDS_OF_A_STRETCH)
+                of_stretch = refine_extremes(stretch, searched, seeds)
                 if energies:
                     of_stretch["energy"] = energy_extremes(stretch, energies, groups.groups["energy"])
-                upto = max(few.until(stretch.end).size, sampled)
-                at = few.rows(sampled, upto)
-                values = stretch.sample(at, groups)
-                touching = motion.flow.system.contacts.touching(stretch.phases_at(at))
+                part = _sampled(stretch, at, groups, signals)
                 balance.add(stretch)
+                if impacts is not None:
+                    impacts.add(stretch, of_stretch["force"][2])
+                if low_passed is not None:
+                    low_passed.add(stretch)
         except Stopped:
-            motion.cut(begin)
-            break
+            if parts:
+                motion.cut(begin)
+                break
+            of_stretch = _extremes_of_samples(stretch, searched, energies, groups)
+            part = _sampled(stretch, at, groups, signals)
+            motion.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=motion.end, unit="s")
         extremes = {name: _outer(extremes.get(name), each) for name, each in of_stretch.items()}
-        parts.append((at, values, touching))
+        parts.append(part)
         begin, sampled = stretch.end, upto
-    at, values, touching = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        if motion.outcome.interrupted:
+            break
+    at, values, touching, *inputs = (np.concatenate(column) for column in zip(*parts, strict=True))
     by_group = groups.split(values, motion.flow.system.contacts.start)
     histories = SampledHistories(at, by_group, touching.astype(bool), unknown_energies(at.size))
-    return StretchFigures(balance.whole(), extremes, histories)
+    if low_passed is not None:
+        extremes["acceleration"] = low_passed.extremes
+    return StretchFigures(
+        balance.whole(), extremes, histories, tuple(inputs), None if low_passed is None else low_passed.reached
+    )  # fmt: skip
 
 
-def _never() -> bool:
-    return False
+def _sampled(stretch: Trajectory, at: Floats, groups: OutputSet, signals: Sequence[Signal]) -> tuple[Floats, ...]:
+    """Times (nt,), outputs (nt, k), whether contacts touch (nt, m), and inputs (nt,) there."""
+    touching = stretch.flow.system.contacts.touching(stretch.phases_at(at)).astype(float)
+    return (at, stretch.sample(at, groups), touching, *(signal(at) for signal in signals))
+
+
+def _extremes_of_samples(
+    stretch: Trajectory, searched: Mapping[str, OutputOf], energies: Sequence[OutputRows], groups: OutputSet
+) -> Extremes:
+    """What is quickly known of a stretch."""
+    times = np.linspace(float(stretch.time[0]), stretch.end, SEEDS_OF_A_STRETCH)
+    extremes = {name: sampled_extremes(times, stretch.sample(times, of)) for name, of in searched.items()}
+    if energies:
+        values = energies_of_rows(energies, stretch.sample(times, groups.groups["energy"]))
+        extremes["energy"] = sampled_extremes(times, values)
+    return extremes
 
 
 def _outer(before: Extreme | None, new: Extreme) -> Extreme:
@@ -130,8 +195,7 @@ def _outer(before: Extreme | None, new: Extreme) -> Extreme:
 def station_extremes(motion: LongMotion, stress_of: OutputOf, one_figure: Collection[str] = ()) -> Extreme:
     """Extremes of the stress at every station."""
     highest: Extreme | None = None
-    for begin in np.arange(0.0, motion.end, motion.stretch_s):
-        part = motion.within(float(begin), min(float(begin) + motion.stretch_s, motion.end))
+    for part in motion.again():
         times = np.linspace(float(part.time[0]), part.end, SEEDS_OF_A_STRETCH)
         highest = _outer(highest, refine_extremes(part, {"stress": stress_of}, times, one_figure)["stress"])
     assert highest is not None
